@@ -1,0 +1,43 @@
+# `make demo` and `make test` do everything on a fresh machine: Python 3.11+, make and git are all they need.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.complete
+export PYTHONSAFEPATH := 1
+
+.PHONY: setup demo test test-lowest lint wheel clean
+
+# The set-up is kept only while it works here: a moved checkout or a half-made environment is made anew.
+setup:
+	@if ! { [ -f $(STAMP) ] && [ $(STAMP) -nt pyproject.toml ] && [ $(STAMP) -nt constraints.txt ] \
+	    && [ "$$($(BIN)/python -c 'import animal3dbox, pathlib; print(pathlib.Path(animal3dbox.__file__).parent.parent)' 2>/dev/null)" = "$$(pwd -P)" ]; }; then \
+	  $(PYTHON) -c 'import sys; sys.exit("animal3dbox needs Python 3.11 or newer, this is %s: run make PYTHON=python3.11 ..." % sys.version.split()[0] if sys.version_info < (3, 11) else 0)' && \
+	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV) && \
+	  echo "setting up $(VENV) (a minute or two)" && \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]' && \
+	  touch $(STAMP); \
+	fi
+
+demo: setup
+	$(BIN)/animal3dbox demo --out demo-output
+
+test: setup
+	$(BIN)/python -m pytest -n 2
+
+# The same tests on the lowest versions of everything that pyproject.toml admits (torch stays at the version that is at hand).
+test-lowest:
+	rm -rf .venv-lowest && $(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-lowest.txt -e '.[dev]'
+	.venv-lowest/bin/python -m pytest -n 2
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+wheel: setup
+	rm -rf dist build
+	$(BIN)/python -m build --quiet --wheel
+
+clean:
+	rm -rf $(VENV) .venv-lowest dist build demo-output *.egg-info

@@ -1,0 +1,1 @@
+"""Cameras, cuboids, polygons and the rasteriser: nothing here knows an animal."""

@@ -1,0 +1,72 @@
+"""Checks of the arrays that come in through the public functions."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import ShapeError
+
+
+def check_shape(name: str, tensor: Tensor, spec: str) -> None:
+    """Raise unless a tensor has the shape that a spec describes.
+
+    Args:
+        name: the argument's name, for the message.
+        tensor: any tensor.
+        spec: one word a dimension: a number is that size, a word any size, a leading ``...`` any number of batch
+            dimensions; ``"... 3 3"``, ``"N 3"``.
+
+    Raises:
+        ShapeError: naming the argument, the shape expected and the shape that came.
+
+    """
+    words = spec.split()
+    wanted = words[1:] if words[0] == "..." else words
+    shape = tuple(tensor.shape)
+    fits = len(shape) >= len(wanted) if words[0] == "..." else len(shape) == len(wanted)
+    tail = shape[len(shape) - len(wanted) :]
+    if not fits or any(word.isdigit() and int(word) != size for word, size in zip(wanted, tail, strict=False)):
+        raise ShapeError(f"{name} must have shape ({', '.join(words)}), got {shape}")
+
+
+def check_finite(name: str, tensor: Tensor) -> None:
+    """Raise a ShapeError naming the argument unless every value is finite."""
+    if not bool(torch.isfinite(tensor).all()):
+        bad = int((~torch.isfinite(tensor)).sum())
+        raise ShapeError(f"{name} must be finite, but {bad} of its {tensor.numel()} values are NaN or infinite")
+
+
+def check_rotation(name: str, tensor: Tensor, tolerance: float = 1e-5) -> None:
+    """Raise a ShapeError naming the argument unless it holds rotations, (..., 3, 3) with det +1."""
+    check_shape(name, tensor, "... 3 3")
+    check_finite(name, tensor)
+    identity = torch.eye(3, dtype=tensor.dtype, device=tensor.device)
+    off = float((tensor @ tensor.mT - identity).abs().amax()) if tensor.numel() else 0.0
+    if off > tolerance:
+        raise ShapeError(f"{name} must hold rotation matrices, but R @ R.T differs from the identity by {off:.2g}")
+    if tensor.numel() and float(torch.linalg.det(tensor).amin()) < 0:
+        raise ShapeError(f"{name} must have determinant +1; a determinant of -1 is a mirrored frame: negate one axis")
+
+
+def check_intrinsics(name: str, K: Tensor) -> None:
+    """Raise a ShapeError unless K is (..., 3, 3), upper triangular, with positive focal lengths and K[2, 2] = 1."""
+    check_shape(name, K, "... 3 3")
+    check_finite(name, K)
+    below = torch.stack((K[..., 1, 0], K[..., 2, 0], K[..., 2, 1])).abs()
+    if float(below.amax()) > 1e-9 or float((K[..., 2, 2] - 1).abs().amax()) > 1e-9:
+        raise ShapeError(f"{name} must be upper triangular with {name}[2, 2] = 1, got {K.tolist()}")
+    if float(torch.stack((K[..., 0, 0], K[..., 1, 1])).amin()) <= 0:
+        raise ShapeError(f"{name} must have positive focal lengths, got {K.tolist()}")
+
+
+def check_image_hw(name: str, image_hw: tuple[int, int]) -> None:
+    """Raise a ShapeError unless the pair is (height, width) in whole, positive pixels."""
+    if len(image_hw) != 2 or any(not float(side).is_integer() or side <= 0 for side in image_hw):
+        raise ShapeError(f"{name} must be (height, width) in whole pixels > 0, got {tuple(image_hw)}")
+
+
+def check_known(name: str, value: str, known: Mapping[str, object] | tuple[str, ...]) -> None:
+    """Raise a ShapeError that lists the known values unless the value is one of them."""
+    if value not in known:
+        raise ShapeError(f"{name} must be one of {', '.join(known)}, got {value!r}")

@@ -1,0 +1,118 @@
+"""Oriented boxes with named faces.
+
+The one place that fixes the order of corners, faces and edges; everything else imports it. A box's own frame is x
+forward, y to ITS left, z up.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.checks import check_finite, check_rotation, check_shape
+
+CORNER_SIGNS = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
+"""Signs of (x, y, z) of the eight corners: round the bottom, then round the top."""
+
+FACES = {
+    "front": (1, 2, 6, 5), "back": (0, 4, 7, 3),
+    "left": (3, 7, 6, 2), "right": (0, 1, 5, 4),
+    "top": (4, 5, 6, 7), "bottom": (0, 3, 2, 1),
+}  # fmt: skip
+"""Corners of the six faces, counter-clockwise seen from outside; the order of every (6,) field."""
+
+FACE_NAMES = tuple(FACES)
+OPPOSITE_FACES = (1, 0, 3, 2, 5, 4)
+EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+MIRRORED_CORNERS = (3, 2, 1, 0, 7, 6, 5, 4)
+"""corners' = (Q corners)[MIRRORED_CORNERS] under a mirror Q."""
+MIRRORED_FACES = (0, 1, 3, 2, 4, 5)
+
+
+@dataclass(frozen=True)
+class Cuboid:
+    """An oriented box, or a batch of them, in some frame.
+
+    Attributes:
+        center: (..., 3) the centre of the box.
+        rotation: (..., 3, 3) columns forward, left, up; det +1.
+        size: (..., 3) full length, width, height along those columns.
+    """
+
+    center: Tensor
+    rotation: Tensor
+    size: Tensor
+
+    def __post_init__(self) -> None:
+        check_shape("center", self.center, "... 3")
+        check_shape("size", self.size, "... 3")
+        check_finite("center", self.center)
+        check_finite("size", self.size)
+        check_rotation("rotation", self.rotation)
+        if bool((self.size < 0).any()):
+            raise ShapeError(f"size must not be negative, got {self.size.tolist()}")
+
+    @property
+    def diagonal(self) -> Tensor:
+        """Length of the space diagonal, (...,)."""
+        length: Tensor = torch.linalg.vector_norm(self.size, dim=-1)
+        return length
+
+    def corners(self) -> Tensor:
+        """The corners (..., 8, 3) in CORNER_SIGNS' order (section 2.1.2, corners_world)."""
+        signs = torch.tensor(CORNER_SIGNS, dtype=self.size.dtype, device=self.size.device)
+        return self.center[..., None, :] + (signs * self.size[..., None, :] / 2) @ self.rotation.mT
+
+    def to_box(self, points: Tensor) -> Tensor:
+        """Points (..., N, 3) of the box's surroundings in its own frame, about its centre."""
+        check_shape("points", points, "... N 3")
+        return (points - self.center[..., None, :]) @ self.rotation
+
+    def contains(self, points: Tensor, tolerance: float = 0.0) -> Tensor:
+        """Which points (..., N, 3) lie in the box or at most tolerance outside it, (..., N)."""
+        return (self.to_box(points).abs() <= self.size[..., None, :] / 2 + tolerance).all(-1)
+
+    def transformed(self, T: Tensor) -> "Cuboid":
+        """The box in frame a, of the box in frame b and a rigid T_a_b (..., 4, 4)."""
+        R, t = T[..., :3, :3], T[..., :3, 3]
+        return Cuboid((R @ self.center[..., None])[..., 0] + t, R @ self.rotation, self.size)
+
+    def scaled(self, factor: float) -> "Cuboid":
+        """The box in a frame whose unit is 1 / factor of the old one."""
+        if not factor > 0:
+            raise ShapeError(f"factor must be positive, got {factor}")
+        return Cuboid(self.center * factor, self.rotation, self.size * factor)
+
+    def mirrored(self, Q: Tensor) -> "Cuboid":
+        """The box of the mirrored animal: its left is the old right.
+
+        Args:
+            Q: (..., 3, 3) orthogonal with det -1, acting on the frame the box is in.
+
+        Returns:
+            The box whose corners are (Q corners)[MIRRORED_CORNERS].
+
+        """
+        check_shape("Q", Q, "... 3 3")
+        if not bool((torch.linalg.det(Q) < 0).all()):
+            raise ShapeError("Q must have determinant -1 to mirror; a rotation goes through transformed")
+        flip_y = torch.diag(torch.tensor([1.0, -1.0, 1.0], dtype=Q.dtype, device=Q.device))
+        return Cuboid((Q @ self.center[..., None])[..., 0], Q @ self.rotation @ flip_y, self.size)
+
+
+def cuboid_from_bounds(least: Tensor, greatest: Tensor, R_box: Tensor, origin: Tensor) -> Cuboid:
+    """The box between two opposite corners given in the box frame.
+
+    Args:
+        least: (..., 3) in the box frame, about origin.
+        greatest: (..., 3) likewise.
+        R_box: (..., 3, 3), R_world_box.
+        origin: (..., 3) in world.
+
+    Returns:
+        The box in world; its centre is the middle of the bounds, which is not the origin.
+
+    """
+    middle = (least + greatest) / 2
+    return Cuboid(origin + (R_box @ middle[..., None])[..., 0], R_box, greatest - least)

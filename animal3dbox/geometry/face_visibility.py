@@ -1,0 +1,121 @@
+"""Which faces of a box are seen, and how much of the picture each fills.
+
+The visible faces of a convex box tile its silhouette, and so do the hidden ones: the area of the silhouette is the sum
+over the hidden faces, which stays true when the box is cut by the near plane.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.checks import check_image_hw, check_shape
+from animal3dbox.geometry.cuboid import FACES, Cuboid
+from animal3dbox.geometry.polygon import clip_to_frame, clip_to_near, polygon_area
+
+NEAR_PER_DIAGONAL = 1e-2
+"""The near plane stands at this fraction of the box diagonal: nearer things have no useful projection."""
+
+
+@dataclass(frozen=True)
+class FaceVisibility:
+    """What a camera sees of boxes; faces in FACES' order.
+
+    Attributes:
+        visible: (..., 6) bool, n . v > 0 of the paper; nothing is visible from inside the box.
+        area: (..., 6) projected area in px^2, 0 for hidden faces, clipped at the near plane but not by the frame.
+        share: (..., 6) area over its sum; all 0 if nothing is seen.
+        share_in_image: (..., 6) the same of the areas clipped by the frame.
+        truncation: (...,) 1 - (silhouette inside the frame) / silhouette; 0 if there is no silhouette.
+    """
+
+    visible: Tensor
+    area: Tensor
+    share: Tensor
+    share_in_image: Tensor
+    truncation: Tensor
+
+
+def face_normals(corners: Tensor) -> Tensor:
+    """Outward unit normals of boxes' faces by the cross product of two edges (section 2.3.1, n).
+
+    Args:
+        corners: (..., 8, 3) in CORNER_SIGNS' order.
+
+    Returns:
+        (..., 6, 3); zero for a face without area.
+
+    """
+    check_shape("corners", corners, "... 8 3")
+    quads = corners[..., torch.tensor(list(FACES.values()), device=corners.device), :]
+    normals = torch.linalg.cross(quads[..., 1, :] - quads[..., 0, :], quads[..., 3, :] - quads[..., 0, :])
+    normals = torch.nn.functional.normalize(normals, dim=-1, eps=1e-300)
+    outward = quads.mean(-2) - corners.mean(-2, keepdim=True)
+    flip = (normals * outward).sum(-1, keepdim=True) < 0
+    return torch.where(flip, -normals, normals)
+
+
+def visible_faces(corners: Tensor, camera_center: Tensor) -> Tensor:
+    """Which faces turn towards the camera: n . v > 0 with v from the face's centre to the camera (section 2.3.2, visibility).
+
+    Args:
+        corners: (..., 8, 3) in any frame.
+        camera_center: (..., 3) in the same frame.
+
+    Returns:
+        (..., 6) bool.
+
+    """
+    quads = corners[..., torch.tensor(list(FACES.values()), device=corners.device), :]
+    view = torch.nn.functional.normalize(camera_center[..., None, :] - quads.mean(-2), dim=-1)
+    return (face_normals(corners) * view).sum(-1) > 0
+
+
+def visible_face_shares(areas: Tensor) -> Tensor:
+    """Each visible face's part of the area of all visible faces (section 2.3.2, percentage).
+
+    Args:
+        areas: (..., 6), 0 for hidden faces.
+
+    Returns:
+        (..., 6), summing to 1; all 0 where all areas are.
+
+    """
+    total = areas.sum(-1, keepdim=True)
+    return torch.where(total > 0, areas / torch.where(total > 0, total, torch.ones_like(total)), torch.zeros_like(areas))
+
+
+def near_depth(cuboid: Cuboid) -> Tensor:
+    """The near plane's depth for boxes, (...,), in their unit."""
+    return NEAR_PER_DIAGONAL * cuboid.diagonal
+
+
+def corners_in_front(cuboid_cam: Cuboid) -> Tensor:
+    """Which corners lie beyond the near plane, so that their projection means something, (..., 8) bool."""
+    return cuboid_cam.corners()[..., 2] > near_depth(cuboid_cam)[..., None]
+
+
+def face_visibility(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]) -> FaceVisibility:
+    """What a camera sees of boxes given in its frame.
+
+    Args:
+        cuboid_cam: boxes (...,) in the camera frame.
+        K: (..., 3, 3) in pixels.
+        image_hw: height and width of the image.
+
+    Returns:
+        Booleans, areas and shares of the faces (section 2.3), and the truncation.
+
+    """
+    check_shape("K", K, "... 3 3")
+    check_image_hw("image_hw", image_hw)
+    corners_cam = cuboid_cam.corners()
+    visible = visible_faces(corners_cam, torch.zeros_like(cuboid_cam.center))
+    quads = corners_cam[..., torch.tensor(list(FACES.values()), device=corners_cam.device), :]
+    quads_px, _ = project(K[..., None, :, :], clip_to_near(quads, near_depth(cuboid_cam)[..., None, None]))
+    area, area_in_image = polygon_area(quads_px), polygon_area(clip_to_frame(quads_px, image_hw))
+    silhouette, silhouette_in_image = ((a * ~visible).sum(-1) for a in (area, area_in_image))
+    truncation = 1 - torch.where(silhouette > 0, silhouette_in_image / silhouette.clamp_min(1e-300), torch.ones_like(silhouette))
+    area, area_in_image = area * visible, area_in_image * visible
+    return FaceVisibility(visible, area, visible_face_shares(area), visible_face_shares(area_in_image), truncation.clamp(0, 1))

@@ -1,0 +1,81 @@
+"""Convex polygons: area, clipping at the near plane and at the frame of the image.
+
+Polygons travel in batches of fixed length. One with fewer corners repeats its last; an empty one is all one point. Both
+have the right area, so no lengths need to be carried along.
+"""
+
+import torch
+from torch import Tensor
+
+from animal3dbox.geometry.checks import check_shape
+
+
+def signed_area(polygons: Tensor) -> Tensor:
+    """Shoelace area of polygons, positive if they turn from +x towards +y.
+
+    Args:
+        polygons: (..., P, 2).
+
+    Returns:
+        (...,), in the square of their unit.
+
+    """
+    check_shape("polygons", polygons, "... P 2")
+    about = polygons - polygons[..., :1, :]  # near the origin, so that no digits cancel
+    x, y = about.unbind(-1)
+    return 0.5 * (x * y.roll(-1, -1) - x.roll(-1, -1) * y).sum(-1)
+
+
+def polygon_area(polygons: Tensor) -> Tensor:
+    """Area of polygons (..., P, 2) without its sign (section 2.3.2, Area), (...,)."""
+    return signed_area(polygons).abs()
+
+
+def clip_by_plane(polygons: Tensor, distance: Tensor) -> Tensor:
+    """The parts of convex polygons where a linear function is not negative (Sutherland-Hodgman, one plane).
+
+    Args:
+        polygons: (..., P, D) corners in any dimension.
+        distance: (..., P) the function at the corners.
+
+    Returns:
+        (..., P + 1, D); all zeros where nothing is left.
+
+    """
+    check_shape("polygons", polygons, "... P D")
+    inside = distance >= 0
+    after, distance_after = polygons.roll(-1, -2), distance.roll(-1, -1)
+    crosses = inside != (distance_after >= 0)
+    gap = distance - distance_after
+    fraction = torch.where(crosses, distance, torch.zeros_like(distance)) / torch.where(crosses, gap, torch.ones_like(gap))
+    between = polygons + fraction[..., None] * (after - polygons)
+    # Every corner offers itself, if inside, then the crossing of its edge, if there is one.
+    offered = torch.stack((polygons, between), dim=-2).flatten(-3, -2)
+    kept = torch.stack((inside, crosses), dim=-1).flatten(-2)
+    order = torch.argsort((~kept).to(torch.int8), dim=-1, stable=True)[..., : polygons.shape[-2] + 1]
+    count = kept.sum(-1, keepdim=True)
+    slot = torch.minimum(torch.arange(order.shape[-1], device=order.device).expand_as(order), (count - 1).clamp_min(0))
+    picked = torch.gather(offered, -2, torch.gather(order, -1, slot)[..., None].expand(*order.shape, offered.shape[-1]))
+    return torch.where(count[..., None] > 0, picked, torch.zeros_like(picked))
+
+
+def clip_to_near(polygons_cam: Tensor, near: Tensor | float) -> Tensor:
+    """The parts of polygons (..., P, 3) of the camera frame whose depth is at least near; (..., P + 1, 3).
+
+    Where nothing is left, the polygon is the one point (0, 0, near), which projects to the principal point.
+    """
+    check_shape("polygons_cam", polygons_cam, "... P 3")
+    clipped = clip_by_plane(polygons_cam, polygons_cam[..., 2] - near)
+    empty = (clipped == 0).all(-1).all(-1)[..., None]
+    depth = torch.as_tensor(near, dtype=clipped.dtype, device=clipped.device).expand_as(clipped[..., 2])
+    return torch.cat((clipped[..., :2], torch.where(empty, depth, clipped[..., 2])[..., None]), dim=-1)
+
+
+def clip_to_frame(polygons_px: Tensor, image_hw: tuple[int, int]) -> Tensor:
+    """The parts of polygons (..., P, 2) inside the image, which covers [-0.5, W - 0.5] x [-0.5, H - 0.5]; (..., P + 4, 2)."""
+    check_shape("polygons_px", polygons_px, "... P 2")
+    height, width = image_hw
+    clipped = polygons_px
+    for axis, sign, bound in ((0, 1, -0.5), (0, -1, width - 0.5), (1, 1, -0.5), (1, -1, height - 0.5)):
+        clipped = clip_by_plane(clipped, sign * (clipped[..., axis] - bound))
+    return clipped

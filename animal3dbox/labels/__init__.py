@@ -1,0 +1,1 @@
+"""The method: from one animal in arrays to a cuboid with named faces, one step of the paper a file."""

@@ -1,0 +1,1 @@
+"""The body: SMAL-structured models, their landmarks and the embedded quadruped."""

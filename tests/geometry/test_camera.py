@@ -1,0 +1,125 @@
+import math
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import cameras, cuboids_in_front, rotations, vector
+from torch import Tensor
+from torch.testing import assert_close
+
+from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at, project
+from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.geometry.homography import apply_homography, oriented_homography, rq, update_camera
+from animal3dbox.geometry.rigid import invert_rigid, nearest_rotation, rigid, rotation_angle, rotation_from_axis_angle, transform_points
+
+F64 = torch.float64
+
+
+def test_the_middle_of_an_image_is_half_a_pixel_short_of_half_its_size() -> None:
+    assert intrinsics(500.0, (480, 640)).tolist() == [[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]
+
+
+def test_a_point_projects_where_a_person_computes_it() -> None:
+    camera = PinholeCamera(intrinsics(100.0, (11, 21), skew=10.0), rigid(torch.eye(3, dtype=F64), torch.tensor([0.0, 0, 2], dtype=F64)), (11, 21))
+    px, depth = camera.project(torch.tensor([[1.0, -1, 0]], dtype=F64))
+    assert px.tolist() == [[10 + 50 - 5, 5 - 50]]
+    assert depth.tolist() == [2]
+
+
+def test_the_camera_center_projects_nowhere_and_is_where_it_was_put() -> None:
+    eye = torch.tensor([1.0, 2, 3], dtype=F64)
+    T = look_at(eye, torch.zeros(3, dtype=F64), torch.tensor([0.0, 0, 1], dtype=F64))
+    camera = PinholeCamera(intrinsics(100.0, (10, 10)), T, (10, 10))
+    assert_close(camera.center_world, eye)
+    px, _ = camera.project(torch.tensor([[0.0, 0, 0], [0, 0, 0.1]], dtype=F64))
+    assert_close(px[0], torch.tensor([4.5, 4.5], dtype=F64))
+    assert px[1, 1] < 4.5  # up in the world is up in the picture: less v
+
+
+@settings(max_examples=1000)
+@given(rotations(), vector(-5, 5), vector(-5, 5, 9))
+def test_a_transform_and_its_inverse_undo_each_other(R: Tensor, t: Tensor, values: Tensor) -> None:
+    T, points = rigid(R, t), values.reshape(3, 3)
+    assert_close(transform_points(invert_rigid(T), transform_points(T, points)), points, atol=1e-12, rtol=0)
+
+
+@settings(max_examples=1000)
+@given(vector(-1, 1).filter(lambda v: float(v.norm()) > 0.01), st.floats(0, math.pi))
+def test_rotation_angles_are_exact_at_both_ends(axis: Tensor, angle: float) -> None:
+    R = rotation_from_axis_angle(axis / axis.norm() * angle)
+    assert abs(float(rotation_angle(R, torch.eye(3, dtype=F64))) - angle) < 1e-13 + 1e-7 * (math.pi - angle < 1e-6)
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-9, 1e-5])
+def test_tiny_rotations_are_not_lost(angle: float) -> None:
+    R = rotation_from_axis_angle(torch.tensor([0.0, angle, 0.0], dtype=F64))
+    assert_close(rotation_angle(R, torch.eye(3, dtype=F64)), torch.tensor(angle, dtype=F64), rtol=1e-6, atol=0)
+
+
+def test_the_gradient_of_a_rotation_exists_at_zero() -> None:
+    zero = torch.zeros(3, dtype=F64, requires_grad=True)
+    assert torch.autograd.gradcheck(rotation_from_axis_angle, zero)
+
+
+def test_the_nearest_rotation_to_a_mirror_is_a_rotation() -> None:
+    R = nearest_rotation(torch.diag(torch.tensor([1.0, 2.0, -0.5], dtype=F64)))
+    assert_close(R, torch.eye(3, dtype=F64))
+
+
+@settings(max_examples=1000)
+@given(vector(-2, 2, 9).filter(lambda v: abs(float(torch.linalg.det(v.reshape(3, 3)))) > 1e-3))
+def test_rq_gives_back_its_matrix_from_a_triangle_and_a_rotation(values: Tensor) -> None:
+    A = values.reshape(3, 3)
+    U, Q = rq(A)
+    assert_close(U @ Q, A, atol=1e-9, rtol=0)
+    assert_close(Q @ Q.mT, torch.eye(3, dtype=F64), atol=1e-12, rtol=0)
+    assert float(U.diagonal().amin()) > 0
+    assert float(torch.tril(U, -1).abs().amax()) == 0
+    assert float(torch.linalg.det(Q)) * float(torch.linalg.det(A)) > 0
+
+
+@settings(max_examples=1000)
+@given(cuboids_in_front(), cameras(), vector(-0.3, 0.3, 9), st.booleans())
+def test_the_updated_camera_sees_the_mapped_picture(box: Cuboid, camera: tuple[Tensor, tuple[int, int]], wobble: Tensor, mirror: bool) -> None:
+    K, (_, width) = camera
+    scale = torch.tensor([[1.0, 1, 100], [1, 1, 100], [1e-4, 1e-4, 1]], dtype=F64)
+    H = torch.eye(3, dtype=F64) + wobble.reshape(3, 3) * scale
+    if mirror:
+        H = H @ torch.tensor([[-1.0, 0, width - 1], [0, 1, 0], [0, 0, 1]], dtype=F64)
+    corners_px, depth = project(K, box.corners())
+    H = oriented_homography(H, corners_px.mean(0))
+    w = corners_px @ H[2, :2] + H[2, 2]
+    if float(torch.linalg.det(H).abs()) < 1e-3 or float(w.amin()) < 0.05:
+        return
+    update = update_camera(H, K)
+    px, new_depth = project(update.K, box.corners() @ update.Q.mT)
+    assert_close(px, apply_homography(H, corners_px), atol=1e-6, rtol=1e-9)
+    assert_close(new_depth, w * depth / update.k, atol=1e-9, rtol=1e-9)
+    assert (float(torch.linalg.det(update.Q)) < 0) == (float(torch.linalg.det(H)) < 0)
+
+
+def test_a_horizontal_flip_moves_the_principal_point_to_w_minus_one_minus_cx() -> None:
+    K = torch.tensor([[500.0, 0, 300], [0, 510, 200], [0, 0, 1]], dtype=F64)
+    flip = torch.tensor([[-1.0, 0, 639], [0, 1, 0], [0, 0, 1]], dtype=F64)
+    assert_close(update_camera(flip, K).K, torch.tensor([[500.0, 0, 339], [0, 510, 200], [0, 0, 1]], dtype=F64))
+
+
+def test_a_map_that_flattens_the_image_is_refused() -> None:
+    with pytest.raises(ShapeError, match="H_out_in must be invertible"):
+        update_camera(torch.diag(torch.tensor([1.0, 0.0, 1.0], dtype=F64)), torch.eye(3, dtype=F64))
+
+
+@pytest.mark.parametrize(
+    ("K", "says"),
+    [
+        (torch.eye(2), "shape"),
+        (torch.diag(torch.tensor([-1.0, 1, 1])), "positive focal"),
+        (torch.diag(torch.tensor([1.0, 1, 2])), "upper triangular"),
+        (torch.full((3, 3), torch.nan), "finite"),
+    ],
+)
+def test_impossible_intrinsics_are_refused(K: Tensor, says: str) -> None:
+    with pytest.raises(ShapeError, match=says):
+        PinholeCamera(K, torch.eye(4), (10, 10))

@@ -1,0 +1,78 @@
+"""The package as a whole: its layers, its packaging, its front door."""
+
+import ast
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+LAYERS = ["geometry", "smal", "labels", "datasets", "report", "cli"]
+
+
+def modules() -> list[tuple[str, Path]]:
+    """Dotted names and files of every module of the package."""
+    found = [
+        (p.relative_to(ROOT), p)
+        for p in sorted((ROOT / "animal3dbox").rglob("*.py"))
+        if not {"datasets", "transforms"} & set(p.parts[len(ROOT.parts) :])
+    ]
+    found += [(Path("animal3dbox") / p.relative_to(ROOT), p) for home in ("datasets", "transforms") for p in sorted((ROOT / home).rglob("*.py"))]
+    return [(".".join(name.with_suffix("").parts).removesuffix(".__init__"), path) for name, path in found]
+
+
+def imports_of(path: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+    return {name for name in names if name.startswith("animal3dbox.")}
+
+
+def allowed(importer: str, imported: str) -> bool:
+    layer, target = importer.split(".")[1], imported.split(".")[1]
+    if target == "errors" or layer == target:
+        return True
+    if layer == "transforms":
+        return target == "geometry"
+    return layer in LAYERS and target in LAYERS and LAYERS.index(target) < LAYERS.index(layer)
+
+
+def test_imports_point_one_way() -> None:
+    wrong = [f"{name} imports {other}" for name, path in modules() if name.count(".") >= 1 for other in imports_of(path) if not allowed(name, other)]
+    wrong = [line for line in wrong if not line.startswith("animal3dbox.__main__")]
+    assert wrong == []
+
+
+def test_the_rule_for_imports_forbids_what_it_should() -> None:
+    assert allowed("animal3dbox.labels.label", "animal3dbox.smal.model")
+    assert not allowed("animal3dbox.geometry.camera", "animal3dbox.smal.model")
+    assert not allowed("animal3dbox.transforms.flip", "animal3dbox.labels.types")
+    assert not allowed("animal3dbox.datasets.cache", "animal3dbox.transforms.flip")
+
+
+def test_every_package_is_listed_for_the_build() -> None:
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    present = {name for name, path in modules() if path.name == "__init__.py"}
+    assert sorted(listed) == sorted(present)
+
+
+def test_no_file_of_the_package_is_longer_than_300_lines() -> None:
+    assert [f"{path}: {n}" for _, path in modules() if (n := len(path.read_text().splitlines())) > 300] == []
+
+
+@pytest.mark.parametrize("folder", ["datasets", "transforms"])
+def test_the_root_folders_refuse_to_be_imported_by_their_bare_names(folder: str) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}); import {folder}"], capture_output=True, text=True, check=False
+    )
+    assert f"import animal3dbox.{folder}" in ran.stderr
+
+
+def test_importing_the_package_or_its_command_line_does_not_load_torch() -> None:
+    code = "import sys, animal3dbox; sys.exit('torch' in sys.modules or 'cv2' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
