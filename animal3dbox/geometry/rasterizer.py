@@ -1,0 +1,265 @@
+"""Which pixels a mesh covers, and what it shows there: silhouettes and z-buffers, in plain torch.
+
+Pixel centres sit at whole numbers. A triangle covers the centres (u, v) with v_least <= v < v_greatest that lie on or
+right of its left side and strictly left of its right side: of centres exactly on the boundary, those of top and left
+edges count, and those of bottom and right edges do not. The place where an edge crosses a row of pixel centres is
+computed from the upper to the lower end, whichever triangle asks, so neighbours leave no gap and share no pixel.
+
+The silhouette uses that this place does not depend on the triangle: along each row, a triangle adds +1 where its left
+edge crosses and -1 at its right one, and pixels are covered where the running sum is positive. An edge between two
+triangles that face the same way adds nothing in all, so only the mesh's contours are ever drawn.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from animal3dbox.geometry.rasterizer_clip import (
+    ROWS_AT_ONCE,
+    ProjectedTriangles,
+    check_mesh,
+    expand,
+    project_triangles,
+    runs_at_once,
+)
+
+EDGE_CELLS = 1 << 15  # of the table that finds edges which cancel; edges that share a cell by chance are merely drawn
+EDGE_MIX = -7046029254386353131  # 2^64 / golden ratio, as an int64
+
+
+@dataclass(frozen=True)
+class Raster:
+    """What is seen at each pixel centre.
+
+    Attributes:
+        face_index: (H, W) int64, the nearest face (of equally near ones the lowest index), -1 for background.
+        depth: (H, W) along the optical axis, inf for background.
+        barycentric: (H, W, 3) weights of that face's corners, of the point on the whole face in 3D, also if the near
+            plane cut it; 0 for background.
+
+    """
+
+    face_index: Tensor
+    depth: Tensor
+    barycentric: Tensor
+
+
+def silhouette(
+    vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float | None = None, cull_backfaces: bool = False
+) -> Tensor:
+    """Pixels whose centre any triangle covers.
+
+    Args:
+        vertices_cam: (V, 3) camera frame, any unit.
+        faces: (F, 3) int64.
+        K: (3, 3) intrinsics in pixels; skew allowed.
+        image_hw: height and width.
+        near: depth at which triangles are cut, in that unit; None: 1e-6 of the greatest depth.
+        cull_backfaces: leave out faces whose corners turn clockwise as seen from the camera.
+
+    Returns:
+        (H, W) bool, the same as rasterize(...).face_index >= 0.
+
+    Raises:
+        ShapeError: an argument has the wrong shape or values; names it.
+
+    """
+    check_mesh(vertices_cam, faces, K, image_hw, near)
+    height, width = (int(side) for side in image_hw)
+    triangles = project_triangles(vertices_cam.detach().double(), faces.long(), K.detach().double(), near, cull_backfaces)
+    upper, lower, step = _contour_edges(triangles)
+    sides = _sides(triangles, upper, lower, height)
+    dtype = _winding_dtype(sides, step, height)
+    steps, step = torch.zeros(height * width + 1, dtype=dtype, device=faces.device), step.to(dtype)
+    for first, last in runs_at_once(sides.rows, ROWS_AT_ONCE):
+        side, down = expand(sides.rows[first:last])
+        side = side + first if first else side
+        pixel = (sides.first_row.index_select(0, side) + down) * width + sides.columns(side, down, width)
+        steps.index_add_(0, pixel, step.index_select(0, side))
+    # A row's steps add up to nothing, so the sum need not start anew, and a step right of the frame may stand in the next row
+    covered: Tensor = steps.cumsum_(dim=0).gt_(0)[:-1].reshape(height, width)
+    return covered.view(torch.bool) if covered.dtype == torch.int8 else covered.bool()
+
+
+def rasterize(
+    vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float | None = None, cull_backfaces: bool = False
+) -> Raster:
+    """The nearest face at every pixel centre, with its depth and the point hit; arguments and errors as in silhouette.
+
+    Returns:
+        A Raster in the dtype and unit of vertices_cam; computed in float64.
+
+    """
+    check_mesh(vertices_cam, faces, K, image_hw, near)
+    height, width = (int(side) for side in image_hw)
+    vertices, faces, K_float64 = vertices_cam.detach().double(), faces.long(), K.detach().double()
+    triangles = project_triangles(vertices, faces, K_float64, near, cull_backfaces)
+    weights = _corner_weights(vertices, faces, K_float64)
+    planes = _face_planes(weights, vertices, faces)
+    depth = torch.full((height * width,), torch.inf, dtype=torch.float64, device=faces.device)
+    nearest = torch.full((height * width,), len(faces), dtype=torch.int64, device=faces.device)
+    for face, pixel in _fragments(triangles, height, width):
+        z = planes.depth(face, pixel, width)
+        nearer = depth.scatter_reduce(0, pixel, z, "amin")
+        nearest = torch.where(nearer < depth, len(faces), nearest)
+        wins = z == nearer.index_select(0, pixel)
+        nearest = nearest.scatter_reduce(0, pixel[wins], face[wins], "amin")
+        depth = nearer
+    seen = torch.nonzero(nearest < len(faces))[:, 0]
+    barycentric = torch.zeros(height * width, 3, dtype=torch.float64, device=faces.device)
+    barycentric[seen] = _barycentric(weights[nearest[seen]], seen, width)
+    return Raster(
+        torch.where(nearest < len(faces), nearest, -1).reshape(height, width),
+        depth.to(vertices_cam.dtype).reshape(height, width),
+        barycentric.to(vertices_cam.dtype).reshape(height, width, 3),
+    )
+
+
+def _corner_weights(vertices_cam: Tensor, faces: Tensor, K: Tensor) -> Tensor:
+    """(F, 3, 3) W such that W[f] @ (u, v, 1) is proportional to the weights of the corners where that pixel's ray meets face f."""
+    a, b, c = vertices_cam[faces].unbind(dim=1)
+    normals = torch.stack((torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)), dim=1)
+    inverse: Tensor = torch.linalg.inv(K)
+    return normals @ inverse
+
+
+@dataclass(frozen=True)
+class _FacePlanes:
+    """The depth of faces at pixels: 1 / depth = a u + b v + c.
+
+    Attributes:
+        inverse_depth: a, b, c, (F,) each.
+        least: (F,) depth of the nearest corner, not behind the camera.
+        greatest: (F,) of the farthest.
+
+    """
+
+    inverse_depth: tuple[Tensor, Tensor, Tensor]
+    least: Tensor
+    greatest: Tensor
+
+    def depth(self, face: Tensor, pixel: Tensor, width: int) -> Tensor:
+        """Depths (N,) of (N,) faces at flat pixels (N,)."""
+        a, b, c = (plane.index_select(0, face) for plane in self.inverse_depth)
+        z = 1.0 / (a * (pixel % width) + b * (pixel // width) + c)
+        # Of a face seen edge-on the plane says little: its corners bound it
+        return torch.minimum(torch.maximum(z.nan_to_num(), self.least.index_select(0, face)), self.greatest.index_select(0, face))
+
+
+def _face_planes(weights: Tensor, vertices_cam: Tensor, faces: Tensor) -> _FacePlanes:
+    """The planes of (F, 3) faces with these _corner_weights."""
+    corners = vertices_cam[faces]
+    volume = (corners[:, 0] * torch.linalg.cross(corners[:, 1], corners[:, 2])).sum(dim=1, keepdim=True)
+    a, b, c = (weights.sum(dim=1) / volume).T.contiguous().unbind(dim=0)
+    return _FacePlanes((a, b, c), corners[..., 2].amin(dim=1).clamp(min=0.0), corners[..., 2].amax(dim=1))
+
+
+def _barycentric(weights: Tensor, pixel: Tensor, width: int) -> Tensor:
+    """Weights (N, 3), adding to 1, from N rows of _corner_weights and the (N,) flat indices of pixels those faces cover."""
+    u, v = (pixel % width).double()[:, None], (pixel // width).double()[:, None]
+    shares = weights[..., 0] * u + weights[..., 1] * v + weights[..., 2]
+    total = shares.sum(dim=1, keepdim=True)
+    # Rounding on a face seen edge-on must not put the point outside of the face
+    shares = torch.where(total == 0, 1.0, shares / torch.where(total == 0, 1.0, total)).clamp(min=0.0, max=1.0)
+    return shares / shares.sum(dim=1, keepdim=True)
+
+
+def _contour_edges(triangles: ProjectedTriangles) -> tuple[Tensor, Tensor, Tensor]:
+    """The edges that the running sum needs, and some that cancel.
+
+    Edges are counted in a table, + one way and - the other: where neighbours face the same way, nothing is left. Each
+    counts by a random number of its own, so that different edges in one cell do not pass for none.
+
+    Returns:
+        Upper and lower ends, indices of points, (N,) each, and (N,) what crossing the edge from the left adds.
+
+    """
+    point_cell, point_weight = _drawn(len(triangles.u), triangles.corners.device)
+    cell_of, weight_of = ([x.index_select(0, corner) for corner in triangles.corners.unbind(dim=0)] for x in (point_cell, point_weight))
+    left_over = torch.zeros(EDGE_CELLS, dtype=torch.float64, device=point_cell.device)
+    cells = []
+    for one, other in ((0, 1), (1, 2), (2, 0)):
+        # Exactly the negative the other way; whole and small, so that sums are exact
+        weight = ((weight_of[one] - weight_of[other]) * (weight_of[one] * weight_of[other])).round_()
+        cells.append(cell_of[one] ^ cell_of[other])
+        left_over.index_add_(0, cells[-1], weight * triangles.orientation)
+    is_open = left_over != 0
+    kept = [torch.nonzero(is_open.index_select(0, cell))[:, 0] for cell in cells]
+    start = torch.cat([triangles.corners[k].index_select(0, kept[k]) for k in range(3)])
+    end = torch.cat([triangles.corners[k - 2].index_select(0, kept[k]) for k in range(3)])
+    turn = triangles.orientation.index_select(0, torch.cat(kept))
+    rises = triangles.v.index_select(0, end) < triangles.v.index_select(0, start)  # as left sides do, if the area is positive: v is down
+    return torch.where(rises, end, start), torch.where(rises, start, end), torch.where(rises, turn, -turn)
+
+
+def _drawn(count: int, device: torch.device) -> tuple[Tensor, Tensor]:
+    """For each of (count,) points a cell and a number within +-2^16, as if random but always the same ones."""
+    number = torch.arange(1, count + 1, device=device) * EDGE_MIX
+    number = (number ^ (number >> 29)) * EDGE_MIX
+    return (number >> 24) & (EDGE_CELLS - 1), number.double() * 2.0**-47
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Edges as the rows of pixel centres meet them, from the upper end, included, to the lower one, excluded.
+
+    Attributes:
+        first_row: (N,) int64, in the image.
+        rows: (N,) int64, how many.
+        first_u: (N,) where the edge meets its first row.
+        slope: (N,) how far it moves in a row.
+
+    """
+
+    first_row: Tensor
+    rows: Tensor
+    first_u: Tensor
+    slope: Tensor
+
+    def columns(self, side: Tensor, down: Tensor, width: int) -> Tensor:
+        """The first columns (N,), 0 .. width, not left of these sides (N,) so many rows (N,) below their first."""
+        u = self.first_u.index_select(0, side) + down * self.slope.index_select(0, side)
+        columns: Tensor = u.ceil().clamp(0, width).to(torch.int64)
+        return columns
+
+
+def _sides(triangles: ProjectedTriangles, upper: Tensor, lower: Tensor, height: int) -> _Sides:
+    """The edges between (N,) upper and (N,) lower points; of one without height, or above or below the image, no rows."""
+    v_upper, v_lower = triangles.v.index_select(0, upper), triangles.v.index_select(0, lower)
+    u_upper, u_lower = triangles.u.index_select(0, upper), triangles.u.index_select(0, lower)
+    first_v = v_upper.ceil().clamp(0, height)
+    slope = (u_lower - u_upper) / (v_lower - v_upper)
+    rows = (v_lower.ceil().clamp(0, height) - first_v).to(torch.int64)
+    return _Sides(first_v.to(torch.int64), rows, u_upper + (first_v - v_upper) * slope, slope)
+
+
+def _winding_dtype(sides: _Sides, step: Tensor, height: int) -> torch.dtype:
+    """int8 if the running sum of no row can leave it, as with any animal; else int32."""
+    size, past = step.abs(), sides.first_row + sides.rows
+    change = torch.zeros(height + 1, dtype=step.dtype, device=step.device)
+    change.index_add_(0, sides.first_row, size).index_add_(0, past, -size)
+    return torch.int8 if int(change.cumsum(dim=0).amax()) <= 127 else torch.int32
+
+
+def _fragments(triangles: ProjectedTriangles, height: int, width: int) -> Iterator[tuple[Tensor, Tensor]]:
+    """The pixels that triangles cover, as (face, flat pixel index) pairs, (N,) each, at most about ROWS_AT_ONCE at a time."""
+    with_area = torch.nonzero(triangles.orientation)[:, 0]
+    owner = with_area if triangles.owner is None else triangles.owner[with_area]
+    corners = triangles.corners[:, with_area]
+    corners = corners.gather(0, triangles.v[corners].argsort(dim=0))
+    top, middle, bottom = corners.unbind(dim=0)
+    long_sides, upper_sides, lower_sides = (_sides(triangles, a, b, height) for a, b in ((top, bottom), (top, middle), (middle, bottom)))
+    for first, last in runs_at_once(long_sides.rows, ROWS_AT_ONCE):
+        triangle, down = expand(long_sides.rows[first:last])
+        triangle = triangle + first
+        below = down - upper_sides.rows[triangle]
+        long_column = long_sides.columns(triangle, down, width)
+        short_column = torch.where(below < 0, upper_sides.columns(triangle, down, width), lower_sides.columns(triangle, below, width))
+        column, length = torch.minimum(long_column, short_column), (long_column - short_column).abs()
+        begin_px = (long_sides.first_row[triangle] + down) * width + column
+        for begin, stop in runs_at_once(length, ROWS_AT_ONCE):
+            span, right = expand(length[begin:stop])
+            span = span + begin
+            yield owner[triangle[span]], begin_px[span] + right
