@@ -9,14 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from animal3dbox.geometry.cuboid import Cuboid as Cuboid
+    from animal3dbox.labels.config import LabelConfig as LabelConfig
+    from animal3dbox.labels.label import label_animal as label_animal
+    from animal3dbox.labels.types import CuboidLabel as CuboidLabel
+    from animal3dbox.labels.types import Rejection as Rejection
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Cuboid": "animal3dbox.geometry.cuboid",
+    "CuboidLabel": "animal3dbox.labels.types",
+    "LabelConfig": "animal3dbox.labels.config",
+    "Rejection": "animal3dbox.labels.types",
+    "label_animal": "animal3dbox.labels.label",
 }
 
-__all__ = ["Cuboid", "__version__"]
+__all__ = ["Cuboid", "CuboidLabel", "LabelConfig", "Rejection", "__version__", "label_animal"]
 
 
 def __getattr__(name: str) -> Any:

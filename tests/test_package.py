@@ -74,5 +74,5 @@ def test_the_root_folders_refuse_to_be_imported_by_their_bare_names(folder: str)
 
 
 def test_importing_the_package_or_its_command_line_does_not_load_torch() -> None:
-    code = "import sys, animal3dbox; sys.exit('torch' in sys.modules or 'cv2' in sys.modules)"
+    code = "import sys, animal3dbox, animal3dbox.cli.main; sys.exit('torch' in sys.modules or 'cv2' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

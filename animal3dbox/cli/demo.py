@@ -1,0 +1,159 @@
+"""``animal3dbox demo``: posed quadrupeds under known cameras, labelled from noisy keypoints and compared with the truth."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import torch
+from tqdm import tqdm
+
+from animal3dbox.datasets.synthetic import SyntheticAnimal, noisy_keypoints, synthetic_animal
+from animal3dbox.errors import ConfigError
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import FACE_NAMES, Cuboid
+from animal3dbox.geometry.face_visibility import face_visibility
+from animal3dbox.geometry.rigid import rigid, rotation_angle
+from animal3dbox.labels.bounds import tight_cuboid
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.label import label_animal
+from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.report.files import write_whole
+from animal3dbox.report.run import Labelled, write_run
+from animal3dbox.smal.model import trunk_rotation
+
+METHODS = {
+    "basic": LabelConfig(method="basic"),
+    "paper (vector)": LabelConfig(method="paper", residual="vector"),
+    "paper (literal)": LabelConfig(method="paper", residual="literal"),
+    "default": LabelConfig(),
+}
+
+
+class Score(msgspec.Struct, kw_only=True):
+    """How one label compares with the truth.
+
+    Attributes:
+        keypoint_px: mean distance of the projected landmarks from the clean keypoints.
+        corner_percent: mean distance of the corners from the true ones, in % of the box diagonal, camera frame.
+        axes_deg: angle between the box's axes and the true trunk's, camera frame.
+        side: the side with the largest share is the true one.
+    """
+
+    keypoint_px: float
+    corner_percent: float
+    axes_deg: float
+    side: bool
+
+
+class MethodResult(msgspec.Struct, kw_only=True):
+    """One method over all animals: medians and 95th percentiles over those it labelled."""
+
+    method: str
+    labelled: int
+    animals: int
+    keypoint_px_median: float | None
+    keypoint_px_p95: float | None
+    corner_percent_median: float | None
+    corner_percent_p95: float | None
+    axes_deg_median: float | None
+    axes_deg_p95: float | None
+    sides_right: int
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true box of an animal in the camera frame, from its trunk's joints, and the side it shows."""
+
+    cuboid: Cuboid
+    side: str
+
+
+def true_cuboid(animal: SyntheticAnimal) -> Truth:
+    """The tight box along the trunk's true axes, under the true camera."""
+    box = tight_cuboid(animal.vertices, trunk_rotation(animal.R_world_joint)).transformed(rigid(animal.R, animal.t))
+    return Truth(box, FACE_NAMES[int(face_visibility(box, animal.K, animal.image_hw).share.argmax())])
+
+
+def score(label: CuboidLabel, animal: SyntheticAnimal, truth: Truth) -> Score:
+    """Compare a label with the truth."""
+    clean = animal.keypoints_2d[animal.keypoints_2d[:, 2] > 0, :2]
+    px, _ = project(label.K, animal.landmarks[animal.keypoints_2d[:, 2] > 0] @ label.R.mT + label.t)
+    apart = torch.linalg.vector_norm(label.corners_3d - truth.cuboid.corners(), dim=-1).mean()
+    return Score(
+        keypoint_px=float(torch.linalg.vector_norm(px - clean, dim=-1).mean()),
+        corner_percent=100 * float(apart / truth.cuboid.diagonal),
+        axes_deg=float(torch.rad2deg(rotation_angle(label.rotation, truth.cuboid.rotation))),
+        side=label.side == truth.side,
+    )
+
+
+def label_synthetic(animal: SyntheticAnimal, keypoints: torch.Tensor, config: LabelConfig) -> CuboidLabel | Rejection:
+    """Label a synthetic animal from keypoints, its mask and its intrinsics; the camera pose is not given."""
+    return label_animal(
+        animal.image_hw,
+        keypoints,
+        animal.landmarks,
+        animal.vertices,
+        animal.model.faces,
+        animal.model,
+        K=animal.K,
+        mask=animal.mask,
+        sample_id=animal.sample_id,
+        config=config,
+    )
+
+
+def run_demo(out: Path, n: int, seed: int, noise_px: float, json: bool) -> int:
+    """Render, label, compare; returns the exit code."""
+    if n < 1 or noise_px < 0:
+        raise ConfigError(f"--n must be at least 1 and --noise-px not negative, got {n} and {noise_px}")
+    scores: dict[str, list[Score]] = {method: [] for method in METHODS}
+    kept: list[Labelled] = []
+    for index in tqdm(range(n), desc="demo", unit="animal", disable=json or None):
+        animal = synthetic_animal(seed, index)
+        keypoints = noisy_keypoints(animal.keypoints_2d, noise_px, torch.Generator().manual_seed(seed * 7919 + index))
+        truth = true_cuboid(animal)
+        for method, config in METHODS.items():
+            outcome = label_synthetic(animal, keypoints, config)
+            if isinstance(outcome, CuboidLabel):
+                scores[method].append(score(outcome, animal, truth))
+            if method == "default":
+                kept.append(Labelled(outcome, animal.sample_id, animal.preset, animal.image.numpy()))
+    write_run(out, f"{n} synthetic animals, seed {seed}, {noise_px:g} px noise", "quadruped (true shape and pose)", METHODS["default"], kept)
+    results = [_result(method, found, n) for method, found in scores.items()]
+    write_whole(out / "demo.json", msgspec.json.format(msgspec.json.encode(results), indent=1))
+    _print(results, out, noise_px, json)
+    return 0
+
+
+def _result(method: str, found: list[Score], n: int) -> MethodResult:
+    def quantile(values: list[float], q: float) -> float | None:
+        return float(torch.tensor(values, dtype=torch.float64).quantile(q)) if values else None
+
+    px, corners, axes = ([getattr(s, field) for s in found] for field in ("keypoint_px", "corner_percent", "axes_deg"))
+    return MethodResult(
+        method=method,
+        labelled=len(found),
+        animals=n,
+        keypoint_px_median=quantile(px, 0.5),
+        keypoint_px_p95=quantile(px, 0.95),
+        corner_percent_median=quantile(corners, 0.5),
+        corner_percent_p95=quantile(corners, 0.95),
+        axes_deg_median=quantile(axes, 0.5),
+        axes_deg_p95=quantile(axes, 0.95),
+        sides_right=sum(s.side for s in found),
+    )
+
+
+def _print(results: list[MethodResult], out: Path, noise_px: float, json: bool) -> None:
+    if json:
+        sys.stdout.write(msgspec.json.encode(results).decode() + "\n")
+        return
+    print(f"keypoints with {noise_px:g} px noise; errors are median / 95th percentile against the truth")
+    print(f"{'method':16} {'labelled':>9} {'keypoints px':>14} {'corners % diag':>15} {'axes deg':>14} {'right side':>11}")
+    for r in results:
+        pairs = [(r.keypoint_px_median, r.keypoint_px_p95), (r.corner_percent_median, r.corner_percent_p95), (r.axes_deg_median, r.axes_deg_p95)]
+        cells = ["-" if a is None or b is None else f"{a:.2f} / {b:.2f}" for a, b in pairs]
+        print(f"{r.method:16} {r.labelled:>5}/{r.animals:<3} {cells[0]:>14} {cells[1]:>15} {cells[2]:>14} {r.sides_right:>7}/{r.labelled}")
+    print(f"look at {out / 'gallery.html'}")

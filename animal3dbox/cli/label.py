@@ -1,0 +1,85 @@
+"""``animal3dbox label``: a dataset in, labels and pictures out."""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from tqdm import tqdm
+
+from animal3dbox.datasets.bodies import BodySource, PresetBody, load_mesh_body
+from animal3dbox.datasets.images import read_image
+from animal3dbox.datasets.labelling import label_record
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.stanfordextra import read_stanfordextra
+from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.report.run import Labelled, write_run
+from animal3dbox.report.summary import Summary
+
+EXIT_OK, EXIT_FAULTY = 0, 4
+
+
+@dataclass(frozen=True)
+class LabelJob:
+    """What ``label`` was asked to do; the fields are its options."""
+
+    path: Path
+    out: Path
+    format: str
+    images: Path | None
+    body: str
+    landmarks: Path | None
+    config: LabelConfig
+    json: bool
+
+
+def run_label(job: LabelJob) -> int:
+    """Label a dataset; returns the exit code."""
+    bodies = body_source(job.body, job.landmarks)
+    records = read_stanfordextra(job.path, job.images)  # the one format so far, which "auto" stands for
+    if job.out.exists() and not job.out.is_dir():
+        raise ConfigError(f"--out {job.out} is a file: give a folder")
+    summary = write_run(job.out, str(job.path), bodies.name, job.config, _results(records, bodies, job))
+    _print(summary, job)
+    return EXIT_FAULTY if summary.faulty else EXIT_OK
+
+
+def body_source(body: str, landmarks: Path | None) -> BodySource:
+    """The body source of the options: a preset's name, or a mesh file with its landmarks."""
+    if landmarks is not None:
+        return load_mesh_body(Path(body), landmarks)
+    if "." in body or "/" in body:
+        raise ConfigError(f"--body {body} is a file: give --landmarks too, or there is no telling its nose from its tail")
+    return PresetBody(body)
+
+
+def _results(records: RecordSet, bodies: BodySource, job: LabelJob) -> Iterator[Labelled | SampleError]:
+    yield from records.faults
+    for record in tqdm(records.records, desc="labelling", unit="animal", disable=job.json or None):
+        yield _one(record, bodies, job.config)
+
+
+def _one(record: AnimalRecord, bodies: BodySource, config: LabelConfig) -> Labelled | SampleError:
+    try:
+        picture = read_image(record.image_path, record.sample_id, record.image_hw)
+        return Labelled(label_record(record, bodies, config), record.image_id, record.category, picture)
+    except SampleError as error:
+        return error
+
+
+def _print(summary: Summary, job: LabelJob) -> None:
+    if job.json:
+        sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
+        return
+    print(f"{summary.animals} animals: {summary.kept} kept, {summary.flagged} flagged, {summary.rejected} rejected, {summary.faulty} faulty")
+    for reason, count in {**summary.flags, **summary.reasons}.items():
+        print(f"  {count} x {reason}")
+    for fault in summary.faults:
+        print(f"  faulty: {fault.sample_id}: {fault.field}: {fault.problem}")
+    if summary.median_reprojection_error_px is not None:
+        print(f"median keypoint error {summary.median_reprojection_error_px:.2f} px (fit, not accuracy)")
+    if summary.median_mask_iou is not None:
+        print(f"median mask IoU {summary.median_mask_iou:.3f}")
+    print(f"look at {job.out / 'gallery.html'}")

@@ -1,0 +1,75 @@
+"""The command line: ``animal3dbox demo`` and ``animal3dbox label``.
+
+Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
+
+Exit codes: 0 all samples were read (each animal has a label or a reason in report.json); 2 wrong usage; 3 the input
+cannot be found or read as a whole; 4 done, but some samples were faulty and are listed in report.json.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError, DatasetNotFoundError
+
+EXIT_USAGE, EXIT_INPUT, EXIT_FAULTY = 2, 3, 4
+
+
+def demo(
+    out: Annotated[Path, tyro.conf.arg(help="folder for the results")] = Path("demo-output"),
+    n: Annotated[int, tyro.conf.arg(help="animals")] = 12,
+    seed: Annotated[int, tyro.conf.arg(help="another seed gives other animals")] = 0,
+    noise_px: Annotated[float, tyro.conf.arg(help="standard deviation of the keypoints' noise")] = 2.0,
+    json: Annotated[bool, tyro.conf.arg(help="print the result as JSON")] = False,
+) -> int:
+    """Render posed quadrupeds, label them from noisy keypoints, and compare with the truth."""
+    from animal3dbox.cli.demo import run_demo
+
+    return run_demo(out, n, seed, noise_px, json)
+
+
+def label(
+    path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH", help="a dataset's folder or its annotation file")],
+    out: Annotated[Path, tyro.conf.arg(help="folder for labels.json, labels.csv, overlays, gallery.html and report.json")],
+    format: Annotated[Literal["auto", "stanfordextra"], tyro.conf.arg(help="the annotations' format")] = "auto",
+    images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
+    body: Annotated[str, tyro.conf.arg(help="a preset of the embedded quadruped (dog, cat, horse, cow, ...) or a mesh file")] = "dog",
+    landmarks: Annotated[Path | None, tyro.conf.arg(help="JSON with the mesh file's landmarks (docs/formats.md)")] = None,
+    method: Annotated[Literal["default", "paper", "basic"], tyro.conf.arg(help="camera pose: ours, the paper's, its baseline")] = "default",
+    axes: Annotated[Literal["default", "landmarks", "pca"], tyro.conf.arg(help="body axes: ours, the paper's, its baseline")] = "default",
+    residual: Annotated[Literal["vector", "literal"], tyro.conf.arg(help="how the paper's E_total is read (method paper)")] = "vector",
+    min_keypoints: Annotated[int, tyro.conf.arg(help="fewest visible keypoints")] = 6,
+    json: Annotated[bool, tyro.conf.arg(help="print report.json instead of words; no progress bar")] = False,
+) -> int:
+    """Label the animals of a dataset: cuboids with named faces, tables, pictures and a gallery."""
+    from animal3dbox.cli.label import LabelJob, run_label
+    from animal3dbox.labels.config import LabelConfig
+
+    config = LabelConfig(method=method, axes=axes, residual=residual, min_keypoints=min_keypoints)
+    return run_label(LabelJob(path, out, format, images, body, landmarks, config, json))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command and exit with its code."""
+    command = tyro.extras.subcommand_cli_from_dict
+    try:
+        code = command({"demo": demo, "label": label}, prog="animal3dbox", description="3D boxes with named faces for animals.", args=arguments)
+    except ConfigError as error:
+        code = _complain(error, EXIT_USAGE)
+    except (DatasetNotFoundError, DatasetFormatError) as error:
+        code = _complain(error, EXIT_INPUT)
+    except Animal3DBoxError as error:
+        code = _complain(error, EXIT_INPUT)
+    sys.exit(code)
+
+
+def _complain(error: Animal3DBoxError, code: int) -> int:
+    print(f"animal3dbox: {error}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""The body's axes by the configured rule; the default uses all of the trunk at once."""
+
+from collections.abc import Mapping
+from functools import cache
+
+import torch
+from torch import Tensor
+
+from animal3dbox.geometry.rigid import nearest_rotation
+from animal3dbox.labels.axes_landmarks import BodyAxes, landmark_axes
+from animal3dbox.labels.axes_pca import pca_axes
+from animal3dbox.labels.observation import Observation
+from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
+
+TRUNK = ("tail_base", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
+"""Landmarks that legs, head and tail do not move."""
+
+NEAR_TRUNK = (*TRUNK, "withers", "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee", "neck")
+"""For vocabularies that lack the trunk's own: these follow the legs and the neck a little."""
+
+
+def body_axes(seen: Observation, axes: str) -> BodyAxes | None:
+    """The axes of a body (section 2.1.1).
+
+    Args:
+        seen: the animal.
+        axes: "landmarks" and "pca" as published; "default": the torso's vertices against the template if there is
+            one, else the trunk's landmarks together, whether seen in the image or not: the mesh knows its hidden ones.
+
+    Returns:
+        The axes and their rule, or None if nothing tells which way the body points.
+
+    """
+    named = _named_landmarks(seen)
+    if axes == "pca":
+        points = seen.vertices if seen.vertices is not None else torch.stack(list(named.values()))
+        return BodyAxes(pca_axes(points), "principal components")
+    if axes == "landmarks":
+        visible = seen.visible if seen.keypoints_2d is not None else seen.has_landmark
+        flags = {name: bool(visible[i]) for name in named if (i := seen.vocabulary.index_of(name)) is not None}
+        return landmark_axes(named, flags)
+    if seen.template is not None and seen.vertices is not None:
+        return BodyAxes(torso_axes(seen.vertices, seen.template), "torso vertices on the template")
+    return trunk_axes(named)
+
+
+def _named_landmarks(seen: Observation) -> dict[str, Tensor]:
+    """Landmark name -> (3,) of those the body has; the first keypoint that can be read as a landmark is it."""
+    if seen.landmarks is None:
+        return {}
+    named: dict[str, Tensor] = {}
+    for row, names in enumerate(seen.vocabulary.landmarks):
+        if bool(seen.has_landmark[row]):
+            for name in names:
+                named.setdefault(name, seen.landmarks[row])
+    return named
+
+
+def torso_axes(vertices_world: Tensor, template: SmalModel) -> Tensor:
+    """The rotation that best turns the template's torso onto this body's (Kabsch on the vertices the spine alone moves).
+
+    Args:
+        vertices_world: (V, 3) in correspondence with the template.
+        template: whose own frame is forward, left, up.
+
+    Returns:
+        R_world_box (3, 3).
+
+    """
+    ids = template.torso_vertices
+    here, there = vertices_world[ids], template.v_template[ids].to(vertices_world.dtype)
+    return nearest_rotation((here - here.mean(0)).mT @ (there - there.mean(0)))
+
+
+def trunk_axes(landmarks: Mapping[str, Tensor]) -> BodyAxes | None:
+    """Axes from the trunk's landmarks together, by turning the embedded quadruped's onto them (Kabsch).
+
+    Each preset is turned on its own and the rotations are averaged, so that no species' proportions decide.
+
+    Args:
+        landmarks: name -> (3,) in world.
+
+    Returns:
+        The axes and the landmarks used; None if those known do not span a plane.
+
+    """
+    for pool in (TRUNK, NEAR_TRUNK):
+        names = tuple(name for name in pool if name in landmarks)
+        if _tells_sides_and_ends(names):
+            here = torch.stack([landmarks[name] for name in names])
+            turns = [nearest_rotation((here - here.mean(0)).mT @ (there - there.mean(0))) for there in _reference_layouts(names)]
+            return BodyAxes(nearest_rotation(torch.stack(turns).sum(0)), f"trunk landmarks: {', '.join(names)}")
+    return landmark_axes(landmarks, dict.fromkeys(landmarks, True))
+
+
+def _tells_sides_and_ends(names: tuple[str, ...]) -> bool:
+    """Whether a pair says left from right, and something at the other end of the trunk front from back."""
+    ends = {name: name.startswith(("tail", "left_hip", "right_hip", "left_back", "right_back")) for name in names}
+    pairs = [name for name in names if name.startswith("left_") and name.replace("left_", "right_") in names]
+    return bool(pairs) and len(set(ends.values())) == 2
+
+
+@cache
+def _reference_layouts(names: tuple[str, ...]) -> tuple[Tensor, ...]:
+    """The landmarks (N, 3) of each preset of the embedded quadruped, in the body frame."""
+    model = load_quadruped()
+    bodies = model.shaped(torch.stack([preset_betas(preset) for preset in quadruped_names().presets]))
+    groups = {**model.landmarks, **quadruped_names().extra_landmarks}
+    return tuple(torch.stack([body[list(groups[name])].mean(0) for name in names]) for body in bodies)

@@ -1,0 +1,33 @@
+"""How far each keypoint is to be trusted."""
+
+import torch
+from torch import Tensor
+
+from animal3dbox.labels.config import LabelConfig
+
+
+def keypoint_sigma(keypoints_2d: Tensor, image_hw: tuple[int, int], config: LabelConfig) -> Tensor:
+    """Standard deviation of each keypoint in pixels; Sigma_i is its square times the identity (section 2.2.1, Sigma_i).
+
+    sigma_i^2 = sigma_base^2 * edge_factor * conf_factor (section 2.2.1, sigma_i): sigma_base by whether the point may be
+    occluded, edge_factor growing linearly towards the border of the image, conf_factor = 1 / confidence. The paper
+    names the factors without their formulas; these are ours, with their numbers in the config.
+
+    Args:
+        keypoints_2d: (J, 3) x, y in px and a confidence in (0, 1].
+        image_hw: height and width.
+        config: the factors' numbers.
+
+    Returns:
+        (J,) in px.
+
+    """
+    x, y, confidence = keypoints_2d.unbind(-1)
+    height, width = image_hw
+    to_border = torch.stack((x + 0.5, width - 0.5 - x, y + 0.5, height - 0.5 - y)).amin(0)
+    band = max(config.edge_band * min(height, width), 1e-9)
+    edge_factor = 1 + (config.edge_gain - 1) * (1 - to_border / band).clamp(0, 1)
+    conf_factor = 1 / confidence.clamp(config.confidence_floor, 1.0)
+    occluded = confidence < config.occluded_below
+    sigma_base = torch.where(occluded, config.sigma_occluded_px, config.sigma_visible_px).to(x.dtype)
+    return (sigma_base**2 * edge_factor * conf_factor).sqrt()

@@ -1,0 +1,150 @@
+"""labels.json and labels.csv: one row an animal, in the documented schema."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final, Literal
+
+import msgspec
+
+from animal3dbox.datasets.json_files import decode_json
+from animal3dbox.errors import DatasetFormatError
+from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
+from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.report.files import write_whole
+
+SCHEMA: Final = "animal3dbox.labels"
+SCHEMA_VERSION: Final = 1
+CSV_COLUMNS = (
+    "image", "animal", "side", "viewpoint", "share_front", "share_back", "share_left", "share_right", "share_top", "share_bottom",
+    "azimuth_deg", "elevation_deg", "confidence",
+)  # fmt: skip
+
+
+class AnimalRow(msgspec.Struct, kw_only=True):
+    """One labelled animal; see docs/formats.md."""
+
+    sample_id: str
+    image: str
+    animal: int
+    category: str
+    image_hw: tuple[int, int]
+    corners_3d: list[list[float]]
+    center: list[float]
+    rotation: list[list[float]]
+    size: list[float]
+    corners_2d: list[list[float] | None]
+    face_visible: list[bool]
+    face_area: list[float]
+    face_share: list[float]
+    face_share_in_image: list[float]
+    K: list[list[float]]
+    R: list[list[float]]
+    t: list[float]
+    box: list[float]
+    truncation: float
+    behind_camera: bool
+    side: str | None
+    viewpoint: str
+    azimuth_deg: float
+    elevation_deg: float
+    confidence: float
+    quality: dict[str, float | int | str | list[str] | None]
+
+
+class RejectedRow(msgspec.Struct, kw_only=True):
+    """One animal without a label."""
+
+    sample_id: str
+    image: str
+    animal: int
+    reason: str
+    detail: str
+
+
+class LabelFile(msgspec.Struct, kw_only=True):
+    """All of labels.json."""
+
+    schema: Literal["animal3dbox.labels"] = SCHEMA
+    version: Literal[1] = SCHEMA_VERSION
+    body: str
+    config: dict[str, float | int | str | None]
+    face_names: tuple[str, ...] = FACE_NAMES
+    corner_signs: tuple[tuple[int, int, int], ...] = CORNER_SIGNS
+    animals: list[AnimalRow]
+    rejected: list[RejectedRow]
+
+
+def animal_row(label: CuboidLabel, image: str, animal: int, category: str) -> AnimalRow:
+    """The row of a label; what is unknown is null."""
+    corners_2d = [px if good else None for px, good in zip(label.corners_2d.tolist(), label.corner_in_front.tolist(), strict=True)]
+    quality = {field: list(value) if isinstance(value, tuple) else value for field, value in asdict(label.quality).items()}
+    return AnimalRow(
+        sample_id=label.sample_id or f"{image}#{animal}",
+        image=image,
+        animal=animal,
+        category=category,
+        image_hw=label.image_hw,
+        corners_3d=label.corners_3d.tolist(),
+        center=label.center.tolist(),
+        rotation=label.rotation.tolist(),
+        size=label.size.tolist(),
+        corners_2d=corners_2d,
+        face_visible=label.face_visible.tolist(),
+        face_area=label.face_area.tolist(),
+        face_share=label.face_share.tolist(),
+        face_share_in_image=label.face_share_in_image.tolist(),
+        K=label.K.tolist(),
+        R=label.R.tolist(),
+        t=label.t.tolist(),
+        box=label.box.tolist(),
+        truncation=label.truncation,
+        behind_camera=label.behind_camera,
+        side=label.side,
+        viewpoint=label.viewpoint,
+        azimuth_deg=label.azimuth_deg,
+        elevation_deg=label.elevation_deg,
+        confidence=label.confidence,
+        quality=quality,
+    )
+
+
+def write_labels_json(path: Path, file: LabelFile) -> None:
+    """Write labels.json whole or not at all, once it reads back in its schema: msgspec writes NaN as null.
+
+    Raises:
+        DatasetFormatError: a number is NaN or infinite where the schema wants a number.
+
+    """
+    data = msgspec.json.encode(file)
+    try:
+        msgspec.json.decode(data, type=LabelFile)
+    except msgspec.ValidationError as error:
+        raise DatasetFormatError(f"{path} is not written, for a value is NaN, infinite or of the wrong type: {error}") from error
+    write_whole(path, msgspec.json.format(data, indent=1))
+
+
+def read_labels_json(path: Path) -> LabelFile:
+    """Read labels.json back, checked against its schema.
+
+    Raises:
+        DatasetNotFoundError: no such file.
+        DatasetFormatError: not JSON, or not of this schema and version.
+
+    """
+    file: LabelFile = decode_json(path, LabelFile)
+    return file
+
+
+def write_labels_csv(path: Path, animals: Sequence[AnimalRow]) -> None:
+    """Write labels.csv: a row an animal, the columns an ecologist wants."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(CSV_COLUMNS)
+    for row in animals:
+        shares = [f"{share:.4f}" for share in row.face_share]
+        angles = [f"{row.azimuth_deg:.1f}", f"{row.elevation_deg:.1f}", f"{row.confidence:.3f}"]
+        writer.writerow([row.image, row.animal, row.side or "", row.viewpoint, *shares, *angles])
+    write_whole(path, text.getvalue().encode())

@@ -1,0 +1,113 @@
+"""A cuboid drawn over its picture: front green and back blue, as in the paper's figures."""
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import EDGES, FACE_NAMES, FACES, Cuboid
+from animal3dbox.geometry.face_visibility import near_depth, visible_faces
+from animal3dbox.geometry.polygon import clip_to_near
+from animal3dbox.labels.types import CuboidLabel
+
+Picture = NDArray[np.uint8]
+
+FRONT, BACK, EDGE, HIDDEN, INK, PAPER = (40, 190, 70), (50, 100, 235), (255, 220, 60), (200, 170, 70), (255, 255, 255), (20, 20, 20)
+POINT = (235, 60, 60)
+LEAST_WIDTH = 480
+"""Small pictures are enlarged before drawing, so that the words stay legible."""
+MOST_HEIGHT = 2000
+"""A narrow strip is not enlarged beyond this."""
+SHIFT = 4
+"""Bits of OpenCV's fixed-point coordinates."""
+
+
+def draw_label(image: Picture, label: CuboidLabel) -> Picture:
+    """The picture with the label's cuboid, keypoints and words; a new array.
+
+    Args:
+        image: (H, W, 3) uint8 RGB of the label's size.
+        label: what to draw.
+
+    Returns:
+        (H', W', 3) uint8 RGB; enlarged if it was small.
+
+    """
+    canvas, factor = enlarged(image)
+    draw_cuboid(canvas, label.cuboid, label.K, factor)
+    if label.keypoints is not None:
+        for x, y, v in label.keypoints.tolist():
+            if v > 0:
+                cv2.circle(canvas, _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5), 3 << SHIFT, POINT, -1, cv2.LINE_AA, SHIFT)
+    return with_words(canvas, words_of(label))
+
+
+def enlarged(image: Picture) -> tuple[Picture, float]:
+    """A copy of the picture, at least LEAST_WIDTH wide unless that made it too high, and the factor."""
+    factor = max(1.0, min(LEAST_WIDTH / image.shape[1], MOST_HEIGHT / image.shape[0]))
+    if factor == 1.0:
+        return image.copy(), factor
+    size = (round(image.shape[1] * factor), round(image.shape[0] * factor))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8), factor
+
+
+def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: float = 1.0) -> None:
+    """Draw a cuboid of the camera frame into a picture that was enlarged by a factor; cut at the near plane."""
+    corners, near = cuboid_cam.corners(), near_depth(cuboid_cam)
+    seen = visible_faces(corners, torch.zeros_like(cuboid_cam.center)).tolist()
+    for name, color in (("back", BACK), ("front", FRONT)):
+        strength = 0.38 if seen[FACE_NAMES.index(name)] else 0.16
+        _fill(canvas, _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor), color, strength)
+    shown = {frozenset(edge) for i, face in enumerate(FACES.values()) if seen[i] for edge in zip(face, face[1:] + face[:1], strict=True)}
+    for edge in sorted(EDGES, key=lambda e: frozenset(e) in shown):
+        line = clip_to_near(corners[[edge[0], edge[1], edge[1]]], near)
+        if float(line.amax(0)[2] - line.amin(0)[2]) == 0 and float(line.abs()[:, :2].sum()) == 0:
+            continue
+        a, b = _pixels(line, K, factor)[:2]
+        solid = frozenset(edge) in shown
+        cv2.line(canvas, _fixed(*a), _fixed(*b), EDGE if solid else HIDDEN, 2 if solid else 1, cv2.LINE_AA, SHIFT)
+    for name, color in (("back", BACK), ("front", FRONT)):
+        if seen[FACE_NAMES.index(name)]:
+            outline = _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
+            cv2.polylines(canvas, [np.round(outline * (1 << SHIFT)).astype(np.int32)], True, color, 2, cv2.LINE_AA, SHIFT)
+
+
+def words_of(label: CuboidLabel) -> list[str]:
+    """The lines of text that go with a picture: side, viewpoint, shares, fit."""
+    shares = sorted(((share, name) for name, share in zip(FACE_NAMES, label.face_share.tolist(), strict=True) if share > 0), reverse=True)
+    quality = label.quality
+    fit = [] if quality.reprojection_error_px is None else [f"keypoints {quality.reprojection_error_px:.1f} px"]
+    fit += [] if quality.mask_iou is None else [f"mask IoU {quality.mask_iou:.2f}"]
+    return [
+        f"side: {label.side or 'none'}   view: {label.viewpoint}",
+        "  ".join(f"{name} {100 * share:.0f}%" for share, name in shares),
+        "   ".join(fit),
+    ]
+
+
+def with_words(canvas: Picture, lines: list[str]) -> Picture:
+    """The picture with a strip of text below it."""
+    height = 20 * len(lines) + 8
+    strip = np.full((height, canvas.shape[1], 3), PAPER, dtype=np.uint8)
+    for i, line in enumerate(lines):
+        cv2.putText(strip, line, (8, 20 * i + 19), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+    return np.concatenate((canvas, strip))
+
+
+def _pixels(points_cam: torch.Tensor, K: torch.Tensor, factor: float) -> NDArray[np.float64]:
+    """Pixels (P, 2) of points in the enlarged picture, kept within what OpenCV's integers hold."""
+    px, _ = project(K, points_cam)
+    return np.asarray(((px + 0.5) * factor - 0.5).clamp(-1e6, 1e6).numpy(), dtype=np.float64)
+
+
+def _fixed(x: float, y: float) -> tuple[int, int]:
+    return round(x * (1 << SHIFT)), round(y * (1 << SHIFT))
+
+
+def _fill(canvas: Picture, outline: NDArray[np.float64], color: tuple[int, int, int], strength: float) -> None:
+    """Blend a convex polygon into the picture."""
+    inside = np.zeros(canvas.shape[:2], dtype=np.uint8)
+    cv2.fillConvexPoly(inside, np.round(outline * (1 << SHIFT)).astype(np.int32), 255, cv2.LINE_8, SHIFT)
+    where = inside > 0
+    canvas[where] = np.round(canvas[where] * (1 - strength) + np.array(color) * strength).astype(np.uint8)

@@ -1,0 +1,110 @@
+"""What became of every animal: kept, flagged, rejected or faulty, and why."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import msgspec
+
+from animal3dbox.errors import SampleError
+from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.report.label_files import AnimalRow, RejectedRow
+
+FEW_INLIERS = 0.5
+LOW_OVERLAP = 0.6
+MUCH_TRUNCATED = 0.3
+
+FLAGS = {
+    "few_inliers": f"fewer than {FEW_INLIERS:.0%} of the visible keypoints fit",
+    "low_overlap": f"the projected mesh overlaps the mask by less than {LOW_OVERLAP}",
+    "truncated": f"more than {MUCH_TRUNCATED:.0%} of the box lies outside the image",
+    "near_camera": "a corner of the box is at or behind the camera",
+}
+"""Why a label is kept but should be looked at."""
+
+
+class FaultRow(msgspec.Struct, kw_only=True):
+    """One sample that could not be read at all."""
+
+    sample_id: str
+    field: str
+    problem: str
+
+
+class Summary(msgspec.Struct, kw_only=True):
+    """All of report.json; every animal of the input is counted exactly once in kept, flagged, rejected or faulty."""
+
+    source: str
+    body: str
+    method: str
+    animals: int
+    kept: int
+    flagged: int
+    rejected: int
+    faulty: int
+    flags: dict[str, int]
+    reasons: dict[str, int]
+    sides: dict[str, int]
+    median_reprojection_error_px: float | None
+    median_mask_iou: float | None
+    faults: list[FaultRow]
+
+
+def flags_of(label: CuboidLabel) -> tuple[str, ...]:
+    """The FLAGS that a label raises."""
+    quality = label.quality
+    raised = {
+        "few_inliers": quality.n_keypoints > 0 and quality.n_inliers < FEW_INLIERS * quality.n_keypoints,
+        "low_overlap": quality.mask_iou is not None and quality.mask_iou < LOW_OVERLAP,
+        "truncated": label.truncation > MUCH_TRUNCATED,
+        "near_camera": label.behind_camera,
+    }
+    return tuple(flag for flag in FLAGS if raised[flag])
+
+
+def summarize(
+    source: str,
+    body: str,
+    method: str,
+    animals: Sequence[AnimalRow],
+    flags: Sequence[tuple[str, ...]],
+    rejected: Sequence[RejectedRow],
+    faults: Sequence[SampleError],
+) -> Summary:
+    """Count what became of every animal.
+
+    Args:
+        source: the dataset.
+        body: the body source's name.
+        method: the configured method.
+        animals: the labels.
+        flags: for each label the flags it raised.
+        rejected: animals without a label.
+        faults: samples that could not be read.
+
+    """
+    errors = sorted(float(e) for row in animals if (e := row.quality["reprojection_error_px"]) is not None and not isinstance(e, (str, list)))
+    overlaps = sorted(float(e) for row in animals if (e := row.quality["mask_iou"]) is not None and not isinstance(e, (str, list)))
+    flagged = sum(bool(raised) for raised in flags)
+    return Summary(
+        source=source,
+        body=body,
+        method=method,
+        animals=len(animals) + len(rejected) + len(faults),
+        kept=len(animals) - flagged,
+        flagged=flagged,
+        rejected=len(rejected),
+        faulty=len(faults),
+        flags=dict(Counter(flag for raised in flags for flag in raised)),
+        reasons=dict(Counter(row.reason for row in rejected)),
+        sides=dict(Counter(row.side or "none" for row in animals)),
+        median_reprojection_error_px=_median(errors),
+        median_mask_iou=_median(overlaps),
+        faults=[FaultRow(sample_id=fault.sample_id or "", field=fault.field, problem=fault.problem) for fault in faults],
+    )
+
+
+def _median(ordered: list[float]) -> float | None:
+    if not ordered:
+        return None
+    middle = len(ordered) // 2
+    return ordered[middle] if len(ordered) % 2 else (ordered[middle - 1] + ordered[middle]) / 2

@@ -1,0 +1,11 @@
+"""The species: their tables, and how the template and the master are mixed from them."""
+
+from animal3dbox.smal.quadruped_build.species_bear import BEAR
+from animal3dbox.smal.quadruped_build.species_cat import CAT
+from animal3dbox.smal.quadruped_build.species_cow import COW
+from animal3dbox.smal.quadruped_build.species_dog import DOG
+from animal3dbox.smal.quadruped_build.species_horse import HORSE
+
+SPECIES = {"dog": DOG, "cat": CAT, "horse": HORSE, "cow": COW, "bear": BEAR}
+TEMPLATE_SHARES = {"dog": 0.45, "cat": 0.15, "horse": 0.25, "cow": 0.15}
+MASTER_SHARES = {"dog": 0.3, "cat": 0.3, "horse": 0.1, "cow": 0.3}

@@ -1,0 +1,102 @@
+"""Reading photographs: pixels as stored, or an error that names the sample.
+
+Pixels stay as the file stores them: an EXIF orientation is not applied, because annotations are made on stored pixels
+more often than not and because decoders disagree (OpenCV turns them, Pillow does not). 16-bit images are scaled to 8,
+palettes are looked up, transparency is dropped.
+"""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import ExifTags, Image
+
+from animal3dbox.errors import SampleError
+
+MAX_PIXELS = 100_000_000
+"""A file whose header promises more is not decoded: 100 megapixels are 300 MB."""
+
+FORMATS = ("JPEG", "MPO", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
+"""What a file may be, whatever its name: Pillow's others are not photographs, and for one of them, EPS, it starts Ghostscript."""
+
+
+def resolve_inside(root: Path, relative: str, sample_id: str, field: str) -> Path:
+    """The file that an annotation names, which must lie under root.
+
+    Raises:
+        SampleError: the path is absolute, leads out of root (through "..", or a link), or is no file.
+
+    """
+    home = root.resolve()
+    if not relative or "\0" in relative:
+        raise SampleError(sample_id, field, f"is {relative!r}, which names no file")
+    try:
+        path = (home / relative).resolve()
+        is_file = path.is_file()
+    except (OSError, RuntimeError, ValueError) as error:  # too long a name, a loop of links, a character no file name has
+        raise SampleError(sample_id, field, f"{relative!r} names no file: {error}") from error
+    if Path(relative).is_absolute() or not path.is_relative_to(home):
+        raise SampleError(sample_id, field, f"{relative!r} leads out of {root}: paths must stay inside the images' root (see --images)")
+    if not is_file:
+        raise SampleError(sample_id, field, f"there is no file {relative!r} under {root}")
+    return path
+
+
+def read_image(path: Path, sample_id: str, expected_hw: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+    """The pixels of an image file as stored.
+
+    Args:
+        path: a file in one of FORMATS; its name does not matter.
+        sample_id: named in every error.
+        expected_hw: the size that the annotations were made for.
+
+    Returns:
+        (H, W, 3) uint8 RGB.
+
+    Raises:
+        SampleError: no image, a truncated one, too large a one, or one of another size.
+
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # MAX_PIXELS decides, below
+            with Image.open(path, formats=FORMATS) as image:
+                _check_size(image, sample_id, expected_hw)
+                image.load()
+                return _as_rgb(image, sample_id)
+    except Image.DecompressionBombError as error:
+        raise SampleError(sample_id, "image", f"{path.name} is too large to decode: {error}") from error
+    except (OSError, SyntaxError, ValueError, NotImplementedError) as error:
+        if isinstance(error, SampleError):
+            raise
+        raise SampleError(sample_id, "image", f"{path.name} cannot be decoded ({error}); replace the file") from error
+
+
+def _check_size(image: Image.Image, sample_id: str, expected_hw: tuple[int, int] | None) -> None:
+    width, height = image.size
+    if width * height > MAX_PIXELS:
+        raise SampleError(sample_id, "image", f"its header says {width} x {height} pixels, more than {MAX_PIXELS}; scale it down first")
+    if expected_hw is None or (height, width) == tuple(expected_hw):
+        return
+    said = f"its pixels are {width} x {height}, but the annotations are for {expected_hw[1]} x {expected_hw[0]}"
+    turned = image.getexif().get(ExifTags.Base.Orientation, 1)
+    if (width, height) == tuple(expected_hw) and turned in (5, 6, 7, 8):
+        raise SampleError(
+            sample_id, "image", f"{said}: they were made on the image as turned by its EXIF orientation {turned}; store the pixels turned"
+        )
+    raise SampleError(sample_id, "image", f"{said}: the image was resized or swapped")
+
+
+def _as_rgb(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:
+    """8-bit RGB of any mode."""
+    if image.mode.startswith("I"):  # 16 bits a pixel, in one of Pillow's spellings
+        deep = np.asarray(image).astype(np.int64)
+        if deep.min() < 0 or deep.max() > 65535:
+            raise SampleError(sample_id, "image", f"has values from {deep.min()} to {deep.max()}: not an 8- or 16-bit picture")
+        return np.repeat((deep // 257).astype(np.uint8)[:, :, None], 3, axis=2)
+    if image.mode == "F":
+        raise SampleError(sample_id, "image", "holds floating-point values; save it as 8-bit first")
+    if image.mode == "P" and "transparency" in image.info:
+        image = image.convert("RGBA")
+    return np.array(image.convert("RGB"))

@@ -1,0 +1,50 @@
+"""Reading JSON files whole, with errors that say where they break."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
+
+
+def read_json_bytes(path: Path) -> bytes:
+    """The bytes of a file that must exist and not be empty."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError as error:
+        raise DatasetNotFoundError(f"there is no file {path}") from error
+    except OSError as error:
+        raise DatasetFormatError(f"{path} cannot be read: {error}") from error
+    if not data.strip():
+        raise DatasetFormatError(f"{path} is empty")
+    return data
+
+
+def decode_json(path: Path, kind: Any) -> Any:
+    """The content of a JSON file as a msgspec type.
+
+    Raises:
+        DatasetNotFoundError: no such file.
+        DatasetFormatError: not JSON (NaN and Infinity are not), or of another form.
+
+    """
+    data = read_json_bytes(path)
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except msgspec.ValidationError as error:
+        raise DatasetFormatError(f"{path}: {error}") from error
+    except msgspec.DecodeError as error:
+        literal = next((word for word in (b"NaN", b"Infinity") if word in data), None)
+        hint = f"; it holds {literal.decode()}, which JSON does not have: write null" if literal else ""
+        raise DatasetFormatError(f"{path} is not valid JSON: {error}{hint}") from error
+    except UnicodeDecodeError as error:
+        raise DatasetFormatError(f"{path} is not UTF-8: {error}") from error
+    except RecursionError as error:
+        raise DatasetFormatError(f"{path} is nested too deeply to be annotations") from error
+
+
+def read_json_list(path: Path) -> list[msgspec.Raw]:
+    """The elements of a JSON file that is one list, each still undecoded, so that one bad element spoils no other."""
+    elements: list[msgspec.Raw] = decode_json(path, list[msgspec.Raw])
+    return elements

@@ -1,0 +1,165 @@
+"""StanfordExtra: photographs of dogs with 24 keypoints and run-length masks."""
+
+import math
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.datasets.images import MAX_PIXELS, resolve_inside
+from animal3dbox.datasets.json_files import read_json_list
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.rle import RleError, decode_mask
+from animal3dbox.errors import DatasetNotFoundError, SampleError
+from animal3dbox.smal.vocabulary import VOCABULARIES
+
+FORMAT = "stanfordextra"
+VOCABULARY = VOCABULARIES["stanfordextra24"]
+
+
+_Entry = TypeVar("_Entry", bound=msgspec.Struct)
+
+
+class _Named(msgspec.Struct):
+    """What names a sample, readable even where the rest is not."""
+
+    img_path: str
+
+
+class StanfordExtraEntry(_Named):
+    """One element of the json's list; other keys are left alone."""
+
+    img_width: int
+    img_height: int
+    joints: list[list[float | None]]
+    img_bbox: list[float]
+    seg: str | dict[str, object] | None = None
+    is_multiple_dogs: bool = False
+
+
+def find_annotations(path: Path) -> Path:
+    """The json of a dataset given by its root or by its annotation file.
+
+    Raises:
+        DatasetNotFoundError: there is none, or more than one.
+
+    """
+    if path.is_file():
+        return path
+    if not path.is_dir():
+        raise DatasetNotFoundError(f"there is no file or folder {path}")
+    found = sorted(p for p in path.glob("*.json") if p.stem == "annotations" or p.stem.lower().startswith("stanfordextra"))
+    if len(found) != 1:
+        seen = ", ".join(p.name for p in found) or "none"
+        raise DatasetNotFoundError(f"{path} must hold one annotations.json or StanfordExtra*.json, found {seen}: give the file itself")
+    return found[0]
+
+
+def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
+    """The dogs of a StanfordExtra json.
+
+    Args:
+        path: the json, or the folder it lies in.
+        images: the folder that img_path is relative to; None: "images" beside the json if there is one, else the
+            json's folder.
+
+    Returns:
+        The records in the file's order, and a fault for each that is unusable.
+
+    Raises:
+        DatasetNotFoundError: no such file, or no such folder of images.
+        DatasetFormatError: not JSON, or not a list.
+
+    """
+    annotations = find_annotations(path)
+    root = images or (annotations.parent / "images" if (annotations.parent / "images").is_dir() else annotations.parent)
+    if not root.is_dir():
+        raise DatasetNotFoundError(f"there is no folder of images {root}")
+    records: list[AnimalRecord] = []
+    faults: list[SampleError] = []
+    seen: dict[str, int] = {}
+    copies: dict[bytes, int] = {}
+    for i, raw in enumerate(read_json_list(annotations)):
+        try:
+            record = _record(raw, i, root, seen)
+            if (first := copies.setdefault(bytes(raw), i)) != i:
+                raise SampleError(record.sample_id, f"entry {i}", f"is entry {first} once more; remove one, or it counts twice")
+            records.append(record)
+        except SampleError as error:
+            faults.append(error)
+    return RecordSet(FORMAT, tuple(records), tuple(faults))
+
+
+def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> AnimalRecord:
+    """One record, checked."""
+    image = _decoded(raw, _Named, f"entry {index}").img_path
+    count = seen.get(image, 0)
+    seen[image] = count + 1
+    sample_id = image if count == 0 else f"{image}#{count}"
+    entry = _decoded(raw, StanfordExtraEntry, sample_id)
+    if entry.img_width <= 0 or entry.img_height <= 0 or entry.img_width * entry.img_height > MAX_PIXELS:
+        raise SampleError(
+            sample_id, "img_width, img_height", f"must be positive and make at most {MAX_PIXELS} pixels, got {entry.img_width} x {entry.img_height}"
+        )
+    image_hw = (entry.img_height, entry.img_width)
+    if len(entry.img_bbox) != 4 or not all(math.isfinite(v) for v in entry.img_bbox) or entry.img_bbox[2] <= 0 or entry.img_bbox[3] <= 0:
+        raise SampleError(sample_id, "img_bbox", f"must be [x, y, w, h] with a positive area, got {entry.img_bbox}")
+    return AnimalRecord(
+        sample_id=sample_id,
+        image_id=entry.img_path,
+        image_path=resolve_inside(root, entry.img_path, sample_id, "img_path"),
+        image_hw=image_hw,
+        vocabulary=VOCABULARY,
+        keypoints_2d=_joints(entry.joints, sample_id),
+        mask=_mask(entry.seg, image_hw, sample_id),
+        category="dog",
+    )
+
+
+def _decoded(raw: msgspec.Raw, kind: type[_Entry], sample_id: str) -> _Entry:
+    """One element as a struct."""
+    try:
+        return msgspec.json.decode(raw, type=kind)
+    except msgspec.ValidationError as error:
+        raise SampleError(sample_id, *_field_and_problem(error)) from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise SampleError(sample_id, "entry", f"cannot be decoded: {error}") from error
+
+
+def _field_and_problem(error: msgspec.ValidationError) -> tuple[str, str]:
+    """The field that msgspec names at the end of its message, and the message."""
+    text = str(error)
+    where = text.rpartition("$")[2].strip(" .`") if "$" in text else ""
+    missing = text.partition("field `")[2].partition("`")[0]
+    return (where or missing or "entry"), text
+
+
+def _joints(joints: list[list[float | None]], sample_id: str) -> NDArray[np.float64]:
+    """(24, 3); null counts as missing."""
+    if len(joints) != len(VOCABULARY) or any(len(joint) != 3 for joint in joints):
+        lengths = sorted({len(joint) for joint in joints})
+        raise SampleError(sample_id, "joints", f"must be {len(VOCABULARY)} x 3 (x, y, visibility), got {len(joints)} rows of {lengths} numbers")
+    rows = [[0.0, 0.0, 0.0] if None in joint else joint for joint in joints]
+    return np.array(rows, dtype=np.float64)
+
+
+def _mask(seg: str | dict[str, object] | None, image_hw: tuple[int, int], sample_id: str) -> NDArray[np.bool_] | None:
+    """The mask of a run-length string, or of COCO's {size, counts}."""
+    if seg is None:
+        return None
+    counts = seg
+    if isinstance(seg, dict):
+        counts = seg.get("counts")  # type: ignore[assignment]
+        if seg.get("size") not in (None, list(image_hw)):
+            raise SampleError(sample_id, "seg", f"is a mask of size {seg.get('size')}, but the image is {list(image_hw)} (height, width)")
+    if not isinstance(counts, str) and not (isinstance(counts, list) and all(isinstance(c, int) for c in counts)):
+        raise SampleError(sample_id, "seg", "must be a run-length string or {size, counts}")
+    try:
+        mask = decode_mask(counts, image_hw)
+    except RleError as error:
+        raise SampleError(sample_id, "seg", str(error)) from error
+    if not mask.any():
+        raise SampleError(sample_id, "seg", "is an empty mask: leave seg out if there is none")
+    return mask
