@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.complete
 export PYTHONSAFEPATH := 1
 
-.PHONY: setup demo test test-lowest lint wheel clean
+.PHONY: setup demo test test-slow test-lowest lint wheel clean
 
 # The set-up is kept only while it works here: a moved checkout or a half-made environment is made anew.
 setup:
@@ -22,13 +22,17 @@ demo: setup
 	$(BIN)/animal3dbox demo --out demo-output
 
 test: setup
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+# Builds the quadruped anew (a minute or two) and compares it with the shipped asset.
+test-slow: setup
+	$(BIN)/python -m pytest -m slow
 
 # The same tests on the lowest versions of everything that pyproject.toml admits (torch stays at the version that is at hand).
 test-lowest:
 	rm -rf .venv-lowest && $(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-lowest.txt -e '.[dev]'
-	.venv-lowest/bin/python -m pytest -n 2
+	.venv-lowest/bin/python -m pytest -n 2 -m "not slow"
 
 lint: setup
 	$(BIN)/ruff check .

@@ -79,7 +79,7 @@ class PresetBody:
     def body(self, record: AnimalRecord) -> Body:
         """The preset's body with the record's landmarks."""
         model, vertices = _shaped(self.preset)
-        return Body(vertices, model.faces, record.vocabulary.on_body({**model.landmarks, **quadruped_names().extra_landmarks}, vertices), model)
+        return Body(vertices, model.faces, record.vocabulary.on_body(model.landmark_groups, vertices), model)
 
 
 @lru_cache(maxsize=16)
@@ -155,7 +155,7 @@ def _landmark_names() -> tuple[str, ...]:
     words = VOCABULARIES.values()
     keypoints = {name for vocabulary in words for name in vocabulary.keypoints}
     landmarks = {name for vocabulary in words for names in vocabulary.landmarks for name in names}
-    return tuple(sorted(keypoints | landmarks | set(quadruped_names().extra_landmarks)))
+    return tuple(sorted(keypoints | landmarks | set(load_quadruped().extra_landmarks)))
 
 
 def _read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -183,7 +183,7 @@ def _read_obj(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Points and triangles of an OBJ, nothing else: at seams and materials trimesh doubles and reorders the vertices."""
     vertices: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
-    for line in text.replace("\\\n", " ").replace("\r", "\n").split("\n"):
+    for line in text.replace("\r\n", "\n").replace("\\\n", " ").split("\n"):
         words = line.split()
         if words[:1] == ["v"]:
             vertices.append([float(word) for word in words[1:4]])

@@ -17,7 +17,7 @@ from animal3dbox.errors import SampleError
 MAX_PIXELS = 100_000_000
 """A file whose header promises more is not decoded: 100 megapixels are 300 MB."""
 
-FORMATS = ("JPEG", "MPO", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
+FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
 """What a file may be, whatever its name: Pillow's others are not photographs, and for one of them, EPS, it starts Ghostscript."""
 
 

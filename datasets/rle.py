@@ -66,7 +66,9 @@ def decode_mask(counts: str | Sequence[int], image_hw: tuple[int, int]) -> NDArr
     """
     runs = decode_counts(counts) if isinstance(counts, str) else list(counts)
     height, width = image_hw
-    if any(run < 0 for run in runs) or sum(runs) != height * width:
+    if any(run < 0 for run in runs):
+        raise RleError(f"has a run of {min(runs)} pixels: it is damaged")
+    if sum(runs) != height * width:
         raise RleError(
             f"has runs of {sum(runs)} pixels in all, but the image has {height} x {width} = {height * width}: it is another image's, or cut off"
         )

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from animal3dbox.geometry.rasterizer import Raster, rasterize
+from animal3dbox.geometry.rasterizer import Raster, rasterize, silhouette
 
 SUN = (0.35, 0.45, 0.82)
 """Direction to the light, in the world's frame with z up."""
@@ -42,13 +42,14 @@ def shade(
 
     Returns:
         image: (H, W, 3) uint8 RGB.
-        mask: (H, W) bool, pixels more than half covered.
+        mask: (H, W) bool, pixels whose centre is covered.
 
     """
     height, width = image_hw
     fine = SUPERSAMPLING
     K_fine = torch.tensor([[fine, 0, (fine - 1) / 2], [0, fine, (fine - 1) / 2], [0, 0, 1]], dtype=K.dtype) @ K
-    raster = rasterize(vertices_world @ R.mT + t, faces, K_fine, (height * fine, width * fine))
+    vertices_cam = vertices_world @ R.mT + t
+    raster = rasterize(vertices_cam, faces, K_fine, (height * fine, width * fine))
     lit = colors * _light(vertices_world, faces)[:, None]
     seen = _interpolate(raster, faces, lit)
     covered = (raster.face_index >= 0).to(seen.dtype)
@@ -56,7 +57,8 @@ def shade(
     part = covered.reshape(blocks).mean((1, 3))
     color = (seen * covered[..., None]).reshape(*blocks, 3).mean((1, 3))
     back = torch.full((height, width, 3), 0.86, dtype=seen.dtype) if background is None else background
-    return ((color + back * (1 - part[..., None])).clamp(0, 1) * 255).round().to(torch.uint8), part > 0.5
+    image = ((color + back * (1 - part[..., None])).clamp(0, 1) * 255).round().to(torch.uint8)
+    return image, silhouette(vertices_cam, faces, K, image_hw)
 
 
 def _light(vertices_world: Tensor, faces: Tensor) -> Tensor:

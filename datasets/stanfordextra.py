@@ -106,13 +106,15 @@ def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> A
     image_hw = (entry.img_height, entry.img_width)
     if len(entry.img_bbox) != 4 or not all(math.isfinite(v) for v in entry.img_bbox) or entry.img_bbox[2] <= 0 or entry.img_bbox[3] <= 0:
         raise SampleError(sample_id, "img_bbox", f"must be [x, y, w, h] with a positive area, got {entry.img_bbox}")
+    joints = _joints(entry.joints, sample_id)
+    _check_joints_in_box(joints, entry.img_bbox, sample_id)
     return AnimalRecord(
         sample_id=sample_id,
         image_id=entry.img_path,
         image_path=resolve_inside(root, entry.img_path, sample_id, "img_path"),
         image_hw=image_hw,
         vocabulary=VOCABULARY,
-        keypoints_2d=_joints(entry.joints, sample_id),
+        keypoints_2d=joints,
         mask=_mask(entry.seg, image_hw, sample_id),
         category="dog",
     )
@@ -143,6 +145,17 @@ def _joints(joints: list[list[float | None]], sample_id: str) -> NDArray[np.floa
         raise SampleError(sample_id, "joints", f"must be {len(VOCABULARY)} x 3 (x, y, visibility), got {len(joints)} rows of {lengths} numbers")
     rows = [[0.0, 0.0, 0.0] if None in joint else joint for joint in joints]
     return np.array(rows, dtype=np.float64)
+
+
+def _check_joints_in_box(joints: NDArray[np.float64], box: list[float], sample_id: str) -> None:
+    """Raise if most visible joints miss the animal's box, grown by a tenth: they are not pixels of this image, or not of this animal."""
+    seen = joints[(joints[:, 2] > 0) & joints[:, :2].any(axis=1), :2]
+    least, size = np.array(box[:2]), np.array(box[2:])
+    inside = int(((seen > least - 0.1 * size) & (seen < least + 1.1 * size)).all(axis=1).sum())
+    if 2 * inside < len(seen):
+        raise SampleError(
+            sample_id, "joints", f"only {inside} of {len(seen)} visible ones lie in or near img_bbox {box}: are they pixels of this image?"
+        )
 
 
 def _mask(seg: str | dict[str, object] | None, image_hw: tuple[int, int], sample_id: str) -> NDArray[np.bool_] | None:

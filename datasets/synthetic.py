@@ -10,7 +10,7 @@ from animal3dbox.datasets.shading import meadow, shade
 from animal3dbox.geometry.camera import intrinsics, look_at, project
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
-from animal3dbox.smal.quadruped_poses import POSES, named_pose
+from animal3dbox.smal.quadruped_poses import POSES, ground_trans, named_pose
 from animal3dbox.smal.vocabulary import VOCABULARIES, Vocabulary
 
 COATS = {
@@ -62,34 +62,41 @@ def uniform(generator: torch.Generator, low: float, high: float) -> float:
 
 
 def synthetic_animal(
-    seed: int, index: int, image_hw: tuple[int, int] = (480, 640), vocabulary: Vocabulary = VOCABULARIES["animal3d26"]
+    seed: int,
+    index: int,
+    image_hw: tuple[int, int] = (480, 640),
+    vocabulary: Vocabulary = VOCABULARIES["animal3d26"],
+    preset: str | None = None,
+    pose: str | None = None,
 ) -> SyntheticAnimal:
-    """A quadruped in a random preset, pose and view; the same for the same seed and index.
+    """A quadruped in a random preset, pose and view; the same for the same arguments.
 
     Args:
         seed: any.
         index: which of the seed's animals.
         image_hw: height and width.
         vocabulary: the keypoints wanted.
+        preset: the species; None: the presets in turn.
+        pose: one of POSES; None: drawn.
 
     Returns:
-        The animal, filling a third to most of the frame and wholly in front of the camera.
+        The animal, standing on z = 0, filling a third to most of the frame and wholly in front of the camera.
 
     """
     generator = torch.Generator().manual_seed((seed * 1_000_003 + index) % (1 << 62))
-    presets, poses = quadruped_names().presets, tuple(POSES)
-    preset = presets[index % len(presets)]
-    pose = poses[int(torch.randint(len(poses), (), generator=generator))]
+    drawn = tuple(POSES)[int(torch.randint(len(POSES), (), generator=generator))]
+    preset, pose = preset or quadruped_names().presets[index % len(quadruped_names().presets)], pose or drawn
     model = load_quadruped()
     body = model.posed(preset_betas(preset)[None], named_pose(pose)[None], torch.zeros(1, 3, dtype=torch.float64))
-    vertices, focal_px = body.vertices[0], uniform(generator, 0.9, 2.5) * max(image_hw)
+    vertices = body.vertices[0] + ground_trans(body.vertices[0])
+    focal_px = uniform(generator, 0.9, 2.5) * max(image_hw)
     middle = (vertices.amax(0) + vertices.amin(0)) / 2
     K = intrinsics(focal_px, image_hw)
     T = _camera(generator, vertices - middle, K, image_hw)
     R, t = T[:3, :3], T[:3, 3] - T[:3, :3] @ middle
     colors = torch.tensor(COATS.get(preset, OTHER_COAT), dtype=torch.float64).expand(len(vertices), 3)
     image, mask = shade(vertices, model.faces, colors, R, t, K, image_hw, meadow(K, R, t, image_hw))
-    landmarks = vocabulary.on_body({**model.landmarks, **quadruped_names().extra_landmarks}, vertices)
+    landmarks = vocabulary.on_body(model.landmark_groups, vertices)
     keypoints = exact_keypoints(landmarks, K, R, t, image_hw)
     return SyntheticAnimal(
         f"{preset}-{pose}-{index}", image, mask, vertices, body.R_world_joint[0], model, landmarks, keypoints, K, R, t, image_hw, preset, pose
@@ -105,10 +112,16 @@ def exact_keypoints(landmarks: Tensor, K: Tensor, R: Tensor, t: Tensor, image_hw
     return torch.where(inside[:, None], keypoints, torch.zeros_like(keypoints))
 
 
-def noisy_keypoints(keypoints_2d: Tensor, sigma_px: float, generator: torch.Generator) -> Tensor:
-    """Keypoints (J, 3) with Gaussian noise on the visible ones."""
-    noise = sigma_px * torch.randn(len(keypoints_2d), 2, generator=generator, dtype=keypoints_2d.dtype)
-    shifted = torch.cat((keypoints_2d[:, :2] + noise, keypoints_2d[:, 2:]), dim=1)
+def noisy_keypoints(
+    keypoints_2d: Tensor, sigma_px: float, generator: torch.Generator, outliers: float = 0.0, image_hw: tuple[int, int] = (480, 640)
+) -> Tensor:
+    """Keypoints (J, 3) with Gaussian noise on the visible ones, a part of them (outliers, 0 to 1) anywhere in the image instead."""
+    count = len(keypoints_2d)
+    px = keypoints_2d[:, :2] + sigma_px * torch.randn(count, 2, generator=generator, dtype=keypoints_2d.dtype)
+    height, width = image_hw
+    anywhere = torch.rand(count, 2, generator=generator, dtype=px.dtype) * torch.tensor([width, height], dtype=px.dtype) - 0.5
+    wild = torch.rand(count, 1, generator=generator, dtype=px.dtype) < outliers
+    shifted = torch.cat((torch.where(wild, anywhere, px), keypoints_2d[:, 2:]), dim=1)
     return torch.where(keypoints_2d[:, 2:] > 0, shifted, keypoints_2d)
 
 

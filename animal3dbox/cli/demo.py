@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 import torch
+from torch import Tensor
 from tqdm import tqdm
 
 from animal3dbox.datasets.synthetic import SyntheticAnimal, noisy_keypoints, synthetic_animal
@@ -21,6 +22,8 @@ from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.files import write_whole
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.smal.model import trunk_rotation
+from animal3dbox.smal.quadruped import preset_betas
+from animal3dbox.smal.vocabulary import VOCABULARIES
 
 METHODS = {
     "basic": LabelConfig(method="basic"),
@@ -28,6 +31,19 @@ METHODS = {
     "paper (literal)": LabelConfig(method="paper", residual="literal"),
     "default": LabelConfig(),
 }
+
+
+@dataclass(frozen=True)
+class DemoJob:
+    """What ``demo`` was asked to do; the fields are its options."""
+
+    out: Path
+    n: int
+    seed: int
+    noise_px: float
+    outliers: float
+    rigid: bool
+    json: bool
 
 
 class Score(msgspec.Struct, kw_only=True):
@@ -75,10 +91,10 @@ def true_cuboid(animal: SyntheticAnimal) -> Truth:
     return Truth(box, FACE_NAMES[int(face_visibility(box, animal.K, animal.image_hw).share.argmax())])
 
 
-def score(label: CuboidLabel, animal: SyntheticAnimal, truth: Truth) -> Score:
-    """Compare a label with the truth."""
+def score(label: CuboidLabel, animal: SyntheticAnimal, landmarks: Tensor, truth: Truth) -> Score:
+    """Compare a label, made with these landmarks (J, 3) of its body, with the truth."""
     clean = animal.keypoints_2d[animal.keypoints_2d[:, 2] > 0, :2]
-    px, _ = project(label.K, animal.landmarks[animal.keypoints_2d[:, 2] > 0] @ label.R.mT + label.t)
+    px, _ = project(label.K, landmarks[animal.keypoints_2d[:, 2] > 0] @ label.R.mT + label.t)
     apart = torch.linalg.vector_norm(label.corners_3d - truth.cuboid.corners(), dim=-1).mean()
     return Score(
         keypoint_px=float(torch.linalg.vector_norm(px - clean, dim=-1).mean()),
@@ -88,13 +104,26 @@ def score(label: CuboidLabel, animal: SyntheticAnimal, truth: Truth) -> Score:
     )
 
 
-def label_synthetic(animal: SyntheticAnimal, keypoints: torch.Tensor, config: LabelConfig) -> CuboidLabel | Rejection:
-    """Label a synthetic animal from keypoints, its mask and its intrinsics; the camera pose is not given."""
+def standing_vertices(animal: SyntheticAnimal) -> Tensor:
+    """The animal's species in its standing template pose, (V, 3): all that is known of the body of a photograph."""
+    return animal.model.shaped(preset_betas(animal.preset)[None])[0]
+
+
+def label_synthetic(animal: SyntheticAnimal, keypoints: Tensor, config: LabelConfig, vertices: Tensor | None = None) -> CuboidLabel | Rejection:
+    """Label a synthetic animal from keypoints, its mask and its intrinsics; the camera pose is not given.
+
+    Args:
+        animal: whom.
+        keypoints: (26, 3).
+        config: how.
+        vertices: (V, 3) a body to use instead of the true one.
+
+    """
     return label_animal(
         animal.image_hw,
         keypoints,
-        animal.landmarks,
-        animal.vertices,
+        None,
+        animal.vertices if vertices is None else vertices,
         animal.model.faces,
         animal.model,
         K=animal.K,
@@ -104,26 +133,30 @@ def label_synthetic(animal: SyntheticAnimal, keypoints: torch.Tensor, config: La
     )
 
 
-def run_demo(out: Path, n: int, seed: int, noise_px: float, json: bool) -> int:
+def run_demo(job: DemoJob) -> int:
     """Render, label, compare; returns the exit code."""
-    if n < 1 or noise_px < 0:
-        raise ConfigError(f"--n must be at least 1 and --noise-px not negative, got {n} and {noise_px}")
+    if job.n < 1 or not job.noise_px >= 0 or not 0 <= job.outliers <= 1:
+        raise ConfigError(f"--n must be at least 1, --noise-px not negative, --outliers from 0 to 1; got {job.n}, {job.noise_px} and {job.outliers}")
+    torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     scores: dict[str, list[Score]] = {method: [] for method in METHODS}
     kept: list[Labelled] = []
-    for index in tqdm(range(n), desc="demo", unit="animal", disable=json or None):
-        animal = synthetic_animal(seed, index)
-        keypoints = noisy_keypoints(animal.keypoints_2d, noise_px, torch.Generator().manual_seed(seed * 7919 + index))
-        truth = true_cuboid(animal)
+    for index in tqdm(range(job.n), desc="demo", unit="animal", disable=job.json or None):
+        animal = synthetic_animal(job.seed, index)
+        generator = torch.Generator().manual_seed(job.seed * 7919 + index)
+        keypoints = noisy_keypoints(animal.keypoints_2d, job.noise_px, generator, job.outliers, animal.image_hw)
+        body = standing_vertices(animal) if job.rigid else animal.vertices
+        landmarks, truth = VOCABULARIES["animal3d26"].on_body(animal.model.landmarks, body), true_cuboid(animal)
         for method, config in METHODS.items():
-            outcome = label_synthetic(animal, keypoints, config)
+            outcome = label_synthetic(animal, keypoints, config, body)
             if isinstance(outcome, CuboidLabel):
-                scores[method].append(score(outcome, animal, truth))
+                scores[method].append(score(outcome, animal, landmarks, truth))
             if method == "default":
                 kept.append(Labelled(outcome, animal.sample_id, animal.preset, animal.image.numpy()))
-    write_run(out, f"{n} synthetic animals, seed {seed}, {noise_px:g} px noise", "quadruped (true shape and pose)", METHODS["default"], kept)
-    results = [_result(method, found, n) for method, found in scores.items()]
-    write_whole(out / "demo.json", msgspec.json.format(msgspec.json.encode(results), indent=1))
-    _print(results, out, noise_px, json)
+    title = f"{job.n} synthetic animals, seed {job.seed}, {job.noise_px:g} px noise, {job.outliers:.0%} outliers"
+    write_run(job.out, title, "quadruped, standing" if job.rigid else "quadruped, true shape and pose", METHODS["default"], kept)
+    results = [_result(method, found, job.n) for method, found in scores.items()]
+    write_whole(job.out / "demo.json", msgspec.json.format(msgspec.json.encode(results), indent=1))
+    _print(results, job)
     return 0
 
 
@@ -146,14 +179,15 @@ def _result(method: str, found: list[Score], n: int) -> MethodResult:
     )
 
 
-def _print(results: list[MethodResult], out: Path, noise_px: float, json: bool) -> None:
-    if json:
+def _print(results: list[MethodResult], job: DemoJob) -> None:
+    if job.json:
         sys.stdout.write(msgspec.json.encode(results).decode() + "\n")
         return
-    print(f"keypoints with {noise_px:g} px noise; errors are median / 95th percentile against the truth")
+    print(f"body: {'the species, standing' if job.rigid else 'true shape and pose'}")
+    print(f"keypoints with {job.noise_px:g} px noise, {job.outliers:.0%} outliers; errors are median / 95th percentile against the truth")
     print(f"{'method':16} {'labelled':>9} {'keypoints px':>14} {'corners % diag':>15} {'axes deg':>14} {'right side':>11}")
     for r in results:
         pairs = [(r.keypoint_px_median, r.keypoint_px_p95), (r.corner_percent_median, r.corner_percent_p95), (r.axes_deg_median, r.axes_deg_p95)]
         cells = ["-" if a is None or b is None else f"{a:.2f} / {b:.2f}" for a, b in pairs]
         print(f"{r.method:16} {r.labelled:>5}/{r.animals:<3} {cells[0]:>14} {cells[1]:>15} {cells[2]:>14} {r.sides_right:>7}/{r.labelled}")
-    print(f"look at {out / 'gallery.html'}")
+    print(f"look at {job.out / 'gallery.html'}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
+import torch
 from tqdm import tqdm
 
 from animal3dbox.datasets.bodies import BodySource, PresetBody, load_mesh_body
@@ -37,6 +38,7 @@ class LabelJob:
 
 def run_label(job: LabelJob) -> int:
     """Label a dataset; returns the exit code."""
+    torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     bodies = body_source(job.body, job.landmarks)
     records = read_stanfordextra(job.path, job.images)  # the one format so far, which "auto" stands for
     if job.out.exists() and not job.out.is_dir():

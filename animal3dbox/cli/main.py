@@ -23,12 +23,14 @@ def demo(
     n: Annotated[int, tyro.conf.arg(help="animals")] = 12,
     seed: Annotated[int, tyro.conf.arg(help="another seed gives other animals")] = 0,
     noise_px: Annotated[float, tyro.conf.arg(help="standard deviation of the keypoints' noise")] = 2.0,
+    outliers: Annotated[float, tyro.conf.arg(help="part of the keypoints, 0 to 1, that lie anywhere in the image")] = 0.0,
+    rigid: Annotated[bool, tyro.conf.arg(help="label with the standing species, as for photographs, not with the true pose")] = False,
     json: Annotated[bool, tyro.conf.arg(help="print the result as JSON")] = False,
 ) -> int:
     """Render posed quadrupeds, label them from noisy keypoints, and compare with the truth."""
-    from animal3dbox.cli.demo import run_demo
+    from animal3dbox.cli.demo import DemoJob, run_demo
 
-    return run_demo(out, n, seed, noise_px, json)
+    return run_demo(DemoJob(out, n, seed, noise_px, outliers, rigid, json))
 
 
 def label(

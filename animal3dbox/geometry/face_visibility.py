@@ -57,7 +57,7 @@ def face_normals(corners: Tensor) -> Tensor:
 
 
 def visible_faces(corners: Tensor, camera_center: Tensor) -> Tensor:
-    """Which faces turn towards the camera: n . v > 0 with v from the face's centre to the camera (section 2.3.2, visibility).
+    """Which faces turn towards the camera: n . v > 0 with v from the face's centre to the camera (section 2.3.2, visibility and v).
 
     Args:
         corners: (..., 8, 3) in any frame.

@@ -76,9 +76,9 @@ def rotation_from_axis_angle(axis_angle: Tensor) -> Tensor:
 
 
 def rotation_angle(R_a: Tensor, R_b: Tensor) -> Tensor:
-    """The angle between rotations, from sine and cosine, so that it is exact near 0 and near pi.
+    """The angle between rotations, from sine and cosine, so that it is exact near 0 and near pi (section 3.1, theta_R).
 
-    The paper's theta_R (section 3.1, theta_R) is the same angle by arccos of a trace, which cannot tell 0 from about
+    The paper computes the same angle by arccos of a trace, which cannot tell 0 from about
     1e-8 rad in float64 or 0.003 degrees in float32.
 
     Args:
@@ -92,6 +92,21 @@ def rotation_angle(R_a: Tensor, R_b: Tensor) -> Tensor:
     D = R_a @ R_b.mT
     axis = torch.stack((D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]), dim=-1)
     return torch.atan2(axis.norm(dim=-1), D.diagonal(dim1=-2, dim2=-1).sum(-1) - 1)
+
+
+def alignment_variation(ideal: Tensor, actual: Tensor) -> Tensor:
+    """How far a direction strays from where it should point: 1 - cos of the angle between them (section 3.1, delta_a).
+
+    Args:
+        ideal: (..., 3), any length but zero.
+        actual: (..., 3), likewise.
+
+    Returns:
+        (...,) from 0 to 2; half the squared distance of the unit vectors, which keeps its digits near 0.
+
+    """
+    apart = torch.nn.functional.normalize(ideal, dim=-1) - torch.nn.functional.normalize(actual, dim=-1)
+    return 0.5 * (apart * apart).sum(-1)
 
 
 def nearest_rotation(M: Tensor) -> Tensor:

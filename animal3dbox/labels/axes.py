@@ -106,5 +106,5 @@ def _reference_layouts(names: tuple[str, ...]) -> tuple[Tensor, ...]:
     """The landmarks (N, 3) of each preset of the embedded quadruped, in the body frame."""
     model = load_quadruped()
     bodies = model.shaped(torch.stack([preset_betas(preset) for preset in quadruped_names().presets]))
-    groups = {**model.landmarks, **quadruped_names().extra_landmarks}
+    groups = model.landmark_groups
     return tuple(torch.stack([body[list(groups[name])].mean(0) for name in names]) for body in bodies)

@@ -46,7 +46,7 @@ class BodyAxes:
 
 
 def landmark_axes(landmarks: Mapping[str, Tensor], visible: Mapping[str, bool]) -> BodyAxes | None:
-    """Axes from landmark pairs, visible ones first (section 2.1.1, x-axis, y-axis and fallback).
+    """Axes from landmark pairs, visible ones first (section 2.1.1, axes and fallback).
 
     x runs from the rear to the front, y from the right to the left made square to x, and z = x × y: what the paper
     calls Fleming's left-hand rule, read so that the axes are a rotation.

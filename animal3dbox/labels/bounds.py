@@ -12,7 +12,7 @@ RELATIVE_MARGIN = 1e-6
 
 
 def box_bounds(vertices_world: Tensor, R_box: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Tight bounds of points along the box axes, about their mean c (section 2.1.2, V_local and c).
+    """Tight bounds of points along the box axes, about their mean c (section 2.1.2, V_local).
 
     Args:
         vertices_world: (V, 3).
@@ -29,7 +29,7 @@ def box_bounds(vertices_world: Tensor, R_box: Tensor) -> tuple[Tensor, Tensor, T
 
 
 def tight_cuboid(vertices_world: Tensor, R_box: Tensor, margin: float | None = None) -> Cuboid:
-    """The smallest box with given axes around points, grown by a margin (section 2.1.2, epsilon).
+    """The smallest box with given axes around points, grown by a margin (section 2.1.2, V_min and V_max).
 
     Args:
         vertices_world: (V, 3).

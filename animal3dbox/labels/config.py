@@ -25,16 +25,16 @@ class LabelConfig:
     decides: ``paper`` and ``basic`` as published, ``default`` with the published method's faults mended.
 
     Attributes:
-        method: camera pose: "basic" (section 2.2, EPnP + RANSAC), "paper" (then the joint refinement of section 2.2.2),
+        method: camera pose: "basic" (section 2.2), "paper" (then the joint refinement of section 2.2.2),
             "default" (several starting poses, a robust joint refinement with the mesh's bounds, see estimate_pose).
-        axes: the body's axes: "landmarks" (section 2.1.1, the fallback chain), "pca" (the baseline of section 3.1),
+        axes: the body's axes: "landmarks" (section 2.1.1), "pca" (the baseline of section 3.1),
             "default" (torso vertices if the mesh is in template correspondence, else all trunk landmarks together).
         residual: how section 2.2.2's E_total is read: "vector" squares every residual as SciPy does, "literal" keeps
             the Mahalanobis distances unsquared as the paper prints them.
         min_keypoints: fewest visible keypoints that a pose is estimated from.
         margin: section 2.1.2's epsilon, in mesh units. None: 1e-5 for paper and basic, else 1e-6 of the box diagonal.
         tail: whether the tail's vertices count for the bounds; needs a template to know them.
-        lambda_keypoints: section 2.2.2's lambda.
+        lambda_keypoints: weight of the keypoints against the mask (section 2.2.2, lambda).
         xtol: SciPy's tolerance, section 2.2.2.
         ftol: SciPy's tolerance, section 2.2.2.
         mask_box: what is compared with the mask's bounding box in d_bbox. None: "keypoints" for paper, "mesh" for default.

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from animal3dbox.labels.pose_problem import PoseProblem
 
@@ -41,7 +42,7 @@ class JointCost:
         R_start: (3, 3).
         extent: (M, 3) the points whose projected bounding box is compared with the mask's; M = 0 without that term.
         mask_box: (4,) xyxy px.
-        slack_px: bounds that differ by less cost nothing: a mask knows its edge only to half a pixel.
+        slack_px: bounds that differ by less cost nothing: a mask knows its edge only to about a pixel.
     """
 
     points: Array
@@ -58,13 +59,17 @@ class JointCost:
         turn, jacobian = rotate(pose[:3])
         turned = points @ (turn @ self.R_start).T
         cam = turned + pose[3:]
-        z = np.where(np.abs(cam[:, 2]) < 1e-9, 1e-9, cam[:, 2])
-        px = (cam @ self.K.T)[:, :2] / z[:, None]
+        px, z = self._pixels(cam)
         by_cam = np.empty((len(points), 2, 3))
         by_cam[:, :, :2] = self.K[:2, :2] / z[:, None, None]
         by_cam[:, :, 2] = -(px - self.K[:2, 2]) / z[:, None]
         by_pose = np.concatenate((by_cam @ -_cross(turned) @ jacobian, by_cam), axis=2)
         return px, by_pose
+
+    def _pixels(self, cam: Array) -> tuple[Array, Array]:
+        """Pixels (N, 2) and depths (N,) of points in the camera frame."""
+        z = np.where(np.abs(cam[:, 2]) < 1e-9, 1e-9, cam[:, 2])
+        return (cam @ self.K.T)[:, :2] / z[:, None], z
 
     def keypoints(self, pose: Array) -> tuple[Array, Array]:
         """x_hat - x over sigma, whose length is a Mahalanobis distance (section 2.2.2, d_Mahalanobis); (N, 2), (N, 2, 6)."""
@@ -75,13 +80,21 @@ class JointCost:
         """Projected bounds minus the mask's, coordinate by coordinate (section 2.2.2, d_bbox); (4,) px and (4, 6), or none."""
         if len(self.extent) == 0:
             return np.zeros(0), np.zeros((0, 6))
-        px, _ = self._project(self.extent, pose)
+        px, _ = self._pixels(self.extent @ (rotate(pose[:3])[0] @ self.R_start).T + pose[3:])
         rows = np.concatenate((px.argmin(0), px.argmax(0)))
         bounds, by_pose = self._project(self.extent[rows], pose)
         pick = np.arange(4), np.array([0, 1, 0, 1])
         off = bounds[pick] - self.mask_box
         beyond = np.sign(off) * np.maximum(np.abs(off) - self.slack_px, 0)
         return beyond, by_pose[pick] * (np.abs(off) > self.slack_px)[:, None]
+
+
+def outermost(vertices: Array) -> Array:
+    """The vertices (M, 3) of a body's convex hull: before the camera, they alone can bound its projection."""
+    try:
+        return vertices[ConvexHull(vertices).vertices]
+    except QhullError:  # a flat body has no hull in space
+        return vertices
 
 
 def joint_cost(problem: PoseProblem, R_start: Array, extent: str, slack_px: float) -> JointCost:
@@ -97,6 +110,6 @@ def joint_cost(problem: PoseProblem, R_start: Array, extent: str, slack_px: floa
     points = problem.points_world.numpy()
     cloud = np.zeros((0, 3))
     if problem.mask_box is not None and extent != "none":
-        cloud = points if extent == "keypoints" or problem.vertices_world is None else problem.vertices_world.numpy()
+        cloud = points if extent == "keypoints" or problem.vertices_world is None else outermost(problem.vertices_world.numpy())
     box = np.zeros(4) if problem.mask_box is None else problem.mask_box.numpy()
     return JointCost(points, problem.points_px.numpy(), problem.sigma_px.numpy(), problem.K.numpy(), R_start, cloud, box, slack_px)

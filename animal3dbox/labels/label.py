@@ -33,7 +33,7 @@ def label_animal(
     sample_id: str | None = None,
     config: LabelConfig | None = None,
 ) -> CuboidLabel | Rejection:
-    """The oriented cuboid of one animal, the camera that sees it and the faces that are seen (section 2).
+    """The oriented cuboid of one animal, the camera that sees it and the faces that are seen (the whole of section 2).
 
     Arrays may be tensors, NumPy arrays or lists; all is computed in float64.
 

@@ -218,7 +218,7 @@ def _check_body(read: _Reader, body: Tensor | None, keypoints_3d: ArrayLike, tem
 def _landmarks(read: _Reader, keypoints_3d: ArrayLike, body: Tensor | None, template: SmalModel | None, words: Vocabulary) -> Tensor | None:
     """The landmarks as given, else read off the template's vertex groups; NaN rows are landmarks the body lacks."""
     if keypoints_3d is None:
-        return None if template is None or body is None else words.on_body(template.landmarks, body)
+        return None if template is None or body is None else words.on_body(template.landmark_groups, body)
     landmarks = read.tensor("keypoints_3d", keypoints_3d, "J 3")
     if len(landmarks) != len(words):
         raise read.fail("keypoints_3d", f"has {len(landmarks)} landmarks, but vocabulary {words.name} has {len(words)}")

@@ -13,7 +13,7 @@ FARTHEST = 1e6
 
 
 def basic_pose(problem: PoseProblem, config: LabelConfig) -> PoseEstimate | PoseFailure:
-    """The pose by EPnP on RANSAC's consensus set (section 2.2, initial pose).
+    """The pose by EPnP on RANSAC's consensus set (section 2.2, EPnP and RANSAC).
 
     OpenCV's own result is not taken over: when it fails it leaves the answer of an earlier call in the outputs, and its
     inliers belong to the best sample rather than to the pose returned. EPnP is solved again on the consensus set.

@@ -28,7 +28,7 @@ class Card:
 
     Attributes:
         title: the sample.
-        picture: (H, W, 3) uint8 RGB with the label drawn, or None for a rejected animal without an image.
+        picture: JPEG (see card_picture) with the label drawn, or None for a rejected animal without an image.
         status: "kept", "flagged" or "rejected".
         confidence: to sort by; -1 for a rejected one.
         error_px: mean keypoint error, or None.
@@ -38,7 +38,7 @@ class Card:
     """
 
     title: str
-    picture: NDArray[np.uint8] | None
+    picture: bytes | None
     status: str
     confidence: float
     error_px: float | None
@@ -103,7 +103,7 @@ def _card(card: Card, width: int, quality: int) -> str:
     return f'<article class="{card.status}" {data}>{picture}<h2>{html.escape(card.title)}</h2><ul>{facts}</ul></article>'
 
 
-def small_picture(picture: NDArray[np.uint8], width: int = WIDTHS[0][0]) -> NDArray[np.uint8]:
+def small_picture(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     """The picture at most so wide, and at most three times as high as that."""
     factor = min(1.0, width / picture.shape[1], 3 * width / picture.shape[0])
     if factor == 1.0:
@@ -112,10 +112,23 @@ def small_picture(picture: NDArray[np.uint8], width: int = WIDTHS[0][0]) -> NDAr
     return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS))
 
 
-def _jpeg(picture: NDArray[np.uint8], width: int, quality: int) -> str:
+def card_picture(picture: NDArray[np.uint8]) -> bytes:
+    """A picture (H, W, 3) as a card holds it: compressed, so that a long run can hold one for every animal."""
+    return _compressed(picture, *WIDTHS[0])
+
+
+def _compressed(picture: NDArray[np.uint8], width: int, quality: int) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(small_picture(picture, width)).save(buffer, "JPEG", quality=quality)
-    return base64.b64encode(buffer.getvalue()).decode()
+    return buffer.getvalue()
+
+
+def _jpeg(picture: bytes, width: int, quality: int) -> str:
+    """A card's picture at a width and quality, in base64."""
+    if (width, quality) != WIDTHS[0]:
+        with Image.open(io.BytesIO(picture)) as image:
+            picture = _compressed(np.asarray(image), width, quality)
+    return base64.b64encode(picture).decode()
 
 
 def _funnel(summary: Summary) -> str:

@@ -39,7 +39,9 @@ def draw_label(image: Picture, label: CuboidLabel) -> Picture:
     if label.keypoints is not None:
         for x, y, v in label.keypoints.tolist():
             if v > 0:
-                cv2.circle(canvas, _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5), 3 << SHIFT, POINT, -1, cv2.LINE_AA, SHIFT)
+                cv2.circle(
+                    canvas, _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5), 3 * thickness(canvas) << SHIFT, POINT, -1, cv2.LINE_AA, SHIFT
+                )
     return with_words(canvas, words_of(label))
 
 
@@ -54,7 +56,7 @@ def enlarged(image: Picture) -> tuple[Picture, float]:
 
 def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: float = 1.0) -> None:
     """Draw a cuboid of the camera frame into a picture that was enlarged by a factor; cut at the near plane."""
-    corners, near = cuboid_cam.corners(), near_depth(cuboid_cam)
+    corners, near, unit = cuboid_cam.corners(), near_depth(cuboid_cam), thickness(canvas)
     seen = visible_faces(corners, torch.zeros_like(cuboid_cam.center)).tolist()
     for name, color in (("back", BACK), ("front", FRONT)):
         strength = 0.38 if seen[FACE_NAMES.index(name)] else 0.16
@@ -66,11 +68,11 @@ def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: fl
             continue
         a, b = _pixels(line, K, factor)[:2]
         solid = frozenset(edge) in shown
-        cv2.line(canvas, _fixed(*a), _fixed(*b), EDGE if solid else HIDDEN, 2 if solid else 1, cv2.LINE_AA, SHIFT)
+        cv2.line(canvas, _fixed(*a), _fixed(*b), EDGE if solid else HIDDEN, unit * (2 if solid else 1), cv2.LINE_AA, SHIFT)
     for name, color in (("back", BACK), ("front", FRONT)):
         if seen[FACE_NAMES.index(name)]:
             outline = _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
-            cv2.polylines(canvas, [np.round(outline * (1 << SHIFT)).astype(np.int32)], True, color, 2, cv2.LINE_AA, SHIFT)
+            cv2.polylines(canvas, [np.round(outline * (1 << SHIFT)).astype(np.int32)], True, color, 2 * unit, cv2.LINE_AA, SHIFT)
 
 
 def words_of(label: CuboidLabel) -> list[str]:
@@ -88,11 +90,16 @@ def words_of(label: CuboidLabel) -> list[str]:
 
 def with_words(canvas: Picture, lines: list[str]) -> Picture:
     """The picture with a strip of text below it."""
-    height = 20 * len(lines) + 8
-    strip = np.full((height, canvas.shape[1], 3), PAPER, dtype=np.uint8)
+    unit = thickness(canvas)
+    strip = np.full(((20 * len(lines) + 8) * unit, canvas.shape[1], 3), PAPER, dtype=np.uint8)
     for i, line in enumerate(lines):
-        cv2.putText(strip, line, (8, 20 * i + 19), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+        cv2.putText(strip, line, (8 * unit, (20 * i + 19) * unit), cv2.FONT_HERSHEY_SIMPLEX, 0.5 * unit, INK, unit, cv2.LINE_AA)
     return np.concatenate((canvas, strip))
+
+
+def thickness(canvas: Picture) -> int:
+    """How many times thicker than on a picture of LEAST_WIDTH lines and letters are drawn."""
+    return max(1, round(float(canvas.shape[1]) / (1.5 * LEAST_WIDTH)))
 
 
 def _pixels(points_cam: torch.Tensor, K: torch.Tensor, factor: float) -> NDArray[np.float64]:

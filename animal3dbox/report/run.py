@@ -16,7 +16,7 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.files import write_whole
-from animal3dbox.report.gallery import Card, small_picture, write_gallery
+from animal3dbox.report.gallery import Card, card_picture, write_gallery
 from animal3dbox.report.label_files import LabelFile, RejectedRow, animal_row, write_labels_csv, write_labels_json
 from animal3dbox.report.overlay import draw_label
 from animal3dbox.report.summary import Summary, flags_of, summarize
@@ -71,7 +71,7 @@ def write_run(out: Path, source: str, body: str, config: LabelConfig, results: I
                 sample_id=_name(result, number), image=result.image_id, animal=number, reason=result.outcome.reason, detail=result.outcome.detail
             )
             rejected.append(row)
-            cards.append(Card(row.sample_id, small_picture(result.picture), "rejected", -1.0, None, None, (f"{row.reason}: {row.detail}",), None))
+            cards.append(Card(row.sample_id, card_picture(result.picture), "rejected", -1.0, None, None, (f"{row.reason}: {row.detail}",), None))
             continue
         label = result.outcome
         picture, raised = draw_label(result.picture, label), flags_of(label)
@@ -79,7 +79,7 @@ def write_run(out: Path, source: str, body: str, config: LabelConfig, results: I
         write_whole(out / overlay, _png(picture))
         animals.append(animal_row(label, result.image_id, number, result.category))
         flags.append(raised)
-        cards.append(_card(label, _name(result, number), small_picture(picture), raised, overlay))
+        cards.append(_card(label, _name(result, number), card_picture(picture), raised, overlay))
     summary = summarize(source, body, config.method, animals, flags, rejected, faults)
     write_labels_json(out / "labels.json", LabelFile(body=body, config=asdict(config), animals=animals, rejected=rejected))
     write_labels_csv(out / "labels.csv", animals)
@@ -124,7 +124,7 @@ def _name(result: Labelled, number: int) -> str:
     return result.outcome.sample_id or f"{result.image_id}#{number}"
 
 
-def _card(label: CuboidLabel, title: str, picture: NDArray[np.uint8], raised: Sequence[str], overlay: str) -> Card:
+def _card(label: CuboidLabel, title: str, picture: bytes, raised: Sequence[str], overlay: str) -> Card:
     quality = label.quality
     facts = [f"side {label.side or 'none'}, seen from {label.viewpoint} (azimuth {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)"]
     if quality.reprojection_error_px is not None:

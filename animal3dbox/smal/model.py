@@ -1,7 +1,7 @@
 """A SMAL-family body: template, shape columns, skeleton and skin, and its posing by linear blend skinning."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
@@ -49,6 +49,7 @@ class SmalModel:
         joint_names: J of them.
         landmarks: keypoint name -> vertex ids, whose mean is the keypoint; the order is that of `keypoints`.
         symmetry: (V,) int64, each vertex's mirror image, or None.
+        extra_landmarks: further places of the same form, which other keypoint vocabularies use.
     """
 
     v_template: Tensor
@@ -61,6 +62,7 @@ class SmalModel:
     joint_names: tuple[str, ...]
     landmarks: Mapping[str, tuple[int, ...]]
     symmetry: Tensor | None = None
+    extra_landmarks: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
@@ -77,9 +79,14 @@ class SmalModel:
             raise ShapeError(f"joint_names must name {j} joints as parents does, got {len(self.joint_names)}")
         if self.parents[0] != -1 or any(not 0 <= p < i for i, p in enumerate(self.parents) if i > 0):
             raise ShapeError(f"parents must be -1 and then an earlier joint for each joint, got {self.parents}")
-        for name, ids in self.landmarks.items():
+        for name, ids in self.landmark_groups.items():
             if not ids or min(ids) < 0 or max(ids) >= v:
                 raise ShapeError(f"landmarks[{name!r}] must hold vertex ids in 0..{v - 1}, got {ids}")
+
+    @property
+    def landmark_groups(self) -> dict[str, tuple[int, ...]]:
+        """All landmarks, the extra ones too: name -> vertex ids."""
+        return {**self.landmarks, **self.extra_landmarks}
 
     @property
     def vertex_count(self) -> int:

@@ -31,13 +31,11 @@ class QuadrupedNames:
         columns: a name for each of the S shape columns.
         measures: those that change one named measure.
         presets: those that turn the template into a species at beta 1.
-        extra_landmarks: landmark -> vertex ids, beside the model's 26 keypoints.
     """
 
     columns: tuple[str, ...]
     measures: tuple[str, ...]
     presets: tuple[str, ...]
-    extra_landmarks: Mapping[str, tuple[int, ...]]
 
 
 @cache
@@ -64,6 +62,7 @@ def load_quadruped() -> SmalModel:
         joint_names=_words(arrays, "joint_names"),
         landmarks=dict(list(_landmarks(arrays).items())[:_KEYPOINTS]),
         symmetry=torch.from_numpy(symmetry),
+        extra_landmarks=dict(list(_landmarks(arrays).items())[_KEYPOINTS:]),
     )
 
 
@@ -75,7 +74,6 @@ def quadruped_names() -> QuadrupedNames:
         columns=_words(arrays, "column_names"),
         measures=_words(arrays, "measure_names"),
         presets=_words(arrays, "preset_names"),
-        extra_landmarks=dict(list(_landmarks(arrays).items())[_KEYPOINTS:]),
     )
 
 

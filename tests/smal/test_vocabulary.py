@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from animal3dbox.errors import ConfigError
-from animal3dbox.smal.quadruped import load_quadruped, quadruped_names
+from animal3dbox.smal.quadruped import load_quadruped
 from animal3dbox.smal.vocabulary import VOCABULARIES, Vocabulary, find_vocabulary, vocabulary_from_names
 
 ANIMAL3D_FLIP = (1, 0, 2, 4, 3, 6, 5, 7, 9, 8, 11, 10, 13, 12, 15, 14, 17, 16, 18, 19, 21, 20, 23, 22, 24, 25)
@@ -22,7 +22,7 @@ def test_stanfordextra_keypoints_are_the_animal3d_landmarks_that_its_users_map_t
 @pytest.mark.parametrize("name", sorted(VOCABULARIES))
 def test_sides_are_right_by_geometry_and_flips_are_mirror_images(name: str) -> None:
     model, vocabulary = load_quadruped(), VOCABULARIES[name]
-    points = vocabulary.on_body({**model.landmarks, **quadruped_names().extra_landmarks}, model.v_template)
+    points = vocabulary.on_body(model.landmark_groups, model.v_template)
     assert bool(torch.isfinite(points).all())
     mirror = points[list(vocabulary.flip)] * torch.tensor([1.0, -1, 1], dtype=points.dtype)
     assert float((mirror - points).abs().amax()) < 1e-12

@@ -24,7 +24,6 @@ def write_asset(parts: Parts, path: Path) -> None:
     names = list(parts.landmarks)
     np.savez_compressed(
         path,
-        allow_pickle=False,
         provenance=np.array(PROVENANCE),
         vertices=vertices,
         vertices_scale=np.array(vertices_scale),

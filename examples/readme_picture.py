@@ -1,0 +1,39 @@
+"""The picture of the README: four synthetic animals labelled from keypoints with 2 px of noise.
+
+Run: python examples/readme_picture.py [FILE]
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+from animal3dbox.cli.demo import label_synthetic
+from animal3dbox.datasets.synthetic import noisy_keypoints, synthetic_animal
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.report.overlay import draw_label
+
+ANIMALS = ((0, "dog", "walk"), (4, "cat", "stand"), (12, "horse", "trot"), (7, "cow", "graze"))  # index, preset, pose
+
+
+def main() -> None:
+    """Write the picture."""
+    panels = []
+    for index, preset, pose in ANIMALS:
+        animal = synthetic_animal(0, index, preset=preset, pose=pose)
+        label = label_synthetic(animal, noisy_keypoints(animal.keypoints_2d, 2.0, torch.Generator().manual_seed(index)), LabelConfig())
+        if not isinstance(label, CuboidLabel):
+            raise SystemExit(f"{animal.sample_id}: {label.reason}")
+        panels.append(draw_label(animal.image.numpy(), label))
+    rows = [np.concatenate(panels[i : i + 2], axis=1) for i in (0, 2)]
+    image = Image.fromarray(np.concatenate(rows))
+    image = image.resize((1000, round(image.height * 1000 / image.width)), Image.Resampling.LANCZOS)
+    out = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images/readme.jpg")
+    image.save(out, quality=85, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

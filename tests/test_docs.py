@@ -1,0 +1,70 @@
+"""The documents say what is so."""
+
+import ast
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+ROW = re.compile(r"^\| .* \| (section [^|]+?) \| `([^`]+)` \| `([^`]+)` \|$", re.MULTILINE)
+
+
+def docstrings() -> dict[tuple[str, str], str]:
+    """(file, qualified name) -> docstring of every function and class of the package."""
+    found = {}
+    for home in ("animal3dbox", "datasets", "transforms"):
+        for path in sorted((ROOT / home).rglob("*.py")):
+            if path.is_relative_to(ROOT / "animal3dbox" / "datasets") or path.is_relative_to(ROOT / "animal3dbox" / "transforms"):
+                continue
+            stack: list[tuple[str, ast.AST]] = [("", ast.parse(path.read_text()))]
+            while stack:
+                prefix, node = stack.pop()
+                for child in ast.iter_child_nodes(node):
+                    if isinstance(child, (ast.FunctionDef, ast.ClassDef)):
+                        found[path.relative_to(ROOT).as_posix(), prefix + child.name] = " ".join((ast.get_docstring(child) or "").split())
+                        stack.append((f"{prefix}{child.name}.", child))
+    return found
+
+
+ROWS = ROW.findall((ROOT / "docs" / "paper.md").read_text())
+
+
+def test_the_table_of_the_paper_has_its_steps() -> None:
+    assert len(ROWS) >= 20
+
+
+@pytest.mark.parametrize(("citation", "file", "function"), ROWS, ids=[row[0] for row in ROWS])
+def test_each_step_of_the_paper_is_cited_by_exactly_the_docstring_named(citation: str, file: str, function: str) -> None:
+    citing = [key for key, text in docstrings().items() if re.search(rf"\({re.escape(citation)}\)", text)]
+    assert citing == [(file, function)]
+
+
+def test_every_citation_of_an_equation_is_in_the_table() -> None:
+    cited = {match for text in docstrings().values() for match in re.findall(r"\((section [0-9.]+, [^)]+)\)", text)}
+    assert cited == {row[0] for row in ROWS}
+
+
+@pytest.mark.parametrize("name", sorted(p.relative_to(ROOT).as_posix() for p in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]))
+def test_links_and_pictures_in_the_documents_exist(name: str) -> None:
+    page = ROOT / name
+    targets = re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text())
+    missing = [t for t in targets if not t.startswith(("http:", "https:")) and not (page.parent / t).exists()]
+    assert missing == []
+
+
+def test_the_readme_shows_the_example_that_is_run() -> None:
+    example = (ROOT / "examples" / "label_one_animal.py").read_text().split('"""\n\n', 1)[1]
+    assert f"```python\n{example}```" in (ROOT / "README.md").read_text()
+    assert len([line for line in example.splitlines() if line.strip()]) <= 20
+
+
+def test_the_readmes_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(ROOT / "examples" / "label_one_animal.py"))
+    assert "side, seen from" in capsys.readouterr().out
+
+
+def test_the_readmes_test_command_is_what_ci_runs() -> None:
+    assert "make test" in (ROOT / "README.md").read_text()
+    assert "make test" in (ROOT / ".ci" / "run").read_text()
