@@ -21,10 +21,13 @@ from torch import Tensor
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
-from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.model import SmalModel, trunk_rotation
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
+from animal3dbox.smal.quadruped_poses import POSES, named_pose
 from animal3dbox.smal.vocabulary import VOCABULARIES, Vocabulary
 
+BREED = 0.02
+"""Difference between one animal of a species and its preset, in body lengths: dogs differ by more, but not in all at once."""
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 
 
@@ -36,12 +39,15 @@ class Body:
         vertices: (V, 3).
         faces: (F, 3) int64.
         landmarks: (J, 3) the record's keypoints on the body; NaN for those it does not have.
+        landmark_sigma: (J,) how far each may be from where the body has it, in the body's unit; None for a body in the
+            animal's own pose.
         template: what the vertices correspond to, or None.
     """
 
     vertices: Tensor
     faces: Tensor
     landmarks: Tensor
+    landmark_sigma: Tensor | None
     template: SmalModel | None
 
 
@@ -79,13 +85,32 @@ class PresetBody:
     def body(self, record: AnimalRecord) -> Body:
         """The preset's body with the record's landmarks."""
         model, vertices = _shaped(self.preset)
-        return Body(vertices, model.faces, record.vocabulary.on_body(model.landmark_groups, vertices), model)
+        landmarks = record.vocabulary.on_body(model.landmark_groups, vertices)
+        return Body(vertices, model.faces, landmarks, landmark_mobility(self.preset, record.vocabulary), model)
 
 
 @lru_cache(maxsize=16)
 def _shaped(preset: str) -> tuple[SmalModel, Tensor]:
     model = load_quadruped()
     return model, model.shaped(preset_betas(preset)[None])[0]
+
+
+@lru_cache(maxsize=64)
+def landmark_mobility(preset: str, vocabulary: Vocabulary) -> Tensor:
+    """How far each landmark (J,) strays from where the standing body has it, seen from the trunk, over the named poses.
+
+    The root mean square along one axis, in the body's unit, and on top BREED for what one shape misses of a species.
+    """
+    model, standing = _shaped(preset)
+    poses = torch.stack([named_pose(pose) for pose in POSES])
+    body = model.posed(preset_betas(preset).expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=torch.float64))
+    torso = model.torso_vertices
+    strays = []
+    for vertices, R_trunk in zip(body.vertices, trunk_rotation(body.R_world_joint), strict=True):
+        upright = (vertices - vertices[torso].mean(0)) @ R_trunk + standing[torso].mean(0)
+        strays.append(vocabulary.on_body(model.landmark_groups, upright) - vocabulary.on_body(model.landmark_groups, standing))
+    mean_square = torch.stack(strays).pow(2).mean((0, 2))
+    return (mean_square.nan_to_num() + BREED**2).sqrt()
 
 
 @dataclass(frozen=True)
@@ -111,7 +136,7 @@ class MeshBody:
 
     def body(self, record: AnimalRecord) -> Body:
         """The mesh with the record's landmarks."""
-        return Body(self.vertices, self.faces, self._landmarks(record.vocabulary), None)
+        return Body(self.vertices, self.faces, self._landmarks(record.vocabulary), None, None)
 
     def _landmarks(self, vocabulary: Vocabulary) -> Tensor:
         rows = torch.full((len(vocabulary), 3), torch.nan, dtype=torch.float64)

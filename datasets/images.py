@@ -73,6 +73,18 @@ def read_image(path: Path, sample_id: str, expected_hw: tuple[int, int] | None =
         raise SampleError(sample_id, "image", f"{path.name} cannot be decoded ({error}); replace the file") from error
 
 
+def orientation_warning(path: Path) -> str | None:
+    """A sentence for an image whose EXIF orientation is not upright, which is not applied; None otherwise."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path, formats=FORMATS) as image:
+                turned = image.getexif().get(ExifTags.Base.Orientation, 1)
+    except (OSError, SyntaxError, ValueError, NotImplementedError, Image.DecompressionBombError):
+        return None  # read_image says what is wrong with it
+    return None if turned in (0, 1) else f"the image's EXIF orientation {turned} was not applied: are the annotations for the pixels as stored?"
+
+
 def _check_size(image: Image.Image, sample_id: str, expected_hw: tuple[int, int] | None) -> None:
     width, height = image.size
     if width * height > MAX_PIXELS:
@@ -94,7 +106,8 @@ def _as_rgb(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:
         deep = np.asarray(image).astype(np.int64)
         if deep.min() < 0 or deep.max() > 65535:
             raise SampleError(sample_id, "image", f"has values from {deep.min()} to {deep.max()}: not an 8- or 16-bit picture")
-        return np.repeat((deep // 257).astype(np.uint8)[:, :, None], 3, axis=2)
+        grey = deep if image.mode == "I" and deep.max() <= 255 else deep // 257  # a 32-bit file that only holds 8 bits
+        return np.repeat(grey.astype(np.uint8)[:, :, None], 3, axis=2)
     if image.mode == "F":
         raise SampleError(sample_id, "image", "holds floating-point values; save it as 8-bit first")
     if image.mode == "P" and "transparency" in image.info:

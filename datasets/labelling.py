@@ -1,6 +1,9 @@
 """From a record to its label: the one way that every dataset and command goes."""
 
+from dataclasses import replace
+
 from animal3dbox.datasets.bodies import BodySource
+from animal3dbox.datasets.images import orientation_warning
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
@@ -10,15 +13,18 @@ from animal3dbox.labels.types import CuboidLabel, Rejection
 def label_record(record: AnimalRecord, bodies: BodySource, config: LabelConfig) -> CuboidLabel | Rejection:
     """The label of a record's animal with the body that a source gives it.
 
+    An EXIF orientation of the image, which is not applied, is among the label's warnings.
+
     Raises:
         SampleError: the record is unusable; names the sample, the field and the remedy.
 
     """
     body = bodies.body(record)
-    return label_animal(
+    outcome = label_animal(
         record.image_hw,
         keypoints_2d=record.keypoints_2d,
         keypoints_3d=body.landmarks,
+        landmark_sigma=body.landmark_sigma,
         vertices=body.vertices,
         faces=body.faces,
         template=body.template,
@@ -27,3 +33,7 @@ def label_record(record: AnimalRecord, bodies: BodySource, config: LabelConfig) 
         sample_id=record.sample_id,
         config=config,
     )
+    turned = orientation_warning(record.image_path)
+    if turned is None or isinstance(outcome, Rejection):
+        return outcome
+    return replace(outcome, quality=replace(outcome.quality, warnings=(*outcome.quality.warnings, turned)))

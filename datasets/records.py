@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.rle import decode_mask
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.vocabulary import Vocabulary
 
@@ -21,7 +22,7 @@ class AnimalRecord:
         image_hw: height and width that the annotations are for.
         vocabulary: what the keypoints are.
         keypoints_2d: (J, 3) x, y, confidence; 0 where missing.
-        mask: (H, W) bool, or None.
+        mask_runs: run lengths of the mask, as COCO writes them; None without a mask.
         category: what the dataset calls the animal.
     """
 
@@ -31,8 +32,13 @@ class AnimalRecord:
     image_hw: tuple[int, int]
     vocabulary: Vocabulary
     keypoints_2d: NDArray[np.float64]
-    mask: NDArray[np.bool_] | None
+    mask_runs: str | tuple[int, ...] | None
     category: str
+
+    @property
+    def mask(self) -> NDArray[np.bool_] | None:
+        """The mask (H, W), decoded when it is asked for: the masks of a large dataset would fill the memory."""
+        return None if self.mask_runs is None else decode_mask(self.mask_runs, self.image_hw)
 
 
 @dataclass(frozen=True)

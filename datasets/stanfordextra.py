@@ -12,7 +12,7 @@ from animal3dbox.datasets.images import MAX_PIXELS, resolve_inside
 from animal3dbox.datasets.json_files import read_json_list
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.rle import RleError, decode_mask
-from animal3dbox.errors import DatasetNotFoundError, SampleError
+from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.smal.vocabulary import VOCABULARIES
 
 FORMAT = "stanfordextra"
@@ -81,7 +81,10 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
     faults: list[SampleError] = []
     seen: dict[str, int] = {}
     copies: dict[bytes, int] = {}
-    for i, raw in enumerate(read_json_list(annotations)):
+    entries = read_json_list(annotations)
+    if not entries:
+        raise DatasetFormatError(f"{annotations} is a list without an entry")
+    for i, raw in enumerate(entries):
         try:
             record = _record(raw, i, root, seen)
             if (first := copies.setdefault(bytes(raw), i)) != i:
@@ -115,7 +118,7 @@ def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> A
         image_hw=image_hw,
         vocabulary=VOCABULARY,
         keypoints_2d=joints,
-        mask=_mask(entry.seg, image_hw, sample_id),
+        mask_runs=_mask_runs(entry.seg, image_hw, sample_id),
         category="dog",
     )
 
@@ -158,8 +161,8 @@ def _check_joints_in_box(joints: NDArray[np.float64], box: list[float], sample_i
         )
 
 
-def _mask(seg: str | dict[str, object] | None, image_hw: tuple[int, int], sample_id: str) -> NDArray[np.bool_] | None:
-    """The mask of a run-length string, or of COCO's {size, counts}."""
+def _mask_runs(seg: str | dict[str, object] | None, image_hw: tuple[int, int], sample_id: str) -> str | tuple[int, ...] | None:
+    """The run lengths of a string, or of COCO's {size, counts}, checked by decoding them once."""
     if seg is None:
         return None
     counts = seg
@@ -169,10 +172,10 @@ def _mask(seg: str | dict[str, object] | None, image_hw: tuple[int, int], sample
             raise SampleError(sample_id, "seg", f"is a mask of size {seg.get('size')}, but the image is {list(image_hw)} (height, width)")
     if not isinstance(counts, str) and not (isinstance(counts, list) and all(isinstance(c, int) for c in counts)):
         raise SampleError(sample_id, "seg", "must be a run-length string or {size, counts}")
+    runs = counts if isinstance(counts, str) else tuple(counts)
     try:
-        mask = decode_mask(counts, image_hw)
+        if not decode_mask(runs, image_hw).any():
+            raise SampleError(sample_id, "seg", "is an empty mask: leave seg out if there is none")
     except RleError as error:
         raise SampleError(sample_id, "seg", str(error)) from error
-    if not mask.any():
-        raise SampleError(sample_id, "seg", "is an empty mask: leave seg out if there is none")
-    return mask
+    return runs

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from animal3dbox.datasets.bodies import landmark_mobility
 from animal3dbox.datasets.synthetic import SyntheticAnimal, noisy_keypoints, synthetic_animal
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.camera import project
@@ -109,27 +110,31 @@ def standing_vertices(animal: SyntheticAnimal) -> Tensor:
     return animal.model.shaped(preset_betas(animal.preset)[None])[0]
 
 
-def label_synthetic(animal: SyntheticAnimal, keypoints: Tensor, config: LabelConfig, vertices: Tensor | None = None) -> CuboidLabel | Rejection:
+def label_synthetic(animal: SyntheticAnimal, keypoints: Tensor, config: LabelConfig, rigid: bool = False) -> CuboidLabel | Rejection:
     """Label a synthetic animal from keypoints, its mask and its intrinsics; the camera pose is not given.
 
     Args:
         animal: whom.
         keypoints: (26, 3).
         config: how.
-        vertices: (V, 3) a body to use instead of the true one.
+        rigid: with the standing species, as for photographs, instead of the true body.
 
     """
+    vertices, sigma = animal.vertices, None
+    if rigid:
+        vertices, sigma = standing_vertices(animal), landmark_mobility(animal.preset, VOCABULARIES["animal3d26"])
     return label_animal(
         animal.image_hw,
         keypoints,
         None,
-        animal.vertices if vertices is None else vertices,
+        vertices,
         animal.model.faces,
         animal.model,
         K=animal.K,
         mask=animal.mask,
         sample_id=animal.sample_id,
         config=config,
+        landmark_sigma=sigma,
     )
 
 
@@ -147,7 +152,7 @@ def run_demo(job: DemoJob) -> int:
         body = standing_vertices(animal) if job.rigid else animal.vertices
         landmarks, truth = VOCABULARIES["animal3d26"].on_body(animal.model.landmarks, body), true_cuboid(animal)
         for method, config in METHODS.items():
-            outcome = label_synthetic(animal, keypoints, config, body)
+            outcome = label_synthetic(animal, keypoints, config, job.rigid)
             if isinstance(outcome, CuboidLabel):
                 scores[method].append(score(outcome, animal, landmarks, truth))
             if method == "default":

@@ -3,7 +3,7 @@
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 
 Exit codes: 0 all samples were read (each animal has a label or a reason in report.json); 2 wrong usage; 3 the input
-cannot be found or read as a whole; 4 done, but some samples were faulty and are listed in report.json.
+cannot be found or read as a whole; 4 done, but some samples were faulty and are listed in report.json; 5 the results could not be written.
 """
 
 import sys
@@ -15,7 +15,7 @@ import tyro
 
 from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError, DatasetNotFoundError
 
-EXIT_USAGE, EXIT_INPUT, EXIT_FAULTY = 2, 3, 4
+EXIT_USAGE, EXIT_INPUT, EXIT_OUTPUT = 2, 3, 5
 
 
 def demo(
@@ -65,10 +65,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = _complain(error, EXIT_INPUT)
     except Animal3DBoxError as error:
         code = _complain(error, EXIT_INPUT)
+    except OSError as error:  # a full disk, a folder that may not be written
+        code = _complain(error, EXIT_OUTPUT)
     sys.exit(code)
 
 
-def _complain(error: Animal3DBoxError, code: int) -> int:
+def _complain(error: Exception, code: int) -> int:
     print(f"animal3dbox: {error}", file=sys.stderr)
     return code
 

@@ -13,7 +13,7 @@ from animal3dbox.labels.observation import ArrayLike, Observation, observe
 from animal3dbox.labels.pose import estimate_pose
 from animal3dbox.labels.pose_problem import PoseFailure, PoseProblem
 from animal3dbox.labels.types import CuboidLabel, Rejection
-from animal3dbox.labels.uncertainty import keypoint_sigma
+from animal3dbox.labels.uncertainty import keypoint_sigma, misfit_sigma
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.vocabulary import Vocabulary
 
@@ -32,6 +32,7 @@ def label_animal(
     vocabulary: str | Vocabulary = "animal3d26",
     sample_id: str | None = None,
     config: LabelConfig | None = None,
+    landmark_sigma: ArrayLike = None,
 ) -> CuboidLabel | Rejection:
     """The oriented cuboid of one animal, the camera that sees it and the faces that are seen (the whole of section 2).
 
@@ -52,6 +53,8 @@ def label_animal(
         vocabulary: the keypoints' names: a known vocabulary or your own.
         sample_id: named in every error.
         config: the method.
+        landmark_sigma: (J,) how far each landmark may be from where the body has it, in the mesh's unit, for a body that is
+            not in the animal's pose; None: the body is. Used by method "default".
 
     Returns:
         A label, or a rejection with its reason.
@@ -62,7 +65,8 @@ def label_animal(
 
     """
     config = config or LabelConfig()
-    seen = observe(image_hw, keypoints_2d, keypoints_3d, vertices, faces, template, K, pose, pose_hypotheses, mask, vocabulary, sample_id, config)
+    body = (keypoints_3d, landmark_sigma, vertices, faces, template)
+    seen = observe(image_hw, keypoints_2d, *body, K, pose, pose_hypotheses, mask, vocabulary, sample_id, config)
     if config.axes == "pca" and seen.vertices is None and not bool(seen.has_landmark.any()):
         return Rejection(sample_id, "no_axes", "there are neither vertices nor landmarks")
     axes = body_axes(seen, config.axes)
@@ -100,6 +104,8 @@ def _pose_problem(seen: Observation, R_box: Tensor, config: LabelConfig) -> Pose
     points = seen.landmarks[used] if seen.landmarks is not None else empty
     keypoints = seen.keypoints_2d[used] if seen.keypoints_2d is not None else empty
     sigma = keypoint_sigma(keypoints, seen.image_hw, config)
+    if config.method == "default":
+        sigma = torch.hypot(sigma, misfit_sigma(points, keypoints[:, :2], seen.landmark_sigma[used]))
     return PoseProblem(
         points, keypoints[:, :2], sigma, seen.K, seen.image_hw, R_box, seen.vertices, None if seen.mask is None else mask_box(seen.mask)
     )

@@ -29,6 +29,7 @@ class Observation:
         keypoints_2d: (J, 3) x, y, confidence; x = y = 0 and confidence 0 where missing; None without keypoints.
         landmarks: (J, 3) the landmarks on the body, world; None without any.
         has_landmark: (J,) which of them the body has.
+        landmark_sigma: (J,) how far each may be from where the body has it, in the body's unit; 0 if it is exact.
         vertices: (V, 3) world, or None.
         faces: (F, 3) int64, or None.
         template: what the vertices correspond to, or None.
@@ -46,6 +47,7 @@ class Observation:
     keypoints_2d: Tensor | None
     landmarks: Tensor | None
     has_landmark: Tensor
+    landmark_sigma: Tensor
     vertices: Tensor | None
     faces: Tensor | None
     template: SmalModel | None
@@ -141,6 +143,13 @@ class _Reader:
             raise self.fail("mask", "is empty: leave it out (mask=None) if there is none")
         return mask > 0
 
+    def sigma(self, value: ArrayLike, words: Vocabulary) -> Tensor:
+        """Deviations of the landmarks, one a keypoint, not negative."""
+        sigma = self.finite("landmark_sigma", value, "J")
+        if len(sigma) != len(words) or bool((sigma < 0).any()):
+            raise self.fail("landmark_sigma", f"must be {len(words)} numbers of at least 0, in the mesh's unit, for vocabulary {words.name}")
+        return sigma
+
     def faces(self, value: ArrayLike, n_vertices: int) -> Tensor:
         faces = self.finite("faces", value, "F 3").long()
         if faces.numel() and (int(faces.min()) < 0 or int(faces.max()) >= n_vertices):
@@ -152,6 +161,7 @@ def observe(
     image_hw: tuple[int, int],
     keypoints_2d: ArrayLike,
     keypoints_3d: ArrayLike,
+    landmark_sigma: ArrayLike,
     vertices: ArrayLike,
     faces: ArrayLike,
     template: SmalModel | None,
@@ -190,6 +200,7 @@ def observe(
         vocabulary=words,
         keypoints_2d=seen,
         landmarks=landmarks,
+        landmark_sigma=torch.zeros(len(words), dtype=torch.float64) if landmark_sigma is None else read.sigma(landmark_sigma, words),
         has_landmark=torch.zeros(len(words), dtype=torch.bool) if landmarks is None else torch.isfinite(landmarks).all(1),
         vertices=body,
         faces=None if faces is None or body is None else read.faces(faces, len(body)),

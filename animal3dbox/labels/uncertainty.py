@@ -6,6 +6,26 @@ from torch import Tensor
 from animal3dbox.labels.config import LabelConfig
 
 
+def misfit_sigma(points_world: Tensor, points_px: Tensor, landmark_sigma: Tensor) -> Tensor:
+    """What an uncertain place on the body is worth in pixels.
+
+    Args:
+        points_world: (N, 3) landmarks on the body.
+        points_px: (N, 2) where they are seen.
+        landmark_sigma: (N,) how far each may be from where the body has it, in the body's unit.
+
+    Returns:
+        (N,) in px, by the ratio of the spreads in the image and in space; the mean of all directions is 3 / 2 of what
+        one view shows of a squared length.
+
+    """
+    if not len(points_world):
+        return torch.zeros_like(landmark_sigma)
+    spread_px = (points_px - points_px.mean(0)).pow(2).sum(-1).mean()
+    spread_world = (points_world - points_world.mean(0)).pow(2).sum(-1).mean().clamp_min(1e-300)
+    return landmark_sigma * (1.5 * spread_px / spread_world).sqrt()
+
+
 def keypoint_sigma(keypoints_2d: Tensor, image_hw: tuple[int, int], config: LabelConfig) -> Tensor:
     """Standard deviation of each keypoint in pixels; Sigma_i is its square times the identity (section 2.2.1, Sigma_i).
 

@@ -108,8 +108,6 @@ def overlay_name(image_id: str, number: int, taken: set[str]) -> str:
 
 def _number(result: Labelled, counted: int) -> int:
     """The animal's number in its image: the one its sample_id says ("image#k"), so that a faulty neighbour shifts none."""
-    if result.outcome.sample_id == result.image_id:
-        return 0
     said = (result.outcome.sample_id or "").removeprefix(f"{result.image_id}#")
     return int(said) if said.isdecimal() else counted
 

@@ -1,6 +1,7 @@
 import torch
 from torch.testing import assert_close
 
+from animal3dbox.datasets.bodies import BREED, landmark_mobility
 from animal3dbox.datasets.shading import shade, vertex_normals
 from animal3dbox.datasets.synthetic import noisy_keypoints, synthetic_animal
 from animal3dbox.geometry.camera import intrinsics
@@ -70,3 +71,11 @@ def test_a_face_turned_to_the_light_is_brighter_than_one_turned_away() -> None:
     assert int(front[10, 10, 0]) > int(back[10, 10, 0])
     assert bool(mask[10, 10])
     assert int(front[0, 0, 0]) == round(0.86 * 255)
+
+
+def test_the_trunk_strays_less_from_the_standing_body_than_paws_head_and_tail() -> None:
+    vocabulary = VOCABULARIES["animal3d26"]
+    mobility = dict(zip(vocabulary.keypoints, landmark_mobility("dog", vocabulary).tolist(), strict=True))
+    assert mobility["tail_base"] < mobility["left_front_elbow"] < mobility["left_front_paw"]
+    assert mobility["left_shoulder"] < mobility["neck"] < mobility["nose"]
+    assert min(mobility.values()) >= BREED

@@ -144,6 +144,18 @@ def test_a_camera_within_the_box_sees_no_face_and_the_label_has_no_side() -> Non
     assert float(label.face_share.sum()) == 0
 
 
+def test_landmarks_said_to_be_uncertain_pull_less() -> None:
+    R, t = camera_round(50, 15)
+    keypoints, sigma = keypoints_seen(R, t), torch.full((26,), 0.01, dtype=F64)
+    legs = [i for i, name in enumerate(VOCABULARIES["animal3d26"].keypoints) if any(part in name for part in ("paw", "wrist", "hock"))]
+    keypoints[legs, 0] += 45  # all lower legs stand elsewhere than the body has them
+    truth = labelled(label_animal(IMAGE_HW, None, toy_landmarks(), MESH, K=K, pose=(R, t)))
+    plain = labelled(label_animal(IMAGE_HW, keypoints, toy_landmarks(), MESH, K=K, landmark_sigma=sigma))
+    sigma[legs] = 0.5
+    told = labelled(label_animal(IMAGE_HW, keypoints, toy_landmarks(), MESH, K=K, landmark_sigma=sigma))
+    assert float((told.corners_3d - truth.corners_3d).abs().amax()) < 0.3 * float((plain.corners_3d - truth.corners_3d).abs().amax())
+
+
 def test_missing_keypoints_never_reach_a_solver() -> None:
     R, t = camera_round(50, 15)
     keypoints = keypoints_seen(R, t)
@@ -218,6 +230,8 @@ BAD: dict[str, tuple[dict[str, object], str, str]] = {
     "too few vertices": ({"vertices": np.zeros((3, 3)), "faces": None}, "vertices", "must be a body"),
     "no body at all": ({"vertices": None, "keypoints_3d": None}, "vertices", "give vertices or keypoints_3d"),
     "vertices that do not fit the template": ({"template": load_quadruped()}, "vertices", "correspond one to one"),
+    "landmark deviations of the wrong count": ({"landmark_sigma": [0.1]}, "landmark_sigma", "26 numbers"),
+    "negative landmark deviations": ({"landmark_sigma": [-0.1] * 26}, "landmark_sigma", "at least 0"),
     "faces out of range": ({"faces": [[0, 1, 99999]]}, "faces", "must index"),
     "K with a zero focal length": ({"K": np.diag([0.0, 1, 1])}, "K", "positive focal"),
     "K of the wrong shape": ({"K": np.eye(4)}, "K", "shape"),

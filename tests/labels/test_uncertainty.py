@@ -2,7 +2,7 @@ import torch
 from torch.testing import assert_close
 
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.uncertainty import keypoint_sigma
+from animal3dbox.labels.uncertainty import keypoint_sigma, misfit_sigma
 
 CONFIG = LabelConfig(sigma_visible_px=2.0, sigma_occluded_px=6.0, edge_band=0.1, edge_gain=4.0, confidence_floor=0.1, occluded_below=0.5)
 
@@ -29,3 +29,16 @@ def test_a_doubtful_keypoint_counts_as_occluded_and_confidence_has_a_floor() -> 
 
 def test_outside_the_image_the_edge_factor_stays_at_its_most() -> None:
     assert_close(sigma_of(-500, 50, 1.0), (4.0 * 4) ** 0.5)
+
+
+def test_an_uncertain_landmark_is_worth_its_length_in_pixels_on_average_over_views() -> None:
+    ball = torch.nn.functional.normalize(torch.randn(4000, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64), dim=-1)
+    seen = 250 * ball[:, :2] + 40  # 250 px a unit, from any side
+    assert_close(
+        misfit_sigma(ball, seen, torch.tensor([0.0, 0.1], dtype=torch.float64)), torch.tensor([0.0, 25.0], dtype=torch.float64), rtol=0.03, atol=0
+    )
+
+
+def test_without_keypoints_there_is_nothing_to_be_uncertain_of() -> None:
+    nothing = torch.zeros(0, 3, dtype=torch.float64)
+    assert len(misfit_sigma(nothing, nothing[:, :2], nothing[:, 0])) == 0
