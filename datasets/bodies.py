@@ -24,7 +24,8 @@ from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundE
 from animal3dbox.smal.model import SmalModel, trunk_rotation
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
 from animal3dbox.smal.quadruped_poses import POSES, named_pose
-from animal3dbox.smal.vocabulary import VOCABULARIES, Vocabulary
+from animal3dbox.smal.vocabularies import VOCABULARIES
+from animal3dbox.smal.vocabulary import Vocabulary
 
 BREED = 0.02
 """Difference between one animal of a species and its preset, in body lengths: dogs differ by more, but not in all at once."""

@@ -13,7 +13,7 @@ from animal3dbox.datasets.json_files import read_json_list
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.rle import RleError, decode_mask
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
-from animal3dbox.smal.vocabulary import VOCABULARIES
+from animal3dbox.smal.vocabularies import VOCABULARIES
 
 FORMAT = "stanfordextra"
 VOCABULARY = VOCABULARIES["stanfordextra24"]

@@ -11,7 +11,8 @@ from animal3dbox.geometry.camera import intrinsics, look_at, project
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
 from animal3dbox.smal.quadruped_poses import POSES, ground_trans, named_pose
-from animal3dbox.smal.vocabulary import VOCABULARIES, Vocabulary
+from animal3dbox.smal.vocabularies import VOCABULARIES
+from animal3dbox.smal.vocabulary import Vocabulary
 
 COATS = {
     "dog": (0.66, 0.47, 0.28), "cat": (0.58, 0.52, 0.46), "horse": (0.45, 0.27, 0.17), "cow": (0.82, 0.78, 0.72),

@@ -24,7 +24,7 @@ from animal3dbox.report.files import write_whole
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.smal.model import trunk_rotation
 from animal3dbox.smal.quadruped import preset_betas
-from animal3dbox.smal.vocabulary import VOCABULARIES
+from animal3dbox.smal.vocabularies import VOCABULARIES
 
 METHODS = {
     "basic": LabelConfig(method="basic"),

@@ -12,7 +12,8 @@ from animal3dbox.geometry.checks import check_finite, check_image_hw, check_intr
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.pose_problem import PoseEstimate
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.vocabulary import Vocabulary, find_vocabulary
+from animal3dbox.smal.vocabularies import find_vocabulary
+from animal3dbox.smal.vocabulary import Vocabulary
 
 ArrayLike = Any
 """A tensor, a NumPy array or nested lists of numbers."""

@@ -1,6 +1,6 @@
 """A SMAL-family body: template, shape columns, skeleton and skin, and its posing by linear blend skinning."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -79,14 +79,15 @@ class SmalModel:
             raise ShapeError(f"joint_names must name {j} joints as parents does, got {len(self.joint_names)}")
         if self.parents[0] != -1 or any(not 0 <= p < i for i, p in enumerate(self.parents) if i > 0):
             raise ShapeError(f"parents must be -1 and then an earlier joint for each joint, got {self.parents}")
-        for name, ids in self.landmark_groups.items():
+        for name, ids in {**self.landmarks, **self.extra_landmarks}.items():
             if not ids or min(ids) < 0 or max(ids) >= v:
                 raise ShapeError(f"landmarks[{name!r}] must hold vertex ids in 0..{v - 1}, got {ids}")
 
     @property
-    def landmark_groups(self) -> dict[str, tuple[int, ...]]:
-        """All landmarks, the extra ones too: name -> vertex ids."""
-        return {**self.landmarks, **self.extra_landmarks}
+    def landmark_groups(self) -> dict[str, Sequence[int] | Tensor]:
+        """Every place that a keypoint can be read off: landmarks, the extra ones too, as vertex ids; "joint:NAME" as weights (V,)."""
+        joints = {f"joint:{name}": weights for name, weights in zip(self.joint_names, self.J_regressor, strict=True)}
+        return {**self.landmarks, **self.extra_landmarks, **joints}
 
     @property
     def vertex_count(self) -> int:

@@ -1,20 +1,19 @@
 """Keypoint vocabularies: which landmark of the body each keypoint of a dataset is, and what a mirror does to it."""
 
+import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+import msgspec
 import torch
 from torch import Tensor
 
 from animal3dbox.errors import ConfigError
 
-ANIMAL3D_26 = (
-    "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw", "right_back_paw", "tail_base",
-    "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee", "left_shoulder", "right_shoulder",
-    "left_front_wrist", "right_front_wrist", "left_back_hock", "right_back_hock", "neck", "tail_tip", "left_ear", "right_ear",
-    "left_mouth", "right_mouth", "nose", "tail_middle",
-)  # fmt: skip
-"""Landmarks of the body in Animal3D's order; every other vocabulary is mapped onto these names."""
+Groups = Mapping[str, Sequence[int] | Tensor]
+"""Landmark name -> vertex ids, or weights (V,)."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +23,8 @@ class Vocabulary:
     Attributes:
         name: what the vocabulary is called.
         keypoints: (J,) the dataset's own names, in its order.
-        landmarks: (J,) for each keypoint the names of the body landmarks that it can be read off, best first; none if
-            the body has no such place.
+        landmarks: (J,) for each keypoint the places on the body that it can be read off, best first: a landmark's name,
+            "joint:NAME", "vertex:12" or "vertices:12+13"; none if the body has no such place.
         flip: (J,) the index of each keypoint's mirror image; itself in the middle of the body.
     """
 
@@ -39,99 +38,126 @@ class Vocabulary:
             raise ConfigError(f"vocabulary {self.name}: keypoints, landmarks and flip must have one entry a keypoint, and names must differ")
         if sorted(self.flip) != list(range(len(self.flip))) or any(self.flip[self.flip[i]] != i for i in range(len(self.flip))):
             raise ConfigError(f"vocabulary {self.name}: flip must be a permutation that undoes itself, got {self.flip}")
+        for keypoint, names, side in zip(self.keypoints, self.landmarks, self.sides, strict=True):
+            crossed = [name for name in names if side_of(name) not in (side, None)]
+            if crossed and side_of(keypoint) is not None:
+                raise ConfigError(f"vocabulary {self.name}: keypoint {keypoint!r} is {side}, but its landmark {crossed[0]!r} is not")
 
     def __len__(self) -> int:
         return len(self.keypoints)
+
+    @property
+    def sides(self) -> tuple[str | None, ...]:
+        """(J,) "left", "right", or None in the middle, by the keypoint's name, else by its landmark's."""
+        return tuple(side_of(k) or next((side_of(name) for name in names), None) for k, names in zip(self.keypoints, self.landmarks, strict=True))
 
     def index_of(self, landmark: str) -> int | None:
         """The keypoint that a landmark is best read as, or None if the vocabulary has none."""
         return next((i for i, names in enumerate(self.landmarks) if landmark in names), None)
 
-    def on_body(self, groups: Mapping[str, Sequence[int]], vertices: Tensor) -> Tensor:
-        """The keypoints of a body: means of its vertex groups.
+    def on_body(self, groups: Groups, vertices: Tensor) -> Tensor:
+        """The keypoints of a body.
 
         Args:
-            groups: landmark name -> vertex ids.
+            groups: landmark name -> vertex ids, whose mean it is, or weights (V,) of all vertices, as a joint has.
             vertices: (V, 3) in any frame.
 
         Returns:
-            (J, 3) in the same frame; NaN for a keypoint that the body has no group for.
+            (J, 3) in the same frame; NaN for a keypoint that the body has no place for.
+
+        Raises:
+            ConfigError: a keypoint names a vertex that the body does not have.
 
         """
         points = torch.full((len(self), 3), torch.nan, dtype=vertices.dtype, device=vertices.device)
-        for row, names in enumerate(self.landmarks):
-            found = next((groups[name] for name in names if name in groups), None)
-            if found is not None:
-                points[row] = vertices[list(found)].mean(0)
+        for row, ids in enumerate(self.places(groups, len(vertices))):
+            if ids is not None:
+                points[row] = ids.to(vertices) @ vertices if isinstance(ids, Tensor) else vertices[list(ids)].mean(0)
         return points
+
+    def places(self, groups: Groups, n_vertices: int) -> list[Sequence[int] | Tensor | None]:
+        """Where each keypoint (J,) is read off: vertex ids, weights (V,), or None; see on_body."""
+        found: list[Sequence[int] | Tensor | None] = []
+        for keypoint, names in zip(self.keypoints, self.landmarks, strict=True):
+            found.append(next((place for name in names if (place := groups.get(name, _vertex_ids(name))) is not None), None))
+            last = found[-1]
+            if last is not None and not isinstance(last, Tensor) and not all(0 <= i < n_vertices for i in last):
+                raise ConfigError(f"vocabulary {self.name}: keypoint {keypoint!r} is at vertices {list(last)}, but the body has {n_vertices}")
+        return found
+
+
+def _vertex_ids(name: str) -> tuple[int, ...] | None:
+    """The ids of "vertex:12" or "vertices:12+13"; None for any other name."""
+    kind, _, ids = name.partition(":")
+    return tuple(int(i) for i in ids.split("+")) if kind in ("vertex", "vertices") else None
+
+
+_SIDE = re.compile(r"(?<![A-Za-z])(left|right|[LR](?=_))(?![a-z])|(?<![A-Z])(Left|Right)(?![a-z])")
+_TWIN = {"left": "right", "Left": "Right", "L": "R", "right": "left", "Right": "Left", "R": "L"}
+
+
+def side_of(name: str) -> str | None:
+    """The side that a name says, as a word of its own (left, Left, L_): "left" or "right"; None if it says none."""
+    found = _SIDE.search(name)
+    return None if found is None else ("left" if found.group()[0] in "lL" else "right")
 
 
 def swap_sides(name: str) -> str:
     """The name of the same place on the other side of the body."""
-    for left, right in (("left", "right"), ("Left", "Right")):
-        if left in name:
-            return name.replace(left, right)
-        if right in name:
-            return name.replace(right, left)
-    return name
+    return _SIDE.sub(lambda found: _TWIN[found.group()], name, count=1)
 
 
-def vocabulary_from_names(name: str, keypoints: Mapping[str, Sequence[str] | str | None]) -> Vocabulary:
+def vocabulary_from_names(name: str, keypoints: Mapping[str, Sequence[str] | str | None], pairs: Mapping[str, str] | None = None) -> Vocabulary:
     """A vocabulary whose keypoints say left and right in their names.
 
     Args:
         name: what to call it.
         keypoints: in order, each keypoint's name -> the landmark(s) it is, or None.
 
+        pairs: keypoint -> its mirror image, where the names do not say left and right.
+
     Returns:
         The vocabulary; its flip pairs the names that differ only in left and right.
+
+    Raises:
+        ConfigError: a name says a side, but its twin is missing.
 
     """
     names = tuple(keypoints)
     landmarks = tuple((value,) if isinstance(value, str) else tuple(value or ()) for value in keypoints.values())
-    flip = tuple(names.index(mirrored) if (mirrored := swap_sides(k)) in names else i for i, k in enumerate(names))
-    return Vocabulary(name, names, landmarks, flip)
+    partners = dict(pairs or {}) | {b: a for a, b in (pairs or {}).items()}
+    flip = []
+    for keypoint in names:
+        partner = partners.get(keypoint, swap_sides(keypoint))
+        if partner not in names:
+            raise ConfigError(f"vocabulary {name}: {keypoint!r} has no twin {partner!r}: name it, or say in flip whose mirror image it is")
+        flip.append(names.index(partner))
+    return Vocabulary(name, names, landmarks, tuple(flip))
 
 
-def _stanfordextra() -> dict[str, Sequence[str] | str | None]:
-    legs: dict[str, Sequence[str] | str | None] = {}
-    for side in ("left", "right"):
-        for place, rear, joints in (("front", "front", ("paw", "wrist", "elbow")), ("back", "rear", ("paw", "hock", "knee"))):
-            for joint, word in zip(joints, ("paw", "middle joint", "top"), strict=True):
-                legs[f"{side.capitalize()} {rear} leg: {word}"] = f"{side}_{place}_{joint}"
-    return legs | {
-        "Tail start": "tail_base",
-        "Tail end": "tail_tip",
-        "Base of left ear": ("left_ear_base", "left_ear"),
-        "Base of right ear": ("right_ear_base", "right_ear"),
-        "Nose": "nose",
-        "Chin": "chin",
-        "Left ear tip": "left_ear_tip",
-        "Right ear tip": "right_ear_tip",
-        "Left eye": "left_eye",
-        "Right eye": "right_eye",
-        "Withers": "withers",
-        "Throat": "throat",
-    }
+def load_vocabulary(path: Path) -> Vocabulary:
+    """A vocabulary from a small TOML file.
 
-
-VOCABULARIES = {
-    "animal3d26": vocabulary_from_names("animal3d26", {name: name for name in ANIMAL3D_26}),
-    "stanfordextra24": vocabulary_from_names("stanfordextra24", _stanfordextra()),
-}
-
-
-def find_vocabulary(vocabulary: str | Vocabulary) -> Vocabulary:
-    """The vocabulary of a name, or the user's own as it is.
+    ``name``; ``[keypoints]``, in the order of the data, name = landmark, a list of landmarks of which the first that the
+    body has is taken, or [] for none; ``[flip]``, left = right, where names do not say their side.
 
     Raises:
-        ConfigError: the name is not known; lists those that are.
+        ConfigError: no such file, not TOML, or no vocabulary.
 
     """
-    if isinstance(vocabulary, Vocabulary):
-        return vocabulary
-    if vocabulary not in VOCABULARIES:
-        raise ConfigError(
-            f"vocabulary must be one of {', '.join(VOCABULARIES)} or a Vocabulary of your own (see vocabulary_from_names), got {vocabulary!r}"
-        )
-    return VOCABULARIES[vocabulary]
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        parsed = msgspec.convert(content, _VocabularyFile)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
+        raise ConfigError(f"{path} is no vocabulary: {error}") from error
+    return vocabulary_from_names(parsed.name, parsed.keypoints, parsed.flip)
+
+
+class _VocabularyFile(msgspec.Struct, forbid_unknown_fields=True):
+    """The TOML file of a user's vocabulary."""
+
+    name: str
+    keypoints: dict[str, str | list[str]]
+    flip: dict[str, str] = {}

@@ -6,7 +6,7 @@ from animal3dbox.datasets.shading import shade, vertex_normals
 from animal3dbox.datasets.synthetic import noisy_keypoints, synthetic_animal
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.rigid import rigid, transform_points
-from animal3dbox.smal.vocabulary import VOCABULARIES
+from animal3dbox.smal.vocabularies import VOCABULARIES
 
 F64 = torch.float64
 SMALL = (120, 160)

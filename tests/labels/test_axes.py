@@ -13,7 +13,7 @@ from animal3dbox.labels.axes_pca import pca_axes
 from animal3dbox.smal.model import trunk_rotation
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
 from animal3dbox.smal.quadruped_poses import POSES, named_pose
-from animal3dbox.smal.vocabulary import ANIMAL3D_26
+from animal3dbox.smal.vocabularies import ANIMAL3D_26
 
 F64 = torch.float64
 EYE = torch.eye(3, dtype=F64)
@@ -105,7 +105,7 @@ def test_the_default_axes_do_not_depend_on_what_the_image_shows_or_where_legs_an
 def errors_deg() -> dict[str, Tensor]:
     """Angle to the true trunk of each rule over the embedded quadruped's presets and named poses."""
     model, presets = load_quadruped(), quadruped_names().presets
-    groups = model.landmark_groups
+    groups = {**model.landmarks, **model.extra_landmarks}
     found: dict[str, list[float]] = {"torso": [], "trunk": [], "trunk of the 26": [], "pca": []}
     for preset in presets:
         poses = torch.stack([named_pose(pose) for pose in POSES])
