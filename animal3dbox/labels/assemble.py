@@ -10,6 +10,7 @@ from animal3dbox.geometry.rasterizer import silhouette
 from animal3dbox.geometry.rigid import rigid, transform_points
 from animal3dbox.labels.observation import Observation
 from animal3dbox.labels.pose_problem import PoseEstimate, PoseProblem, reprojection_errors
+from animal3dbox.labels.seen_surface import surface_share
 from animal3dbox.labels.types import CuboidLabel, Quality
 
 INLIER_PER_EXTENT = 0.1
@@ -60,11 +61,11 @@ def assemble_label(
     corners = cuboid.corners()
     corners_2d, depth = project(seen.K, corners)
     faces = face_visibility(cuboid, seen.K, seen.image_hw)
-    drawn = (
-        None
-        if seen.vertices is None or seen.faces is None
-        else silhouette(transform_points(T_cam_world, seen.vertices), seen.faces, seen.K, seen.image_hw)
-    )
+    drawn = shares = None
+    if seen.vertices is not None and seen.faces is not None:
+        vertices_cam = transform_points(T_cam_world, seen.vertices)
+        drawn = silhouette(vertices_cam, seen.faces, seen.K, seen.image_hw)
+        shares = surface_share(vertices_cam, seen.faces, cuboid.rotation, seen.K, seen.image_hw)
     errors = reprojection_errors(problem, pose.R, pose.t)[0]
     quality = Quality(
         reprojection_error_px=float(errors.mean()) if len(errors) else None,
@@ -96,6 +97,7 @@ def assemble_label(
         R=pose.R,
         t=pose.t,
         box=_box_2d(seen, T_cam_world, drawn, corners),
+        surface_share=shares,
         truncation=float(faces.truncation),
         behind_camera=bool((depth <= near_depth(cuboid)).any()),
         keypoints=seen.keypoints_2d,

@@ -74,6 +74,7 @@ class CuboidLabel:
         R: (3, 3) R_cam_world, world being the mesh's frame.
         t: (3,) t_cam_world.
         box: (4,) xyxy px, of the mask, else of the projected mesh, else of the projected cuboid.
+        surface_share: (6,) parts of the animal's own visible surface by the side it faces; None without a mesh's faces.
         truncation: part of the projected cuboid outside the frame, 0 to 1.
         behind_camera: some corner is nearer than the near plane.
         keypoints: (J, 3) x, y, visibility as used; None without keypoints.
@@ -97,6 +98,7 @@ class CuboidLabel:
     R: Tensor
     t: Tensor
     box: Tensor
+    surface_share: Tensor | None
     truncation: float
     behind_camera: bool
     keypoints: Tensor | None
@@ -134,6 +136,13 @@ class CuboidLabel:
     def side(self) -> str | None:
         """The face with the largest share; None from inside the box."""
         return FACE_NAMES[int(self.face_share.argmax())] if bool(self.face_visible.any()) else None
+
+    @property
+    def surface_side(self) -> str | None:
+        """The side that most of the visible surface faces; None if it is not known or nothing is seen."""
+        if self.surface_share is None or not bool(self.surface_share.any()):
+            return None
+        return FACE_NAMES[int(self.surface_share.argmax())]
 
     @property
     def confidence(self) -> float:

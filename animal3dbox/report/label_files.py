@@ -44,9 +44,11 @@ class AnimalRow(msgspec.Struct, kw_only=True):
     R: list[list[float]]
     t: list[float]
     box: list[float]
+    surface_share: list[float] | None
     truncation: float
     behind_camera: bool
     side: str | None
+    surface_side: str | None
     viewpoint: str
     azimuth_deg: float
     elevation_deg: float
@@ -100,9 +102,11 @@ def animal_row(label: CuboidLabel, image: str, animal: int, category: str) -> An
         R=label.R.tolist(),
         t=label.t.tolist(),
         box=label.box.tolist(),
+        surface_share=None if label.surface_share is None else label.surface_share.tolist(),
         truncation=label.truncation,
         behind_camera=label.behind_camera,
         side=label.side,
+        surface_side=label.surface_side,
         viewpoint=label.viewpoint,
         azimuth_deg=label.azimuth_deg,
         elevation_deg=label.elevation_deg,
