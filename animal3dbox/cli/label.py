@@ -9,9 +9,10 @@ import msgspec
 import torch
 from tqdm import tqdm
 
-from animal3dbox.datasets.bodies import BodySource, PresetBody, load_mesh_body
+from animal3dbox.datasets.bodies import BodySource, PresetBody
 from animal3dbox.datasets.images import read_image
 from animal3dbox.datasets.labelling import label_record
+from animal3dbox.datasets.mesh_bodies import load_mesh_body
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.stanfordextra import read_stanfordextra
 from animal3dbox.errors import ConfigError, SampleError

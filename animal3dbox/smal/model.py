@@ -1,8 +1,9 @@
 """A SMAL-family body: template, shape columns, skeleton and skin, and its posing by linear blend skinning."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -103,6 +104,13 @@ class SmalModel:
     def beta_count(self) -> int:
         """S."""
         return self.shapedirs.shape[2]
+
+    def to(self, dtype: torch.dtype, device: torch.device | str | None = None) -> "SmalModel":
+        """The same model in another floating-point type or on another device."""
+        arrays = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
+        changed: dict[str, Any] = {name: getattr(self, name).to(device=device, dtype=dtype) for name in arrays}
+        symmetry = None if self.symmetry is None else self.symmetry.to(device=device)
+        return replace(self, **changed, faces=self.faces.to(device=device), symmetry=symmetry)
 
     def shaped(self, betas: Tensor) -> Tensor:
         """The template with a shape: betas (B, at most S; the rest are 0) -> vertices (B, V, 3)."""

@@ -13,14 +13,20 @@ import trimesh
 from photo_dataset import HW, WORDS, Scene, toy_scene, view_of
 from torch import Tensor
 
-from animal3dbox.datasets.bodies import Body, MeshBody, PresetBody, load_mesh_body
+from animal3dbox.datasets.bodies import Body, ParametersBody, PresetBody
 from animal3dbox.datasets.labelling import label_record
+from animal3dbox.datasets.mesh_bodies import MeshBody, load_mesh_body
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.rle import encode_mask
-from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.geometry.rigid import rotation_angle, rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.smal.parameters import SmalParameters
+from animal3dbox.smal.quadruped import load_quadruped, preset_betas
+from animal3dbox.smal.quadruped_poses import named_pose
+from animal3dbox.smal.vocabularies import VOCABULARIES
 
 CUBE = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
 V = "".join(f"v {x} {y} {z}\n" for x, y, z in CUBE)
@@ -313,3 +319,31 @@ def test_an_unknown_preset_is_refused_with_the_presets_there_are() -> None:
     with pytest.raises(ConfigError) as caught:
         PresetBody("poodle")
     assert all(word in str(caught.value) for word in ("dog", "horse", "'poodle'"))
+
+
+# Parameters -----------------------------------------------------------------------------------------------------------
+
+
+def parameters_record(sample_id: str, keypoints: Tensor) -> AnimalRecord:
+    return AnimalRecord(sample_id, sample_id, Path("none.jpg"), (480, 640), VOCABULARIES["animal3d26"], keypoints.numpy(), None, "animal")
+
+
+def test_each_animals_own_parameters_give_its_body_and_its_label() -> None:
+    animal = synthetic_animal(0, 3, preset="horse", pose="trot")
+    parameters = SmalParameters(named_pose("trot").flatten(), preset_betas("horse"), torch.tensor([0.3, -0.2, 5.0], dtype=torch.float64))
+    source = ParametersBody(animal.model, {"horse-1": parameters})
+    label = label_record(parameters_record("horse-1", animal.keypoints_2d), source, LabelConfig())
+    assert isinstance(label, CuboidLabel)
+    assert label.quality.orientation_rule == "torso vertices on the template"
+    assert label.quality.reprojection_error_px is not None
+    assert label.quality.reprojection_error_px < 60  # the focal length is guessed
+    assert "1 of a model with 35 joints" in source.name
+
+
+@pytest.mark.parametrize(
+    ("sample_id", "pose", "says"), [("zebra-9", torch.zeros(105), "there are none"), ("horse-1", torch.zeros(7), "pose must be")]
+)
+def test_missing_or_unfit_parameters_are_faults_of_their_sample(sample_id: str, pose: Tensor, says: str) -> None:
+    source = ParametersBody(load_quadruped(), {"horse-1": SmalParameters(pose, torch.zeros(3), torch.zeros(3))})
+    with pytest.raises(SampleError, match=f"{sample_id}: parameters: {says}"):
+        source.body(parameters_record(sample_id, torch.zeros(26, 3)))

@@ -1,0 +1,82 @@
+"""SMAL parameters as datasets store them: flat pose, betas, translation, and the mean of a family."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.checks import check_finite, check_shape
+from animal3dbox.smal.model import PosedBody, SmalModel
+
+EARS = 2
+"""Joints by which SMAL's 35 differ from the 33 of 2017: LEar and REar, the last two."""
+
+
+@dataclass(frozen=True)
+class SmalParameters:
+    """One animal's parameters.
+
+    Attributes:
+        pose: (3 J,) or (J, 3) axis-angle in radians, root first; J is 35 or 33, or the model's own.
+        betas: (S,) shape, up to the model's columns; the rest are 0. Datasets that split them (20 + 21) are joined first.
+        trans: (3,) in the model's unit.
+        family_mean: (S',) betas of the family's mean, when betas are offsets from it; None: betas are whole.
+    """
+
+    pose: Tensor
+    betas: Tensor
+    trans: Tensor
+    family_mean: Tensor | None = None
+
+
+def posed_body(model: SmalModel, parameters: SmalParameters) -> PosedBody:
+    """The body (B = 1) of one animal's parameters, in the frame that its translation is given in.
+
+    The kinematic tree is the model's own. A pose of 35 joints fits a model of 33 only if its ears are at rest, and one of
+    33 leaves a 35-joint model's ears at rest.
+
+    Args:
+        model: any SMAL-structured model.
+        parameters: of one animal.
+
+    Raises:
+        ShapeError: naming the parameter that does not fit the model.
+
+    """
+    pose = fitted_pose(model, parameters.pose)
+    betas = whole_betas(model, parameters.betas, parameters.family_mean)
+    check_shape("trans", parameters.trans, "3")
+    check_finite("trans", parameters.trans)
+    return model.posed(betas[None], pose[None], parameters.trans.to(model.v_template)[None])
+
+
+def fitted_pose(model: SmalModel, pose: Tensor) -> Tensor:
+    """A pose as (J, 3) of the model's joints; see posed_body."""
+    check_finite("pose", pose)
+    if pose.numel() % 3 or pose.ndim > 2 or (pose.ndim == 2 and pose.shape[1] != 3):
+        raise ShapeError(f"pose must be (3 J,) or (J, 3), got {tuple(pose.shape)}")
+    joints, flat = model.joint_count, pose.to(model.v_template).reshape(-1, 3)
+    if len(flat) == joints:
+        return flat
+    if len(flat) == joints - EARS and joints == 35:
+        return torch.cat((flat, torch.zeros(EARS, 3, dtype=flat.dtype)))
+    if len(flat) == joints + EARS and joints == 33:
+        if bool(flat[joints:].any()):
+            raise ShapeError("pose turns the ears (joints 33 and 34), but this model has none: take a model of 35 joints")
+        return flat[:joints]
+    raise ShapeError(f"pose has {len(flat)} joints, but the model has {joints}")
+
+
+def whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) -> Tensor:
+    """Betas (S,) of the model: offsets and mean added, missing ones 0."""
+    whole = torch.zeros(model.beta_count, dtype=model.v_template.dtype)
+    for name, part in (("betas", betas), ("family_mean", family_mean)):
+        if part is None:
+            continue
+        check_shape(name, part, "S")
+        check_finite(name, part)
+        if len(part) > model.beta_count:
+            raise ShapeError(f"{name} has {len(part)} numbers, but the model has {model.beta_count} shape columns: take the model they belong to")
+        whole[: len(part)] += part.to(whole)
+    return whole

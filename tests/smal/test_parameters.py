@@ -1,0 +1,85 @@
+import pytest
+import torch
+from torch import Tensor
+from torch.testing import assert_close
+
+from animal3dbox.errors import ShapeError
+from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.parameters import SmalParameters, fitted_pose, posed_body, whole_betas
+from animal3dbox.smal.quadruped import load_quadruped, preset_betas
+from animal3dbox.smal.quadruped_poses import named_pose
+
+F64 = torch.float64
+ZERO = torch.zeros(3, dtype=F64)
+
+
+def without_ears() -> SmalModel:
+    """The quadruped with SMAL 2017's 33 joints: what the ears moved, the head moves."""
+    model = load_quadruped()
+    weights = model.weights[:, :33].clone()
+    weights[:, 16] += model.weights[:, 33:].sum(1)
+    return SmalModel(
+        model.v_template, model.faces, model.shapedirs, model.posedirs[:, :, : 9 * 32], model.J_regressor[:33], weights,
+        model.parents[:33], model.joint_names[:33], model.landmarks,
+    )  # fmt: skip
+
+
+def test_flat_parameters_give_the_body_of_the_posed_model() -> None:
+    model, pose = load_quadruped(), named_pose("walk")
+    trans = torch.tensor([0.1, 0.2, 3.0], dtype=F64)
+    body = posed_body(model, SmalParameters(pose.flatten().float(), preset_betas("cow")[:20], trans))
+    betas = torch.zeros(1, model.beta_count, dtype=F64)
+    betas[0, :20] = preset_betas("cow")[:20]
+    expected = model.posed(betas, pose.float().double()[None], trans[None])
+    assert_close(body.vertices, expected.vertices)
+    assert_close(body.R_world_joint, expected.R_world_joint)
+
+
+def test_offsets_from_a_familys_mean_are_added_to_it() -> None:
+    model = load_quadruped()
+    mean, offset = torch.arange(41, dtype=F64), torch.ones(20, dtype=F64)
+    assert whole_betas(model, offset, mean)[:21].tolist() == [*(i + 1.0 for i in range(20)), 20.0]
+
+
+def test_a_pose_of_33_joints_leaves_the_ears_at_rest() -> None:
+    pose = torch.randn(99, generator=torch.Generator().manual_seed(0), dtype=F64)
+    fitted = fitted_pose(load_quadruped(), pose)
+    assert_close(fitted[:33].flatten(), pose)
+    assert not fitted[33:].any()
+
+
+def test_a_pose_of_35_joints_fits_a_model_without_ears_only_if_its_ears_rest() -> None:
+    model, pose = without_ears(), torch.zeros(105, dtype=F64)
+    assert fitted_pose(model, pose).shape == (33, 3)
+    assert posed_body(model, SmalParameters(pose, torch.zeros(5, dtype=F64), ZERO)).vertices.shape == (1, model.vertex_count, 3)
+    pose[-1] = 0.1
+    with pytest.raises(ShapeError, match="pose turns the ears"):
+        fitted_pose(model, pose)
+
+
+@pytest.mark.parametrize(
+    ("pose", "betas", "trans", "says"),
+    [
+        (torch.zeros(104), torch.zeros(41), ZERO, r"pose must be \(3 J,\)"),
+        (torch.zeros(60), torch.zeros(41), ZERO, "pose has 20 joints, but the model has 35"),
+        (torch.full((105,), torch.nan), torch.zeros(41), ZERO, "pose must be finite"),
+        (torch.zeros(105), torch.zeros(145), ZERO, "betas has 145 numbers, but the model has 41"),
+        (torch.zeros(105), torch.full((41,), torch.inf), ZERO, "betas must be finite"),
+        (torch.zeros(105), torch.zeros(1, 41), ZERO, "betas must have shape"),
+        (torch.zeros(105), torch.zeros(41), torch.zeros(2), "trans must have shape"),
+        (torch.zeros(105), torch.zeros(41), torch.full((3,), torch.nan), "trans must be finite"),
+    ],
+)
+def test_parameters_that_do_not_fit_are_refused_by_name(pose: Tensor, betas: Tensor, trans: Tensor, says: str) -> None:
+    with pytest.raises(ShapeError, match=says):
+        posed_body(load_quadruped(), SmalParameters(pose, betas, trans))
+
+
+def test_a_model_in_another_type_poses_in_it_and_is_otherwise_the_same() -> None:
+    model = load_quadruped()
+    single = model.to(torch.float32)
+    body = single.posed(torch.zeros(1, 3), torch.zeros(1, 35, 3), torch.zeros(1, 3))
+    assert body.vertices.dtype == torch.float32
+    assert model.v_template.dtype == F64
+    assert (single.parents, single.landmarks, single.extra_landmarks) == (model.parents, model.landmarks, model.extra_landmarks)
+    assert_close(body.vertices[0].double(), model.v_template, atol=1e-6, rtol=0)
