@@ -88,6 +88,7 @@ def test_from_inside_a_box_no_face_is_seen() -> None:
     seen = face_visibility(box, torch.eye(3, dtype=torch.float64), (10, 10))
     assert not seen.visible.any()
     assert float(seen.share.abs().sum()) == float(seen.share_in_image.sum()) == 0
+    assert float(seen.truncation) > 0.9  # it fills all of the view, most of which is outside the frame
 
 
 def test_a_box_behind_the_camera_has_no_area() -> None:

@@ -14,7 +14,7 @@ from animal3dbox.geometry.rigid import rotation_angle, rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig, Method, Residual
 from animal3dbox.labels.joint_cost import joint_cost
 from animal3dbox.labels.pose import estimate_pose
-from animal3dbox.labels.pose_basic import basic_pose
+from animal3dbox.labels.pose_basic import basic_pose, checked_pose
 from animal3dbox.labels.pose_problem import PoseEstimate, PoseFailure, PoseProblem, reprojection_errors
 from animal3dbox.labels.pose_refine import literal_energy, refined_pose
 
@@ -96,15 +96,28 @@ def test_a_given_hypothesis_is_tried() -> None:
 
 
 def test_the_same_problem_gives_the_same_pose_whatever_ran_before() -> None:
-    R, t = camera_round(100, 30)
-    keypoints = keypoints_seen(R, t)
-    keypoints[:12, :2] += 40 * torch.randn(12, 2, generator=torch.Generator().manual_seed(5), dtype=F64)
-    first = found(problem_of(R, t, keypoints), LabelConfig(method="basic"))
-    cv2.setRNGSeed(12345)
-    found(problem_of(*camera_round(5, 5)), LabelConfig(method="basic"))
-    again = found(problem_of(R, t, keypoints), LabelConfig(method="basic"))
-    assert torch.equal(first.R, again.R)
-    assert torch.equal(first.t, again.t)
+    generator, config = torch.Generator().manual_seed(5), LabelConfig(method="basic", ransac_iterations=60)
+    for view in range(20):
+        R, t = camera_round(18 * view, 30)
+        keypoints = keypoints_seen(R, t)
+        keypoints[:, :2] += 2 * torch.randn(26, 2, generator=generator, dtype=F64)
+        keypoints[:12, :2] += 60 * torch.randn(12, 2, generator=generator, dtype=F64)
+        first = estimate_pose(problem_of(R, t, keypoints), config)
+        cv2.setRNGSeed(12345 + view)
+        again = estimate_pose(problem_of(R, t, keypoints), config)
+        if isinstance(first, PoseEstimate):
+            assert isinstance(again, PoseEstimate)
+            assert torch.equal(first.R, again.R)
+            assert torch.equal(first.t, again.t)
+        else:
+            assert first == again
+
+
+@pytest.mark.parametrize(("depth", "reason"), [(-4.0, "behind_camera"), (1e13, "no_pose"), (float("nan"), "no_pose")])
+def test_a_pose_behind_the_camera_or_beyond_belief_is_no_answer(depth: float, reason: str) -> None:
+    failure = checked_pose(problem_of(*camera_round(0, 0)), PoseEstimate(EYE, torch.tensor([0, 0, depth], dtype=F64), "epnp_ransac"))
+    assert isinstance(failure, PoseFailure)
+    assert failure.reason == reason
 
 
 def test_a_failed_ransac_does_not_return_the_pose_of_an_earlier_call() -> None:
