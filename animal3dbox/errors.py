@@ -13,6 +13,10 @@ class ConfigError(Animal3DBoxError, ValueError):
     """An option has a value it cannot have, or two options contradict each other."""
 
 
+class ModelFileError(Animal3DBoxError, ValueError):
+    """A body model's file is refused: says which file, where in it, what is wrong and what to do."""
+
+
 class DatasetNotFoundError(Animal3DBoxError, FileNotFoundError):
     """The path given holds no annotations that are recognised."""
 

@@ -35,7 +35,7 @@ def imports_of(path: Path) -> set[str]:
 
 def allowed(importer: str, imported: str) -> bool:
     layer, target = importer.split(".")[1], imported.split(".")[1]
-    if target == "errors" or layer == target:
+    if target in ("errors", "files") or layer == target:
         return True
     if layer == "transforms":
         return target == "geometry"

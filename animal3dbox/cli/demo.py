@@ -12,6 +12,7 @@ from tqdm import tqdm
 from animal3dbox.datasets.bodies import landmark_mobility
 from animal3dbox.datasets.synthetic import SyntheticAnimal, noisy_keypoints, synthetic_animal
 from animal3dbox.errors import ConfigError
+from animal3dbox.files import write_whole
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import FACE_NAMES, Cuboid
 from animal3dbox.geometry.face_visibility import face_visibility
@@ -20,7 +21,6 @@ from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
-from animal3dbox.report.files import write_whole
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.smal.model import trunk_rotation
 from animal3dbox.smal.quadruped import preset_betas

@@ -1,4 +1,4 @@
-"""The command line: ``animal3dbox demo`` and ``animal3dbox label``.
+"""The command line: ``animal3dbox demo``, ``label`` and ``convert-model``.
 
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 
@@ -7,7 +7,7 @@ cannot be found or read as a whole; 4 done, but some samples were faulty and are
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -54,11 +54,22 @@ def label(
     return run_label(LabelJob(path, out, format, images, body, landmarks, config, json))
 
 
+def convert_model(
+    source: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="IN", help="a SMAL model, .pkl or .safetensors")],
+    target: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT", help="the .safetensors file to write")],
+) -> int:
+    """Convert a SMAL pickle to safetensors, without running anything the pickle names."""
+    from animal3dbox.cli.convert import convert_model as convert
+
+    return convert(source, target)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code."""
-    command = tyro.extras.subcommand_cli_from_dict
+    commands: dict[str, Callable[..., int]] = {"demo": demo, "label": label, "convert-model": convert_model}
+    about = "3D boxes with named faces for animals."
     try:
-        code = command({"demo": demo, "label": label}, prog="animal3dbox", description="3D boxes with named faces for animals.", args=arguments)
+        code = tyro.extras.subcommand_cli_from_dict(commands, prog="animal3dbox", description=about, args=arguments)
     except ConfigError as error:
         code = _complain(error, EXIT_USAGE)
     except (DatasetNotFoundError, DatasetFormatError) as error:

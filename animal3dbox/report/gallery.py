@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from animal3dbox.report.files import write_whole
+from animal3dbox.files import write_whole
 from animal3dbox.report.summary import FLAGS, Summary
 
 MAX_BYTES = 4_500_000

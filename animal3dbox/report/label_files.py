@@ -11,9 +11,9 @@ import msgspec
 
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError
+from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
 from animal3dbox.labels.types import CuboidLabel
-from animal3dbox.report.files import write_whole
 
 SCHEMA: Final = "animal3dbox.labels"
 SCHEMA_VERSION: Final = 1

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.files import write_whole
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
-from animal3dbox.report.files import write_whole
 from animal3dbox.report.gallery import Card, card_picture, write_gallery
 from animal3dbox.report.label_files import LabelFile, RejectedRow, animal_row, write_labels_csv, write_labels_json
 from animal3dbox.report.overlay import draw_label

@@ -21,11 +21,11 @@ from PIL import Image
 from strategies import cuboids_anywhere
 
 from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
+from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import REASONS, CuboidLabel, Quality, Rejection
-from animal3dbox.report.files import write_whole
 from animal3dbox.report.gallery import Card, card_picture, small_picture, write_gallery
 from animal3dbox.report.label_files import CSV_COLUMNS, LabelFile, RejectedRow, animal_row, read_labels_json, write_labels_csv, write_labels_json
 from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid, draw_label, enlarged, words_of

@@ -1,0 +1,32 @@
+"""The command `convert-model`: a SMAL pickle as a safetensors file that loads at once and cannot hold code."""
+
+import sys
+from pathlib import Path
+
+from animal3dbox.errors import ConfigError
+from animal3dbox.smal.model_files import SAFETENSORS_SUFFIX, load_model
+from animal3dbox.smal.model_safetensors import save_safetensors
+from animal3dbox.smal.smal_landmarks import misplaced_sides
+
+
+def convert_model(source: Path, target: Path) -> int:
+    """Write the body model of one file into another and say in a line what it is; returns the exit code 0.
+
+    Raises:
+        ConfigError: a file has a suffix that is not known (2).
+        ModelFileError: the source is refused (3).
+        OSError: the target cannot be written (5).
+
+    """
+    if target.suffix.lower() != SAFETENSORS_SUFFIX:
+        raise ConfigError(f"the target must end in {SAFETENSORS_SUFFIX}, got {target}")
+    model = load_model(source)
+    save_safetensors(model, target)
+    parts = {"vertices": model.vertex_count, "faces": len(model.faces), "joints": model.joint_count}
+    parts |= {"betas": model.beta_count, "landmarks": len(model.landmarks)}
+    counts = ", ".join(f"{count} {name}" for name, count in parts.items())
+    print(f"{source} -> {target}: {counts}, {target.stat().st_size / 1e6:.1f} MB")
+    misplaced = misplaced_sides(model.v_template, model.landmarks)
+    if misplaced:
+        print(f"animal3dbox: warning: {', '.join(misplaced)} lie on the animal's other side: are these SMAL's vertices?", file=sys.stderr)
+    return 0
