@@ -9,6 +9,8 @@ from animal3dbox.geometry.cuboid import Cuboid, cuboid_from_bounds
 PAPER_MARGIN = 1e-5
 RELATIVE_MARGIN = 1e-6
 """Of the box diagonal, so that a scaled body gets the scaled box."""
+ROUNDING = 32 * torch.finfo(torch.float64).eps
+"""Of the greatest coordinate: what the way into the box frame and back may lose, for a body far from its origin or without extent."""
 
 
 def box_bounds(vertices_world: Tensor, R_box: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -35,7 +37,7 @@ def tight_cuboid(vertices_world: Tensor, R_box: Tensor, margin: float | None = N
         vertices_world: (V, 3).
         R_box: (3, 3), R_world_box.
         margin: added on every side, so that a vertex on a face counts as inside, in the points' unit; None: a
-            millionth of the box diagonal.
+            millionth of the box diagonal, and what float64 loses to rounding.
 
     Returns:
         The box in world, in float64.
@@ -43,5 +45,6 @@ def tight_cuboid(vertices_world: Tensor, R_box: Tensor, margin: float | None = N
     """
     R_box = R_box.double()
     least, greatest, centroid_world = box_bounds(vertices_world.double(), R_box)
-    grown = RELATIVE_MARGIN * float(torch.linalg.vector_norm(greatest - least)) if margin is None else margin
+    rounding = ROUNDING * float(vertices_world.abs().amax())
+    grown = RELATIVE_MARGIN * float(torch.linalg.vector_norm(greatest - least)) + rounding if margin is None else margin
     return cuboid_from_bounds(least - grown, greatest + grown, R_box, centroid_world)

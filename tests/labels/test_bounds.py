@@ -1,3 +1,4 @@
+import pytest
 import torch
 from hypothesis import given, settings
 from strategies import rotations, vector
@@ -18,6 +19,14 @@ def test_no_vertex_lies_outside_its_box_and_each_face_touches_one(values: Tensor
         assert bool(box.contains(vertices).all())
         slack = box.size / 2 - box.to_box(vertices).abs().amax(0)
         assert float(slack.amax()) <= (1e-5 if margin else 1e-6 * float(box.diagonal)) + 1e-9
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-12, 1e-3])
+@settings(max_examples=200)
+@given(vector(-5, 5), rotations())
+def test_a_body_almost_without_extent_still_lies_in_its_box(spread: float, at: Tensor, R_box: Tensor) -> None:
+    vertices = at + spread * torch.linspace(-1, 1, 11, dtype=F64)[:, None]
+    assert bool(tight_cuboid(vertices, R_box).contains(vertices).all())
 
 
 def test_a_box_about_known_points_has_the_middle_of_their_bounds_as_its_centre() -> None:
