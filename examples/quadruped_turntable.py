@@ -1,6 +1,7 @@
 """Draw the embedded quadruped from eight sides: `python examples/quadruped_turntable.py OUT_DIR`.
 
-Writes quadruped_<preset>.png, each preset seen from eight azimuths, and quadruped_poses.png.
+Writes quadruped_<preset>.png, each preset seen from eight azimuths, quadruped_presets.png, all of them side by side, and
+quadruped_poses.png, every named pose of some presets.
 """
 
 import argparse
@@ -14,7 +15,8 @@ from animal3dbox.geometry.rasterizer import rasterize
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
 from animal3dbox.smal.quadruped_poses import POSES, ground_trans, named_pose
 
-SIDE_PX = 220
+SIDE_PX, POSE_PX = 220, 140
+POSED_PRESETS = ("dog", "lion", "horse", "cow")
 OVERSAMPLING = 2
 FUR, BACKGROUND = torch.tensor([205.0, 176.0, 146.0]), 250.0
 
@@ -28,9 +30,9 @@ def camera(azimuth_deg: float, elevation_deg: float, target_world: Tensor, dista
     return R_cam_world, -R_cam_world @ (target_world + distance * back)
 
 
-def shaded(vertices_world: Tensor, faces: Tensor, azimuth_deg: float, span: float) -> Tensor:
-    """A picture (SIDE_PX, SIDE_PX, 3) uint8 of a mesh, span of its units wide, lit from above the camera's left shoulder."""
-    size = SIDE_PX * OVERSAMPLING
+def shaded(vertices_world: Tensor, faces: Tensor, azimuth_deg: float, span: float, side_px: int = SIDE_PX) -> Tensor:
+    """A picture (side_px, side_px, 3) uint8 of a mesh, span of its units wide, lit from above the camera's left shoulder."""
+    size = side_px * OVERSAMPLING
     distance = 6.0
     target = (vertices_world.amin(dim=0) + vertices_world.amax(dim=0)) / 2
     R_cam_world, t_cam_world = camera(azimuth_deg, 10.0, target, distance)
@@ -46,7 +48,7 @@ def shaded(vertices_world: Tensor, faces: Tensor, azimuth_deg: float, span: floa
     light = torch.nn.functional.normalize(torch.tensor([-0.45, -0.75, -0.65], dtype=torch.float64), dim=0)
     picture = torch.full((size, size, 3), BACKGROUND, dtype=torch.float64)
     picture[seen] = (0.30 + 0.70 * (per_pixel @ light).clamp(min=0))[:, None] * FUR.double()
-    small = picture.reshape(SIDE_PX, OVERSAMPLING, SIDE_PX, OVERSAMPLING, 3).mean(dim=(1, 3))
+    small = picture.reshape(side_px, OVERSAMPLING, side_px, OVERSAMPLING, 3).mean(dim=(1, 3))
     return small.round().to(torch.uint8)
 
 
@@ -64,19 +66,25 @@ def sheet(pictures: list[Tensor], columns: int) -> Image.Image:
     return Image.fromarray(torch.cat(rows).numpy()).quantize(64)
 
 
+def fitted(vertices_world: Tensor, azimuth_deg: float, side_px: int = SIDE_PX) -> Tensor:
+    """The picture of a body that fills it."""
+    span = 1.08 * float((vertices_world.amax(dim=0) - vertices_world.amin(dim=0)).max())
+    return shaded(vertices_world, load_quadruped().faces, azimuth_deg, span, side_px)
+
+
 def main() -> None:
     """Write the pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out_dir", type=Path)
     out_dir: Path = parser.parse_args().out_dir
     out_dir.mkdir(parents=True, exist_ok=True)
-    faces = load_quadruped().faces
-    for preset in quadruped_names().presets:
-        vertices = posed_vertices(preset, "stand")
-        span = 1.08 * float((vertices.amax(dim=0) - vertices.amin(dim=0)).max())
-        pictures = [shaded(vertices, faces, azimuth, span) for azimuth in range(90, 450, 45)]
+    presets = quadruped_names().presets
+    for preset in presets:
+        pictures = [fitted(posed_vertices(preset, "stand"), azimuth) for azimuth in range(90, 450, 45)]
         sheet(pictures, 4).save(out_dir / f"quadruped_{preset}.png", optimize=True)
-    pictures = [shaded(posed_vertices(preset, pose), faces, 60, 1.22) for preset in ("dog", "horse") for pose in POSES]
+    pictures = [fitted(posed_vertices(preset, "stand"), 70) for preset in presets]
+    sheet(pictures, 5).save(out_dir / "quadruped_presets.png", optimize=True)
+    pictures = [fitted(posed_vertices(preset, pose), 60, POSE_PX) for preset in POSED_PRESETS for pose in POSES]
     sheet(pictures, len(POSES)).save(out_dir / "quadruped_poses.png", optimize=True)
     print(f"wrote {out_dir}/quadruped_*.png")
 

@@ -41,7 +41,7 @@ GROUPS = {  # name: (blend inside the group, blend with what came before); lengt
     "muscle": (0.012, 0.05),
     "fore": (0.010, 0.045),
     "hind": (0.010, 0.055),
-    "tail": (0.006, 0.03),
+    "tail": (0.006, 0.045),
     "head": (0.008, 0.04),
     "foot": (0.004, 0.012),
     "detail": (0.002, 0.006),

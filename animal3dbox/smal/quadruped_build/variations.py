@@ -11,9 +11,9 @@ from animal3dbox.smal.quadruped_build.measures import Edit
 _EAR_TURN_DEG = 20.0
 
 
-def _ear_turned(table: Table, axes: tuple[int, int]) -> Table:
-    base = table["ear"][0, :3][list(axes)]
-    return with_entry(table, "ear", axes, lambda p: swung(p, base, -_EAR_TURN_DEG))
+def _ear_droop(table: Table) -> Table:
+    base = table["ear"][0, 1:3]
+    return with_entry(table, "ear", (1, 2), lambda p: swung(p, base, -_EAR_TURN_DEG))
 
 
 def _tail_raise(table: Table) -> Table:
@@ -25,9 +25,9 @@ def _bent_topline(table: Table, heights: tuple[float, ...]) -> Table:
     return shifted(table, "trunk", (1,), np.array(heights)[:, None])
 
 
-def _stance(table: Table, parts: tuple[str, ...]) -> Table:
+def _stance(table: Table) -> Table:
     out = table
-    for key in parts:
+    for key in FORE_PARTS + HIND_PARTS:
         out = shifted(out, key, (1,), 0.015)
     return out
 
@@ -50,29 +50,20 @@ def _tail_curl(table: Table) -> Table:
     return shifted(table, "tail", (1,), rise)
 
 
-def _rump_drop(table: Table) -> Table:
-    return shifted(shifted(table, "trunk", (1,), -0.03, slice(0, 2)), "tail", (1,), -0.03)
-
-
 VARIATION_EDITS: dict[str, Edit] = {
     "head_width": lambda t: scaled(scaled(t, "head", (3,), 1.12), "jaw", (3,), 1.12),
     "muzzle_depth": lambda t: scaled(scaled(t, "head", (2,), 1.15, slice(3, None)), "jaw", (2,), 1.15, slice(1, None)),
     "muzzle_width": lambda t: scaled(scaled(t, "head", (3,), 1.15, slice(3, None)), "jaw", (3,), 1.15, slice(1, None)),
     "head_pitch": _head_pitch,
-    "ear_width": lambda t: scaled(t, "ear", (3,), 1.2),
-    "ear_droop": partial(_ear_turned, axes=(1, 2)),
-    "ear_forward": partial(_ear_turned, axes=(0, 2)),
+    "ear_droop": _ear_droop,
     "horn_length": lambda t: with_entry(t, "horn", (0, 1, 2), lambda p: t["horn"][0, :3] + 1.3 * (p - t["horn"][0, :3])),
     "tail_raise": _tail_raise,
     "tail_curl": _tail_curl,
     "tail_tuft": lambda t: scaled(t, "tail", (2, 3), 1.5, slice(5, 7)),
     "withers": partial(_bent_topline, heights=(0.0, 0.0, 0.0, 0.0, 0.01, 0.03, 0.03, 0.01)),
-    "sway_back": partial(_bent_topline, heights=(0.0, 0.0, -0.01, -0.03, -0.03, -0.01, 0.0, 0.0)),
-    "rump_drop": _rump_drop,
     "shoulder_muscle": lambda t: _blob(_blob(t, "shoulder_muscle", 1.12), "arm_muscle", 1.15),
     "thigh_muscle": lambda t: _blob(_blob(t, "thigh_muscle", 1.12), "buttock", 1.1),
-    "front_stance": partial(_stance, parts=FORE_PARTS),
-    "hind_stance": partial(_stance, parts=HIND_PARTS),
+    "stance": _stance,
     "hock_bend": _hock_bend,
     "udder": lambda t: shifted(_blob(t, "udder", 1.1), "udder", (2,), -0.03),
 }
