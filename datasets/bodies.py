@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.datasets.records import AnimalRecord
-from animal3dbox.errors import SampleError, ShapeError
+from animal3dbox.errors import ConfigError, SampleError, ShapeError
 from animal3dbox.smal.model import SmalModel, trunk_rotation
 from animal3dbox.smal.parameters import SmalParameters, posed_body
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas
@@ -88,22 +88,65 @@ def _shaped(preset: str) -> tuple[SmalModel, Tensor]:
     return model, model.shaped(preset_betas(preset)[None])[0]
 
 
-@lru_cache(maxsize=64)
 def landmark_mobility(preset: str, vocabulary: Vocabulary) -> Tensor:
+    """How far each landmark (J,) of a preset strays from where its standing body has it, in its unit; see model_mobility."""
+    return model_mobility(load_quadruped(), tuple(preset_betas(preset).tolist()), vocabulary)
+
+
+@lru_cache(maxsize=64)
+def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocabulary) -> Tensor:
     """How far each landmark (J,) strays from where the standing body has it, seen from the trunk, over the named poses.
 
     The root mean square along one axis, in the body's unit, and on top BREED for what one shape misses of a species.
+
+    Args:
+        model: of the quadruped's joints, in its order.
+        betas: its shape.
+        vocabulary: the keypoints.
+
     """
-    model, standing = _shaped(preset)
+    shape = torch.tensor(betas, dtype=torch.float64)
+    standing = model.shaped(shape[None])[0]
     poses = torch.stack([named_pose(pose) for pose in POSES])
-    body = model.posed(preset_betas(preset).expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=torch.float64))
+    body = model.posed(shape.expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=torch.float64))
     torso = model.torso_vertices
     strays = []
     for vertices, R_trunk in zip(body.vertices, trunk_rotation(body.R_world_joint), strict=True):
         upright = (vertices - vertices[torso].mean(0)) @ R_trunk + standing[torso].mean(0)
         strays.append(vocabulary.on_body(model.landmark_groups, upright) - vocabulary.on_body(model.landmark_groups, standing))
     mean_square = torch.stack(strays).pow(2).mean((0, 2))
-    return (mean_square.nan_to_num() + BREED**2).sqrt()
+    breed = BREED * torso_length(model) / torso_length(load_quadruped())
+    return (mean_square.nan_to_num() + breed**2).sqrt()
+
+
+def torso_length(model: SmalModel) -> float:
+    """Length of a template's torso along x, in its unit."""
+    along = model.v_template[model.torso_vertices, 0]
+    return float(along.amax() - along.amin())
+
+
+@dataclass(frozen=True)
+class ModelBody:
+    """A model of the user's own in its template shape and pose: the same rigid body for every animal.
+
+    Attributes:
+        model: with landmarks.
+        name: what to call it in reports.
+    """
+
+    model: SmalModel
+    name: str
+
+    def __post_init__(self) -> None:
+        if not self.model.landmarks:
+            raise ConfigError(f"{self.name} has no landmarks, so no keypoint has a place on it: give them to load_model and convert it again")
+
+    def body(self, record: AnimalRecord) -> Body:
+        """The template with the record's landmarks; how far they may stray only if its joints are SMAL's."""
+        vertices, words = self.model.v_template, record.vocabulary
+        known = self.model.joint_names == load_quadruped().joint_names
+        sigma = model_mobility(self.model, (0.0,), words) if known else None
+        return Body(vertices, self.model.faces, words.on_body(self.model.landmark_groups, vertices), sigma, self.model)
 
 
 @dataclass(frozen=True)

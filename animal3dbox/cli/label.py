@@ -9,7 +9,7 @@ import msgspec
 import torch
 from tqdm import tqdm
 
-from animal3dbox.datasets.bodies import BodySource, PresetBody
+from animal3dbox.datasets.bodies import BodySource, ModelBody, PresetBody
 from animal3dbox.datasets.images import read_image
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.mesh_bodies import load_mesh_body
@@ -19,6 +19,7 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.report.summary import Summary
+from animal3dbox.smal.model_files import load_model
 
 EXIT_OK, EXIT_FAULTY = 0, 4
 
@@ -50,9 +51,11 @@ def run_label(job: LabelJob) -> int:
 
 
 def body_source(body: str, landmarks: Path | None) -> BodySource:
-    """The body source of the options: a preset's name, or a mesh file with its landmarks."""
+    """The body source of the options: a preset's name, a model's file, or a mesh file with its landmarks."""
     if landmarks is not None:
         return load_mesh_body(Path(body), landmarks)
+    if Path(body).suffix.lower() in (".pkl", ".safetensors"):
+        return ModelBody(load_model(Path(body)), f"model:{Path(body).name}")
     if "." in body or "/" in body:
         raise ConfigError(f"--body {body} is a file: give --landmarks too, or there is no telling its nose from its tail")
     return PresetBody(body)

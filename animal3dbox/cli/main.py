@@ -38,7 +38,7 @@ def label(
     out: Annotated[Path, tyro.conf.arg(help="folder for labels.json, labels.csv, overlays, gallery.html and report.json")],
     format: Annotated[Literal["auto", "stanfordextra"], tyro.conf.arg(help="the annotations' format")] = "auto",
     images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
-    body: Annotated[str, tyro.conf.arg(help="a preset of the embedded quadruped (dog, cat, horse, cow, ...) or a mesh file")] = "dog",
+    body: Annotated[str, tyro.conf.arg(help="a preset of the quadruped (dog, cat, ...), a SMAL model (.pkl, .safetensors) or a mesh file")] = "dog",
     landmarks: Annotated[Path | None, tyro.conf.arg(help="JSON with the mesh file's landmarks (docs/formats.md)")] = None,
     method: Annotated[Literal["default", "paper", "basic"], tyro.conf.arg(help="camera pose: ours, the paper's, its baseline")] = "default",
     axes: Annotated[Literal["default", "landmarks", "pca"], tyro.conf.arg(help="body axes: ours, the paper's, its baseline")] = "default",

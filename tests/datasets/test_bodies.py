@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import trimesh
 from photo_dataset import HW, WORDS, Scene, toy_scene, view_of
 from torch import Tensor
 
-from animal3dbox.datasets.bodies import Body, ParametersBody, PresetBody
+from animal3dbox.datasets.bodies import Body, ModelBody, ParametersBody, PresetBody
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.mesh_bodies import MeshBody, load_mesh_body
 from animal3dbox.datasets.records import AnimalRecord
@@ -23,6 +24,8 @@ from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundE
 from animal3dbox.geometry.rigid import rotation_angle, rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.smal.model_files import load_model
+from animal3dbox.smal.model_safetensors import save_safetensors
 from animal3dbox.smal.parameters import SmalParameters
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas
 from animal3dbox.smal.quadruped_poses import named_pose
@@ -347,3 +350,33 @@ def test_missing_or_unfit_parameters_are_faults_of_their_sample(sample_id: str, 
     source = ParametersBody(load_quadruped(), {"horse-1": SmalParameters(pose, torch.zeros(3), torch.zeros(3))})
     with pytest.raises(SampleError, match=f"{sample_id}: parameters: {says}"):
         source.body(parameters_record(sample_id, torch.zeros(26, 3)))
+
+
+# A model of the user's own --------------------------------------------------------------------------------------------
+
+
+def test_a_model_of_ones_own_serves_in_its_template_pose_and_unit(tmp_path: Path) -> None:
+    model = load_quadruped()
+    larger = replace(model, v_template=3 * model.v_template, shapedirs=3 * model.shapedirs, posedirs=3 * model.posedirs)
+    save_safetensors(larger, tmp_path / "mine.safetensors")
+    source = ModelBody(load_model(tmp_path / "mine.safetensors"), "mine")
+    animal = synthetic_animal(0, 0, preset="dog", pose="stand")
+    record = parameters_record("dog-1", animal.keypoints_2d)
+    body, own = source.body(record), ModelBody(model, "own").body(record)
+    assert body.landmark_sigma is not None
+    assert own.landmark_sigma is not None
+    torch.testing.assert_close(body.landmark_sigma, 3 * own.landmark_sigma)
+    label = label_record(record, source, LabelConfig())
+    assert isinstance(label, CuboidLabel)
+    assert label.side is not None
+
+
+def test_a_model_of_other_joints_does_not_claim_to_know_how_its_landmarks_stray() -> None:
+    model = load_quadruped()
+    renamed = replace(model, joint_names=tuple(f"bone{i}" for i in range(model.joint_count)))
+    assert ModelBody(renamed, "mine").body(parameters_record("dog-1", torch.zeros(26, 3))).landmark_sigma is None
+
+
+def test_a_model_without_landmarks_is_refused() -> None:
+    with pytest.raises(ConfigError, match="mine has no landmarks"):
+        ModelBody(replace(load_quadruped(), landmarks={}), "mine")
