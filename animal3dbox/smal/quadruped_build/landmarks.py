@@ -7,13 +7,8 @@ import numpy as np
 from animal3dbox.smal.quadruped_build.anatomy import Table, chains_of, head_to_body
 from animal3dbox.smal.quadruped_build.implicit import Array
 from animal3dbox.smal.quadruped_build.meshing import Faces, HalfMesh
+from animal3dbox.smal.vocabularies import ANIMAL3D_26
 
-KEYPOINT_NAMES = (
-    "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw", "right_back_paw", "tail_base",
-    "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee", "left_shoulder", "right_shoulder",
-    "left_front_wrist", "right_front_wrist", "left_back_hock", "right_back_hock", "neck", "tail_tip", "left_ear", "right_ear",
-    "left_mouth", "right_mouth", "nose", "tail_middle",
-)  # fmt: skip
 EXTRA_NAMES = ("withers", "throat", "left_hip", "right_hip", "left_ear_base", "right_ear_base", "left_ear_tip", "right_ear_tip")
 
 
@@ -36,7 +31,7 @@ def landmark_groups(table: Table, half: HalfMesh, symmetry: Faces) -> dict[str, 
     """Vertex ids of all landmarks, the 26 keypoints first, then the extra ones."""
     groups: dict[str, tuple[int, ...]] = {}
     spots = _spots(table)
-    for name in KEYPOINT_NAMES + EXTRA_NAMES:
+    for name in ANIMAL3D_26 + EXTRA_NAMES:
         side, _, rest = name.partition("_")
         if side == "right":
             groups[name] = tuple(int(symmetry[i]) for i in groups[f"left_{rest}"])
