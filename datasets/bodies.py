@@ -58,39 +58,40 @@ class BodySource(Protocol):
 
 
 @dataclass(frozen=True)
-class PresetBody:
-    """The embedded quadruped in a preset's shape, in its standing template pose: the same for every animal.
+class ModelBody:
+    """A model in one shape and its template pose: the same rigid body for every animal.
 
     Attributes:
-        preset: one of quadruped_names().presets.
+        model: with landmarks.
+        name: what to call it in reports.
+        betas: its shape; the template's if left out.
     """
 
-    preset: str
+    model: SmalModel
+    name: str
+    betas: tuple[float, ...] = (0.0,)
 
     def __post_init__(self) -> None:
-        preset_betas(self.preset)  # raises, naming the presets, if there is none of that name
-
-    @property
-    def name(self) -> str:
-        """The preset."""
-        return f"quadruped:{self.preset}"
+        if not self.model.landmarks:
+            raise ConfigError(f"{self.name} has no landmarks, so no keypoint has a place on it: give them to load_model and convert it again")
 
     def body(self, record: AnimalRecord) -> Body:
-        """The preset's body with the record's landmarks."""
-        model, vertices = _shaped(self.preset)
-        landmarks = record.vocabulary.on_body(model.landmark_groups, vertices)
-        return Body(vertices, model.faces, landmarks, landmark_mobility(self.preset, record.vocabulary), model)
+        """The body with the record's landmarks; how far they may stray only if its joints are SMAL's."""
+        vertices, words = standing_vertices(self.model, self.betas), record.vocabulary
+        known = self.model.joint_names == load_quadruped().joint_names
+        sigma = model_mobility(self.model, self.betas, words) if known else None
+        return Body(vertices, self.model.faces, words.on_body(self.model.landmark_groups, vertices), sigma, self.model)
+
+
+def preset_body(preset: str) -> ModelBody:
+    """The embedded quadruped in a preset's shape; raises ConfigError, naming the presets, if there is none of that name."""
+    return ModelBody(load_quadruped(), f"quadruped:{preset}", tuple(preset_betas(preset).tolist()))
 
 
 @lru_cache(maxsize=16)
-def _shaped(preset: str) -> tuple[SmalModel, Tensor]:
-    model = load_quadruped()
-    return model, model.shaped(preset_betas(preset)[None])[0]
-
-
-def landmark_mobility(preset: str, vocabulary: Vocabulary) -> Tensor:
-    """How far each landmark (J,) of a preset strays from where its standing body has it, in its unit; see model_mobility."""
-    return model_mobility(load_quadruped(), tuple(preset_betas(preset).tolist()), vocabulary)
+def standing_vertices(model: SmalModel, betas: tuple[float, ...]) -> Tensor:
+    """A model's vertices (V, 3) in a shape and the template pose."""
+    return model.shaped(torch.tensor([betas], dtype=torch.float64))[0]
 
 
 @lru_cache(maxsize=64)
@@ -105,8 +106,7 @@ def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocab
         vocabulary: the keypoints.
 
     """
-    shape = torch.tensor(betas, dtype=torch.float64)
-    standing = model.shaped(shape[None])[0]
+    shape, standing = torch.tensor(betas, dtype=torch.float64), standing_vertices(model, betas)
     poses = torch.stack([named_pose(pose) for pose in POSES])
     body = model.posed(shape.expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=torch.float64))
     torso = model.torso_vertices
@@ -123,30 +123,6 @@ def torso_length(model: SmalModel) -> float:
     """Length of a template's torso along x, in its unit."""
     along = model.v_template[model.torso_vertices, 0]
     return float(along.amax() - along.amin())
-
-
-@dataclass(frozen=True)
-class ModelBody:
-    """A model of the user's own in its template shape and pose: the same rigid body for every animal.
-
-    Attributes:
-        model: with landmarks.
-        name: what to call it in reports.
-    """
-
-    model: SmalModel
-    name: str
-
-    def __post_init__(self) -> None:
-        if not self.model.landmarks:
-            raise ConfigError(f"{self.name} has no landmarks, so no keypoint has a place on it: give them to load_model and convert it again")
-
-    def body(self, record: AnimalRecord) -> Body:
-        """The template with the record's landmarks; how far they may stray only if its joints are SMAL's."""
-        vertices, words = self.model.v_template, record.vocabulary
-        known = self.model.joint_names == load_quadruped().joint_names
-        sigma = model_mobility(self.model, (0.0,), words) if known else None
-        return Body(vertices, self.model.faces, words.on_body(self.model.landmark_groups, vertices), sigma, self.model)
 
 
 @dataclass(frozen=True)

@@ -165,9 +165,9 @@ def _mask_runs(seg: str | dict[str, object] | None, image_hw: tuple[int, int], s
     """The run lengths of a string, or of COCO's {size, counts}, checked by decoding them once."""
     if seg is None:
         return None
-    counts = seg
+    counts: object = seg
     if isinstance(seg, dict):
-        counts = seg.get("counts")  # type: ignore[assignment]
+        counts = seg.get("counts")
         if seg.get("size") not in (None, list(image_hw)):
             raise SampleError(sample_id, "seg", f"is a mask of size {seg.get('size')}, but the image is {list(image_hw)} (height, width)")
     if not isinstance(counts, str) and not (isinstance(counts, list) and all(isinstance(c, int) for c in counts)):

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from animal3dbox.datasets.bodies import landmark_mobility
+from animal3dbox.datasets.bodies import model_mobility, standing_vertices
 from animal3dbox.datasets.synthetic import SyntheticAnimal, noisy_keypoints, synthetic_animal
 from animal3dbox.errors import ConfigError
 from animal3dbox.files import write_whole
@@ -105,11 +105,6 @@ def score(label: CuboidLabel, animal: SyntheticAnimal, landmarks: Tensor, truth:
     )
 
 
-def standing_vertices(animal: SyntheticAnimal) -> Tensor:
-    """The animal's species in its standing template pose, (V, 3): all that is known of the body of a photograph."""
-    return animal.model.shaped(preset_betas(animal.preset)[None])[0]
-
-
 def label_synthetic(animal: SyntheticAnimal, keypoints: Tensor, config: LabelConfig, rigid: bool = False) -> CuboidLabel | Rejection:
     """Label a synthetic animal from keypoints, its mask and its intrinsics; the camera pose is not given.
 
@@ -122,7 +117,8 @@ def label_synthetic(animal: SyntheticAnimal, keypoints: Tensor, config: LabelCon
     """
     vertices, sigma = animal.vertices, None
     if rigid:
-        vertices, sigma = standing_vertices(animal), landmark_mobility(animal.preset, VOCABULARIES["animal3d26"])
+        betas = tuple(preset_betas(animal.preset).tolist())
+        vertices, sigma = standing_vertices(animal.model, betas), model_mobility(animal.model, betas, VOCABULARIES["animal3d26"])
     return label_animal(
         animal.image_hw,
         keypoints,
@@ -149,7 +145,7 @@ def run_demo(job: DemoJob) -> int:
         animal = synthetic_animal(job.seed, index)
         generator = torch.Generator().manual_seed(job.seed * 7919 + index)
         keypoints = noisy_keypoints(animal.keypoints_2d, job.noise_px, generator, job.outliers, animal.image_hw)
-        body = standing_vertices(animal) if job.rigid else animal.vertices
+        body = standing_vertices(animal.model, tuple(preset_betas(animal.preset).tolist())) if job.rigid else animal.vertices
         landmarks, truth = VOCABULARIES["animal3d26"].on_body(animal.model.landmarks, body), true_cuboid(animal)
         for method, config in METHODS.items():
             outcome = label_synthetic(animal, keypoints, config, job.rigid)

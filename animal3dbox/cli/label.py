@@ -9,7 +9,7 @@ import msgspec
 import torch
 from tqdm import tqdm
 
-from animal3dbox.datasets.bodies import BodySource, ModelBody, PresetBody
+from animal3dbox.datasets.bodies import BodySource, ModelBody, preset_body
 from animal3dbox.datasets.images import read_image
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.mesh_bodies import load_mesh_body
@@ -58,7 +58,7 @@ def body_source(body: str, landmarks: Path | None) -> BodySource:
         return ModelBody(load_model(Path(body)), f"model:{Path(body).name}")
     if "." in body or "/" in body:
         raise ConfigError(f"--body {body} is a file: give --landmarks too, or there is no telling its nose from its tail")
-    return PresetBody(body)
+    return preset_body(body)
 
 
 def _results(records: RecordSet, bodies: BodySource, job: LabelJob) -> Iterator[Labelled | SampleError]:

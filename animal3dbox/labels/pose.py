@@ -14,7 +14,7 @@ from animal3dbox.labels.pose_search import CAUCHY_95, Candidates, search_poses
 FINALISTS = 3
 TIGHT = 1e-12
 MASK_SLACK_PX = 1.0
-"""A mask's border is that of pixel centres, and tips thinner than a pixel fall between them: measured, up to 0.8 px."""
+"""A mask's border is that of pixel centres, and tips thinner than a pixel fall between them: up to 0.8 px (benchmarks/masks_and_visibility.py)."""
 
 
 def estimate_pose(problem: PoseProblem, config: LabelConfig, hypotheses: tuple[PoseEstimate, ...] = ()) -> PoseEstimate | PoseFailure:

@@ -70,7 +70,7 @@ def _as_opencv(problem: PoseProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray
         pixels[:, 0] -= K[0, 1] / K[1, 1] * (pixels[:, 1] - K[1, 2])
         K = K.clone()
         K[0, 1] = 0.0
-    return tuple(np.ascontiguousarray(a.detach().cpu().numpy(), dtype=np.float64) for a in (problem.points_world, pixels, K))  # type: ignore[return-value]
+    return problem.points_world.numpy(), pixels.contiguous().numpy(), K.numpy()
 
 
 def _solve(points: np.ndarray, pixels: np.ndarray, K: np.ndarray, flag: int, name: str) -> PoseEstimate | PoseFailure:

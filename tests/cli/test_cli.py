@@ -29,7 +29,7 @@ from photo_dataset import (
 )
 
 from animal3dbox.cli.main import main
-from animal3dbox.datasets.bodies import PresetBody
+from animal3dbox.datasets.bodies import preset_body
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.report.label_files import AnimalRow, read_labels_json
 from animal3dbox.report.run import overlay_name
@@ -57,7 +57,7 @@ def ran(*arguments: str | Path) -> Ran:
 
 def dog_scene() -> Scene:
     """The embedded dog, which the command labels with unless told otherwise."""
-    body = PresetBody("dog").body(AnimalRecord("", "", Path(), HW, WORDS, np.zeros((24, 3)), None, "dog"))
+    body = preset_body("dog").body(AnimalRecord("", "", Path(), HW, WORDS, np.zeros((24, 3)), None, "dog"))
     return Scene(body.vertices, body.faces, body.landmarks)
 
 

@@ -14,7 +14,7 @@ import trimesh
 from photo_dataset import HW, WORDS, Scene, toy_scene, view_of
 from torch import Tensor
 
-from animal3dbox.datasets.bodies import Body, ModelBody, ParametersBody, PresetBody
+from animal3dbox.datasets.bodies import Body, ModelBody, ParametersBody, preset_body
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.mesh_bodies import MeshBody, load_mesh_body
 from animal3dbox.datasets.records import AnimalRecord
@@ -303,7 +303,7 @@ def test_a_mesh_of_any_topology_frame_and_unit_shows_the_side_the_camera_sees(tm
 
 
 def test_a_preset_has_every_keypoint_and_its_template() -> None:
-    source = PresetBody("dog")
+    source = preset_body("dog")
     body = source.body(RECORD)
     assert source.name == "quadruped:dog"
     assert bool(torch.isfinite(body.landmarks).all())
@@ -314,13 +314,13 @@ def test_a_preset_has_every_keypoint_and_its_template() -> None:
 
 
 def test_presets_differ_in_shape() -> None:
-    dog, cow = PresetBody("dog").body(RECORD), PresetBody("cow").body(RECORD)
+    dog, cow = preset_body("dog").body(RECORD), preset_body("cow").body(RECORD)
     assert float((dog.vertices - cow.vertices).abs().amax()) > 0.02
 
 
 def test_an_unknown_preset_is_refused_with_the_presets_there_are() -> None:
     with pytest.raises(ConfigError) as caught:
-        PresetBody("poodle")
+        preset_body("poodle")
     assert all(word in str(caught.value) for word in ("dog", "horse", "'poodle'"))
 
 

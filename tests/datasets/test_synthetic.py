@@ -1,11 +1,12 @@
 import torch
 from torch.testing import assert_close
 
-from animal3dbox.datasets.bodies import BREED, landmark_mobility
+from animal3dbox.datasets.bodies import BREED, model_mobility
 from animal3dbox.datasets.shading import shade, vertex_normals
 from animal3dbox.datasets.synthetic import noisy_keypoints, synthetic_animal
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.rigid import rigid, transform_points
+from animal3dbox.smal.quadruped import load_quadruped, preset_betas
 from animal3dbox.smal.vocabularies import VOCABULARIES
 
 F64 = torch.float64
@@ -75,7 +76,9 @@ def test_a_face_turned_to_the_light_is_brighter_than_one_turned_away() -> None:
 
 def test_the_trunk_strays_less_from_the_standing_body_than_paws_head_and_tail() -> None:
     vocabulary = VOCABULARIES["animal3d26"]
-    mobility = dict(zip(vocabulary.keypoints, landmark_mobility("dog", vocabulary).tolist(), strict=True))
+    mobility = dict(
+        zip(vocabulary.keypoints, model_mobility(load_quadruped(), tuple(preset_betas("dog").tolist()), vocabulary).tolist(), strict=True)
+    )
     assert mobility["tail_base"] < mobility["left_front_elbow"] < mobility["left_front_paw"]
     assert mobility["left_shoulder"] < mobility["neck"] < mobility["nose"]
     assert min(mobility.values()) >= BREED
