@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.geometry.checks import check_image_hw, check_intrinsics, check_shape
+from animal3dbox.geometry.distortion import distort
 from animal3dbox.geometry.rigid import transform_points
 
 
@@ -27,21 +28,44 @@ def intrinsics(focal_px: float | tuple[float, float], image_hw: tuple[int, int],
     return torch.tensor([[fx, skew, (width - 1) / 2], [0.0, fy, (height - 1) / 2], [0.0, 0.0, 1.0]], dtype=torch.float64)
 
 
-def project(K: Tensor, points_cam: Tensor) -> tuple[Tensor, Tensor]:
+def project(K: Tensor, points_cam: Tensor, distortion: Tensor | None = None) -> tuple[Tensor, Tensor]:
     """Project points of the camera frame to pixels (section 2.2, P).
 
     Args:
         K: (..., 3, 3).
         points_cam: (..., N, 3).
+        distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens; None for a pinhole.
 
     Returns:
-        points_px: (..., N, 2); meaningless where depth is not positive (finite all the same).
+        points_px: (..., N, 2); meaningless where depth is not positive (finite all the same), see project_in_front.
         depth: (..., N) along the optical axis, positive in front of the camera.
 
     """
     depth = points_cam[..., 2]
     safe = torch.where(depth.abs() < 1e-12, torch.full_like(depth, 1e-12), depth)
-    return (points_cam @ K.mT)[..., :2] / safe[..., None], depth
+    if distortion is None:
+        return (points_cam @ K.mT)[..., :2] / safe[..., None], depth
+    bent = distort(points_cam[..., :2] / safe[..., None], distortion)
+    return bent @ K[..., :2, :2].mT + K[..., None, :2, 2], depth
+
+
+def project_in_front(K: Tensor, points_cam: Tensor, near: float | Tensor = 0.0, distortion: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    """Project points of the camera frame to pixels; a point behind the camera never comes back as one that is seen.
+
+    Args:
+        K: (..., 3, 3).
+        points_cam: (..., N, 3).
+        near: a point counts as in front if its depth exceeds this; a number, or a tensor that broadcasts to (..., N).
+        distortion: coefficients of OpenCV's lens, see project.
+
+    Returns:
+        points_px: (..., N, 2), exactly 0 where the point is not in front.
+        in_front: (..., N) bool.
+
+    """
+    points_px, depth = project(K, points_cam, distortion)
+    in_front = (depth > near) & torch.isfinite(points_px).all(-1)
+    return torch.where(in_front[..., None], points_px, torch.zeros_like(points_px)), in_front
 
 
 @dataclass(frozen=True)

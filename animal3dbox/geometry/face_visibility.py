@@ -91,6 +91,12 @@ def near_depth(cuboid: Cuboid) -> Tensor:
     return NEAR_PER_DIAGONAL * cuboid.diagonal
 
 
+def near_depth_of_corners(corners: Tensor) -> Tensor:
+    """The near plane's depth for boxes given by their corners (..., 8, 3) in any frame, (...,), in their unit."""
+    diagonal: Tensor = torch.linalg.vector_norm(corners[..., 6, :] - corners[..., 0, :], dim=-1)
+    return NEAR_PER_DIAGONAL * diagonal
+
+
 def corners_in_front(cuboid_cam: Cuboid) -> Tensor:
     """Which corners lie beyond the near plane, so that their projection means something, (..., 8) bool."""
     return cuboid_cam.corners()[..., 2] > near_depth(cuboid_cam)[..., None]
@@ -108,13 +114,52 @@ def face_visibility(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]) ->
         Booleans, areas and shares of the faces (section 2.3), and the truncation.
 
     """
+    corners_cam = cuboid_cam.corners()
+    return corners_visibility(corners_cam, K, image_hw, visible_faces(corners_cam, torch.zeros_like(cuboid_cam.center)))
+
+
+def projected_faces(corners_cam: Tensor, K: Tensor, distortion: Tensor | None = None) -> Tensor:
+    """The faces of boxes in the picture, clipped at the near plane.
+
+    Args:
+        corners_cam: (..., 8, 3).
+        K: (..., 3, 3) in pixels.
+        distortion: coefficients of OpenCV's lens (edges stay straight between the bent corners); None for a pinhole.
+
+    Returns:
+        (..., 6, P, 2) px, P = 4 if every corner lies in front of its near plane, else 5.
+
+    """
+    indices = torch.tensor(list(FACES.values()), device=corners_cam.device)
+    near = near_depth_of_corners(corners_cam)
+    if bool((corners_cam[..., 2] > near[..., None]).all()):
+        return project(K, corners_cam, distortion)[0][..., indices, :]
+    return project(K[..., None, :, :], clip_to_near(corners_cam[..., indices, :], near[..., None, None]), distortion)[0]
+
+
+def corners_visibility(
+    corners_cam: Tensor, K: Tensor, image_hw: tuple[int, int], visible: Tensor, distortion: Tensor | None = None
+) -> FaceVisibility:
+    """What a camera sees of boxes whose visible faces are known already, such as after a map of pixels, which changes none.
+
+    Args:
+        corners_cam: (..., 8, 3) in the camera frame, in CORNER_SIGNS' order.
+        K: (..., 3, 3) in pixels.
+        image_hw: height and width of the image.
+        visible: (..., 6) bool, see visible_faces.
+        distortion: coefficients of OpenCV's lens; None for a pinhole.
+
+    Returns:
+        Booleans, areas and shares of the faces (section 2.3), and the truncation.
+
+    """
     check_shape("K", K, "... 3 3")
     check_image_hw("image_hw", image_hw)
-    corners_cam = cuboid_cam.corners()
-    visible = visible_faces(corners_cam, torch.zeros_like(cuboid_cam.center))
-    quads = corners_cam[..., torch.tensor(list(FACES.values()), device=corners_cam.device), :]
-    quads_px, _ = project(K[..., None, :, :], clip_to_near(quads, near_depth(cuboid_cam)[..., None, None]))
-    area, area_in_image = polygon_area(quads_px), polygon_area(clip_to_frame(quads_px, image_hw))
+    quads_px = projected_faces(corners_cam, K, distortion)
+    beyond = quads_px.new_tensor([image_hw[1] - 0.5, image_hw[0] - 0.5])
+    inside = bool(((quads_px >= -0.5) & (quads_px <= beyond)).all())
+    area = polygon_area(quads_px)
+    area_in_image = area if inside else polygon_area(clip_to_frame(quads_px, image_hw))
     silhouette, silhouette_in_image = ((a * ~visible).sum(-1) for a in (area, area_in_image))
     truncation = 1 - torch.where(silhouette > 0, silhouette_in_image / silhouette.clamp_min(1e-300), torch.ones_like(silhouette))
     area, area_in_image = area * visible, area_in_image * visible

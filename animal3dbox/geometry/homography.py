@@ -80,24 +80,39 @@ class CameraUpdate:
 
     Attributes:
         K: (..., 3, 3) the new intrinsics.
-        Q: (..., 3, 3) orthogonal: points_cam' = Q points_cam, R' = Q R, t' = Q t; det -1 under a mirror.
+        Q: (..., 3, 3) orthogonal: points_cam' = Q points_cam; det -1 under a mirror.
         k: (...,) the scale in H K = k K' Q; depth maps update as depth' = w depth / k, w being the map's denominator.
+        R: (..., 3, 3) the new R_cam_world, det +1; None if none was given.
+        t: (..., 3) the new t_cam_world; None if none was given.
     """
 
     K: Tensor
     Q: Tensor
     k: Tensor
+    R: Tensor | None = None
+    t: Tensor | None = None
+
+    @property
+    def mirrored(self) -> Tensor:
+        """Whether left and right changed places, (...,) bool."""
+        handed: Tensor = torch.linalg.det(self.Q)
+        return handed < 0
 
 
-def update_camera(H_out_in: Tensor, K: Tensor) -> CameraUpdate:
+def update_camera(H_out_in: Tensor, K: Tensor, R: Tensor | None = None, t: Tensor | None = None) -> CameraUpdate:
     """The camera of the mapped image, exactly, for any invertible map of pixels.
+
+    A mirror mirrors the world as well, by S = diag(1, -1, 1) fixed in world coordinates (points_world' = S points_world), so
+    that R' = Q R S stays a rotation.
 
     Args:
         H_out_in: (..., 3, 3) with w > 0 at the object (see oriented_homography).
         K: (..., 3, 3) intrinsics of the image before.
+        R: R_cam_world before, of a shape that multiplies with (..., 3, 3); (N, 3, 3) for one map and the worlds of N animals.
+        t: t_cam_world before, likewise (..., 3).
 
     Returns:
-        The new intrinsics and the turn of the camera frame.
+        The new intrinsics, the turn of the camera frame, and the new R and t.
 
     Raises:
         ShapeError: H_out_in is singular, or not finite.
@@ -111,4 +126,8 @@ def update_camera(H_out_in: Tensor, K: Tensor) -> CameraUpdate:
         raise ShapeError("H_out_in must be invertible, but its determinant is zero: it flattens the image")
     U, Q = rq(H_out_in @ K)
     k = U[..., 2, 2]
-    return CameraUpdate(U / k[..., None, None], Q, k)
+    if R is not None:
+        side = torch.ones_like(Q[..., 0, :])
+        side[..., 1] = torch.sign(torch.linalg.det(Q))
+        R = Q @ R * side[..., None, :]
+    return CameraUpdate(U / k[..., None, None], Q, k, R, None if t is None else (Q @ t[..., None])[..., 0])

@@ -73,9 +73,23 @@ def clip_to_near(polygons_cam: Tensor, near: Tensor | float) -> Tensor:
 
 def clip_to_frame(polygons_px: Tensor, image_hw: tuple[int, int]) -> Tensor:
     """The parts of polygons (..., P, 2) inside the image, which covers [-0.5, W - 0.5] x [-0.5, H - 0.5]; (..., P + 4, 2)."""
-    check_shape("polygons_px", polygons_px, "... P 2")
     height, width = image_hw
-    clipped = polygons_px
-    for axis, sign, bound in ((0, 1, -0.5), (0, -1, width - 0.5), (1, 1, -0.5), (1, -1, height - 0.5)):
-        clipped = clip_by_plane(clipped, sign * (clipped[..., axis] - bound))
+    return clip_to_box(polygons_px, polygons_px.new_tensor([-0.5, -0.5, width - 0.5, height - 0.5]))
+
+
+def clip_to_box(polygons: Tensor, box: Tensor) -> Tensor:
+    """The parts of polygons inside an upright box.
+
+    Args:
+        polygons: (..., P, 2).
+        box: (..., 4) least x, least y, greatest x, greatest y; broadcasts against the polygons' batch.
+
+    Returns:
+        (..., P + 4, 2).
+
+    """
+    check_shape("polygons", polygons, "... P 2")
+    clipped = polygons + torch.zeros_like(box[..., :1, None])
+    for axis, sign, bound in ((0, 1, 0), (0, -1, 2), (1, 1, 1), (1, -1, 3)):
+        clipped = clip_by_plane(clipped, sign * (clipped[..., axis] - box[..., bound, None]))
     return clipped

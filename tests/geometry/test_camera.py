@@ -123,3 +123,22 @@ def test_a_map_that_flattens_the_image_is_refused() -> None:
 def test_impossible_intrinsics_are_refused(K: Tensor, says: str) -> None:
     with pytest.raises(ShapeError, match=says):
         PinholeCamera(K, torch.eye(4), (10, 10))
+
+
+@settings(max_examples=300)
+@given(rotations(), vector(-5, 5), cameras(), st.booleans())
+def test_a_mirrored_world_is_seen_by_a_proper_camera(R: Tensor, t: Tensor, camera: tuple[Tensor, tuple[int, int]], mirror: bool) -> None:
+    K, (_, width) = camera
+    H = (
+        torch.tensor([[-1.0, 0, width - 1], [0, 1, 0], [0, 0, 1]], dtype=F64)
+        if mirror
+        else torch.tensor([[2.0, 0, 5], [0, 2, 3], [0, 0, 1]], dtype=F64)
+    )
+    update = update_camera(H, K, R, t)
+    assert update.R is not None
+    assert update.t is not None
+    assert bool(update.mirrored) is mirror
+    assert_close(torch.linalg.det(update.R), torch.tensor(1.0, dtype=F64))
+    points_world = torch.tensor([[1.0, 2, 3], [-1, 0.5, 2]], dtype=F64)
+    mirrored_world = points_world * torch.tensor([1.0, -1 if mirror else 1, 1], dtype=F64)
+    assert_close(mirrored_world @ update.R.mT + update.t, (points_world @ R.mT + t) @ update.Q.mT, atol=1e-9, rtol=0)
