@@ -1,0 +1,211 @@
+"""Pipelines: draw everything first, fuse it, then read the pixels once."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.transforms import opencv_executor
+from animal3dbox.transforms.batch import run_batch
+from animal3dbox.transforms.boxes import boxes_of_masks
+from animal3dbox.transforms.consistency import check_consistent
+from animal3dbox.transforms.erasing import hide_fields
+from animal3dbox.transforms.fields import Fields, read_target, write_target
+from animal3dbox.transforms.images import Image, ImageForm, image_form, image_from_bchw, image_from_hwc, image_to_bchw, image_to_hwc
+from animal3dbox.transforms.kornia_door import as_transform
+from animal3dbox.transforms.law import map_fields
+from animal3dbox.transforms.pixel_fields import warp_pixel_fields
+from animal3dbox.transforms.randomness import SampleKey, sample_generator
+from animal3dbox.transforms.relabel import check_keypoint_mirror
+from animal3dbox.transforms.sampling import check_interpolation
+from animal3dbox.transforms.steps import Erase, Pass, Plan, Standardise
+from animal3dbox.transforms.transform import Transform
+from animal3dbox.transforms.view import View
+
+
+class Compose(Transform):
+    """Transforms in a row, fused into one reading of the pixels.
+
+    ``image, target = compose(image, target)``. The target is a plain dict of the fields in fields.PER_ANIMAL and PER_IMAGE, all
+    optional; what is there is updated, and H_out_in (all maps of pixels so far) and mirrored are left in it.
+
+    Args:
+        transforms: ours, other pipelines, or kornia's augmentations (see kornia_door).
+        seed: of the draws. They are a function of seed and the sample's key alone.
+        interpolation: "bilinear", "bicubic" or "nearest"; masks and depth are always nearest.
+        fill: grey level 0 to 255 of what lies outside the picture, one or one a channel.
+        keypoint_mirror: for each keypoint its counterpart on the other side, for targets that do not hold their own.
+        mirror: "relabel", or "forbid" to refuse transforms that may mirror.
+        allow_skew: let the camera get a skew K[0, 1].
+        check: compare the target's fields with each other before anything is done, so that a camera left stale by another
+            library is found.
+
+    """
+
+    def __init__(
+        self,
+        transforms: Iterable[Any],
+        *,
+        seed: int = 0,
+        interpolation: str = "bilinear",
+        fill: float | tuple[float, ...] = 0.0,
+        keypoint_mirror: Sequence[int] | None = None,
+        mirror: str = "relabel",
+        allow_skew: bool = False,
+        check: bool = True,
+    ) -> None:
+        super().__init__()
+        if mirror not in ("relabel", "forbid"):
+            raise ConfigError(f"mirror must be 'relabel' or 'forbid', got {mirror!r}")
+        self.transforms = tuple(self._flat(transforms))
+        mirrors = [repr(transform) for transform in self.transforms if transform.mirrors]
+        if mirror == "forbid" and mirrors:
+            raise ConfigError(f"mirror='forbid', but these may mirror: {', '.join(mirrors)}; take them out or give them mirror='forbid'")
+        self.seed, self.interpolation, self.check = seed, check_interpolation(interpolation), check
+        self.fill = fill if isinstance(fill, tuple) else (float(fill),)
+        self.keypoint_mirror = None if keypoint_mirror is None else torch.tensor(list(keypoint_mirror))
+        if self.keypoint_mirror is not None:
+            check_keypoint_mirror(self.keypoint_mirror, len(self.keypoint_mirror))
+        self.allow_skew = allow_skew or any(getattr(transform, "allow_skew", False) for transform in self.transforms)
+
+    @staticmethod
+    def _flat(transforms: Iterable[Any]) -> list[Transform]:
+        flat: list[Transform] = []
+        for transform in transforms:
+            flat += transform.transforms if isinstance(transform, Compose) else [as_transform(transform)]
+        return flat
+
+    def sample(self, rng: np.random.Generator, view: View) -> tuple[Any, ...]:
+        """Draw the steps of all transforms in order."""
+        steps: list[Any] = []
+        for transform in self.transforms:
+            for step in transform.sample(rng, view):
+                steps.append(step)
+                view = view.after(step)
+        return tuple(steps)
+
+    def sample_params(self, image_hw: tuple[int, int], target: Mapping[str, Any], key: SampleKey | None = None) -> Plan:
+        """Draw everything for one sample; apply it with apply.
+
+        Args:
+            image_hw: of the image.
+            target: see the class.
+            key: (epoch, index) of the sample; without it target["sample_key"], and without that torch's default generator.
+
+        """
+        return self._plan(read_target(target, image_hw), image_hw, key)
+
+    def _plan(self, fields: Fields, image_hw: tuple[int, int], key: SampleKey | None) -> Plan:
+        if key is None and "sample_key" in fields.others:
+            given: Any = fields.others["sample_key"]
+            key = tuple(given)
+        return Plan(image_hw, self.sample(sample_generator(self.seed, key), View.of(image_hw, fields)))
+
+    def __call__(self, image: Image, target: Mapping[str, Any], key: SampleKey | None = None) -> tuple[Image, dict[str, Any]]:
+        """Transform one image and its target.
+
+        Args:
+            image: (C, H, W) tensor or (H, W, C) array, uint8 (0 to 255) or float (0 to 1).
+            target: see the class; it is left as it was.
+            key: see sample_params.
+
+        Returns:
+            The image and the target, in the form in which they came.
+
+        Raises:
+            SampleError: naming the sample and the field that is wrong or cannot follow.
+
+        """
+        form = image_form(image)
+        fields = read_target(target, form.image_hw)
+        if self.check:
+            check_consistent(fields)
+        return self._apply(image, form, fields, self._plan(fields, form.image_hw, key))
+
+    def apply(self, image: Image, target: Mapping[str, Any], plan: Plan) -> tuple[Image, dict[str, Any]]:
+        """Do again what was drawn before, to this or another image of the same size, such as the other eye of a stereo pair."""
+        form = image_form(image)
+        if form.image_hw != tuple(plan.image_hw):
+            raise ConfigError(f"the plan was drawn for an image of {tuple(plan.image_hw)} (height, width), this one has {form.image_hw}")
+        fields = read_target(target, form.image_hw)
+        if plan.keep is not None and any(index >= fields.count for index in plan.keep):
+            raise SampleError(fields.sample_id, "labels", f"the plan keeps animals {plan.keep}, the target has {fields.count}")
+        return self._apply(image, form, fields, plan)
+
+    def _apply(self, image: Image, form: ImageForm, fields: Fields, plan: Plan) -> tuple[Image, dict[str, Any]]:
+        stages = plan.stages()
+        moved = write_target(self.map_target(fields, plan, stages))
+        if isinstance(image, Tensor) and (image.requires_grad or image.device.type != "cpu"):
+            batch = run_batch([image_to_bchw(image, form)[0]], [stages], self.interpolation, self.fill, uint8=form.is_uint8)[0][None]
+            normalised = any(isinstance(step, Standardise) for step in plan.steps)
+            return image_from_bchw(batch, form, normalised=normalised), moved
+        array = image_to_hwc(image, form)
+        for stage in stages:
+            array = opencv_executor.run_stage(array, stage, self.interpolation, self.fill)
+        return image_from_hwc(array, form), moved
+
+    def map_target(self, fields: Fields, plan: Plan, stages: Sequence[Any] | None = None) -> Fields:
+        """The target's fields after a plan, masks and depth included."""
+        if plan.keep is not None:
+            fields = fields.selected(plan.keep)
+        image_hw = plan.image_hw
+        for stage in plan.stages() if stages is None else stages:
+            if isinstance(stage, Pass) and stage.H_out_in is not None:
+                H = torch.from_numpy(stage.H_out_in)
+                before = fields
+                fields = map_fields(fields, H, image_hw, stage.image_hw, keypoint_mirror=self.keypoint_mirror, allow_skew=self.allow_skew)
+                fields = fields.updated(**warp_pixel_fields(before, stage.H_out_in, image_hw, stage.image_hw))
+                if "masks" in fields.values and "boxes" in fields.values:
+                    fields = fields.updated(boxes=boxes_of_masks(fields.values["masks"], fields.values["boxes"]))
+                image_hw = stage.image_hw
+            elif isinstance(stage, Erase):
+                fields = hide_fields(fields, stage, image_hw)
+        return fields if "H_out_in" in fields.values else _untouched(fields)
+
+    def batch(
+        self, batch: tuple[Tensor | Sequence[Tensor], Sequence[Mapping[str, Any]]], keys: Sequence[SampleKey] | None = None
+    ) -> tuple[Tensor | list[Tensor], list[dict[str, Any]]]:
+        """Transform a collated batch on its device, differentiable in the images.
+
+        Draws are the same as one by one with the same keys, whatever the batch.
+
+        Args:
+            batch: images (B, C, H, W), or a list of (C, H, W), and a list of targets.
+            keys: one (epoch, index) an image; see sample_params.
+
+        Returns:
+            Images, stacked if they agree in size, and targets.
+
+        """
+        images, targets = batch
+        if len(images) != len(targets) or (keys is not None and len(keys) != len(targets)):
+            raise ConfigError(f"batch holds {len(images)} images, {len(targets)} targets and {'no' if keys is None else len(keys)} keys")
+        forms = [image_form(image) for image in images]
+        if any(not form.tensor or form.layout != "chw" for form in forms) or len({form.dtype for form in forms}) > 1:
+            raise ConfigError("batch must hold (C, H, W) tensors of one dtype; single images of any kind go through compose(image, target)")
+        plans, moved = [], []
+        for row, (form, target) in enumerate(zip(forms, targets, strict=True)):
+            fields = read_target(target, form.image_hw)
+            if self.check:
+                check_consistent(fields)
+            plans.append(self._plan(fields, form.image_hw, None if keys is None else keys[row]))
+            moved.append(write_target(self.map_target(fields, plans[-1])))
+        if not forms:
+            return images if isinstance(images, Tensor) else list(images), []
+        floats = [image_to_bchw(image, form)[0] for image, form in zip(images, forms, strict=True)]
+        results = run_batch(floats, [plan.stages() for plan in plans], self.interpolation, self.fill, uint8=forms[0].is_uint8)
+        done: list[Any] = []
+        for result, form, plan in zip(results, forms, plans, strict=True):
+            normalised = any(isinstance(step, Standardise) for step in plan.steps)
+            done.append(image_from_bchw(result[None], form, normalised=normalised))
+        return torch.stack(done) if len({tuple(image.shape) for image in done}) == 1 else done, moved
+
+
+def _untouched(fields: Fields) -> Fields:
+    """The target of a picture whose pixels did not move."""
+    others = {**fields.others, "mirrored": bool(fields.others.get("mirrored", False))}
+    return replace(fields.updated(H_out_in=torch.eye(3, dtype=torch.float64)), others=others)

@@ -1,0 +1,193 @@
+"""The fields of a target: which are known, what shape each has, and how a dict of them is read and written.
+
+A target is a plain dict about one image with N animals (or any other boxes). A field that is about pixels or cameras and is
+not in this list would be left stale by a map of pixels, so it is refused.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import SampleError, ShapeError
+from animal3dbox.geometry.checks import check_intrinsics, check_shape
+from animal3dbox.geometry.distortion import check_distortion
+
+PER_ANIMAL = {
+    "corners_3d": "N 8 3", "center": "N 3", "rotation": "N 3 3", "size": "N 3", "corners_2d": "N 8 2", "corner_in_front": "N 8",
+    "face_visible": "N 6", "face_area": "N 6", "face_share": "N 6", "face_share_in_image": "N 6", "surface_share": "N 6",
+    "truncation": "N", "behind_camera": "N", "occlusion": "N", "boxes": "N 4", "labels": "N", "keypoints": "N J 3", "keypoints_3d": "N J 3",
+    "vertices": "N V 3", "masks": "N H W",
+}  # fmt: skip
+PER_IMAGE = {"K": "3 3", "H_out_in": "3 3", "distortion": "D", "depth": "H W", "keypoint_mirror": "J"}
+CAMERA_FRAME = ("corners_3d", "center", "rotation", "R", "t")
+LISTS = ("quality",)
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a field came: a tensor or an array, and of which dtype."""
+
+    tensor: bool
+    dtype: torch.dtype | np.dtype[np.generic]
+
+
+@dataclass(frozen=True)
+class Fields:
+    """A target opened up.
+
+    Attributes:
+        values: the known array fields; floats are float64, everything else keeps its dtype.
+        forms: how each came.
+        others: everything else, passed on.
+        per_animal: the names in others that hold one entry an animal.
+        count: N.
+        sample_id: for messages.
+    """
+
+    values: dict[str, Tensor]
+    forms: dict[str, Form]
+    others: dict[str, object]
+    per_animal: tuple[str, ...]
+    count: int
+    sample_id: str | None
+
+    def updated(self, **values: Tensor) -> "Fields":
+        """The same target with some fields replaced or added."""
+        return replace(self, values={**self.values, **values})
+
+    def without(self, *names: str) -> "Fields":
+        """The same target without some fields."""
+        return replace(self, values={name: value for name, value in self.values.items() if name not in names})
+
+    def selected(self, keep: tuple[int, ...]) -> "Fields":
+        """The animals of these indices only."""
+        index = torch.tensor(keep, dtype=torch.long)
+        shared = {name for name in ("R", "t") if name in self.values and self.values[name].ndim == {"R": 2, "t": 1}[name]}
+        chosen = {
+            name: value[index.to(value.device)] if name in PER_ANIMAL or (name in ("R", "t") and name not in shared) else value
+            for name, value in self.values.items()
+        }
+        others = {name: _choose(value, keep) if name in self.per_animal else value for name, value in self.others.items()}
+        return replace(self, values=chosen, others=others, count=len(keep))
+
+
+def _choose(value: Any, keep: tuple[int, ...]) -> object:
+    return value[list(keep)] if isinstance(value, Tensor | np.ndarray) else type(value)(value[index] for index in keep)
+
+
+def read_target(target: Mapping[str, object], image_hw: tuple[int, int]) -> Fields:
+    """Open a target and check it.
+
+    Args:
+        target: plain dict of tensors, arrays and small values.
+        image_hw: of the image it belongs to.
+
+    Raises:
+        SampleError: a field has a wrong shape or value, contradicts another, or is unknown and could hold a camera or pixels.
+
+    """
+    sample_id = str(target["image_id"]) if "image_id" in target else None
+    values: dict[str, Tensor] = {}
+    forms: dict[str, Form] = {}
+    others: dict[str, object] = {}
+    for name, value in target.items():
+        if name in PER_ANIMAL or name in PER_IMAGE or name in ("R", "t"):
+            values[name], forms[name] = _open(value, sample_id, name)
+        else:
+            others[name] = value
+    try:
+        count = _check_shapes(values, image_hw, sample_id)
+        if "K" in values:
+            check_intrinsics("K", values["K"])
+        if "distortion" in values:
+            check_distortion("distortion", values["distortion"])
+    except ShapeError as error:
+        raise SampleError(sample_id, str(error).split()[0], str(error)) from error
+    missing = [name for name in CAMERA_FRAME if name in values]
+    if missing and "K" not in values:
+        raise SampleError(sample_id, missing[0], "a target with camera-frame fields needs the intrinsics K (3, 3) of its image")
+    per_animal = tuple(name for name, value in others.items() if _is_per_animal(value, name, count, sample_id))
+    return Fields(values, forms, others, per_animal, count, sample_id)
+
+
+def _open(value: object, sample_id: str | None, name: str) -> tuple[Tensor, Form]:
+    if not isinstance(value, Tensor | np.ndarray):
+        raise SampleError(sample_id, name, f"must be a tensor or an array, got {type(value).__name__}")
+    tensor = value if isinstance(value, Tensor) else torch.from_numpy(np.ascontiguousarray(value))
+    form = Form(isinstance(value, Tensor), value.dtype)
+    floating = tensor.is_floating_point()
+    if not floating and name not in ("labels", "masks", "corner_in_front", "face_visible", "behind_camera", "keypoint_mirror"):
+        raise SampleError(sample_id, name, f"must be floating point, got {tensor.dtype}")
+    if floating and not bool(torch.isfinite(tensor).all()):
+        raise SampleError(sample_id, name, "must be finite, but holds NaN or infinite values; what is unknown has no field")
+    return (tensor.double() if floating and name not in ("masks", "depth") else tensor), form
+
+
+def _check_shapes(values: dict[str, Tensor], image_hw: tuple[int, int], sample_id: str | None) -> int:
+    for name, value in values.items():
+        if name in ("R", "t"):
+            spec = {"R": "3 3", "t": "3"}[name]
+            check_shape(name, value, spec if value.ndim == len(spec.split()) else f"N {spec}")
+        else:
+            check_shape(name, value, PER_ANIMAL.get(name) or PER_IMAGE[name])
+    counts = {name: value.shape[0] for name, value in values.items() if name in PER_ANIMAL}
+    counts |= {name: values[name].shape[0] for name in ("R", "t") if name in values and values[name].ndim == {"R": 3, "t": 2}[name]}
+    if len(set(counts.values())) > 1:
+        raise SampleError(sample_id, next(iter(counts)), f"fields disagree on the number of animals: {counts}")
+    for name in ("masks", "depth"):
+        if name in values and tuple(values[name].shape[-2:]) != tuple(image_hw):
+            came = tuple(values[name].shape[-2:])
+            raise SampleError(sample_id, name, f"is stale: it covers {came} (height, width), the image {tuple(image_hw)}; map both by one transform")
+    return next(iter(counts.values()), 0)
+
+
+def _is_per_animal(value: object, name: str, count: int, sample_id: str | None) -> bool:
+    """Whether an unknown field is a list with one entry an animal; refuses what a map of pixels could leave stale."""
+    if name in LISTS:
+        if isinstance(value, list | tuple) and len(value) != count:
+            raise SampleError(sample_id, name, f"holds {len(value)} records for {count} animals")
+        return isinstance(value, list | tuple)
+    if not isinstance(value, Tensor | np.ndarray):
+        if _holds_array(value):
+            raise SampleError(sample_id, name, f"unknown field with arrays inside; {_REMEDY}")
+        return isinstance(value, list | tuple) and len(value) == count and count > 0 and name != "sample_key"
+    whole = not (value.is_floating_point() if isinstance(value, Tensor) else np.issubdtype(value.dtype, np.inexact))
+    if value.ndim == 0 or (whole and value.ndim == 1):
+        return value.ndim == 1 and value.shape[0] == count
+    raise SampleError(sample_id, name, f"unknown field of shape {tuple(value.shape)}, which could hold a camera or pixels; {_REMEDY}")
+
+
+_REMEDY = (
+    "it would be left stale by a map of pixels. Give it under a name that the transforms know "
+    f"({', '.join((*PER_IMAGE, 'R', 't', *PER_ANIMAL))}), or take it out before and put it back after"
+)
+
+
+def _holds_array(value: object) -> bool:
+    if isinstance(value, Mapping):
+        return any(_holds_array(item) for item in value.values())
+    if isinstance(value, list | tuple):
+        return any(_holds_array(item) for item in value)
+    return isinstance(value, Tensor | np.ndarray) and value.ndim > 1
+
+
+def write_target(fields: Fields) -> dict[str, object]:
+    """The target as a plain dict again, every field in the form in which it came."""
+    written: dict[str, object] = dict(fields.others)
+    like = fields.forms.get("K") or next(iter(fields.forms.values()), Form(True, torch.float32))
+    for name, value in fields.values.items():
+        form = fields.forms.get(name, like)
+        written[name] = _close(value, form) if name in fields.forms or value.is_floating_point() else _close(value, Form(form.tensor, value.dtype))
+    return written
+
+
+def _close(value: Tensor, form: Form) -> object:
+    if form.tensor:
+        dtype = form.dtype if isinstance(form.dtype, torch.dtype) else value.dtype
+        return value.to(dtype)
+    array = value.detach().cpu().numpy()
+    return array.astype(form.dtype, copy=False) if isinstance(form.dtype, np.dtype) else array

@@ -1,0 +1,109 @@
+"""Images as they come in (tensors or arrays, CHW or HWC, uint8 or float) and as the executors want them."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import ShapeError
+
+Image = Tensor | np.ndarray
+CHANNELS = (1, 3, 4)
+
+
+@dataclass(frozen=True)
+class ImageForm:
+    """How an image came, so that the result can leave the same way.
+
+    Attributes:
+        tensor: a torch tensor, not an array.
+        layout: "chw", "hwc" or "hw".
+        dtype: of the array that came.
+        image_hw: height and width.
+    """
+
+    tensor: bool
+    layout: str
+    dtype: torch.dtype | np.dtype[np.generic]
+    image_hw: tuple[int, int]
+
+    @property
+    def is_uint8(self) -> bool:
+        """Whether grey levels run from 0 to 255; floats run from 0 to 1."""
+        return self.dtype in (torch.uint8, np.dtype(np.uint8))
+
+
+def image_form(image: Image) -> ImageForm:
+    """What kind of image this is.
+
+    Args:
+        image: tensor, (C, H, W) unless only the last size is 1, 3 or 4; or array, (H, W, C) unless only the first is; or (H, W).
+
+    Raises:
+        ShapeError: the shape or the dtype is none that is supported.
+
+    """
+    if not isinstance(image, Tensor | np.ndarray):
+        raise ShapeError(f"image must be a torch tensor or a numpy array, got {type(image).__name__}")
+    shape = tuple(image.shape)
+    first, last = (len(shape) == 3 and shape[side] in CHANNELS for side in (0, -1))
+    tensor = isinstance(image, Tensor)
+    if len(shape) == 2:
+        layout = "hw"
+    elif first and (tensor or not last):
+        layout = "chw"
+    elif last:
+        layout = "hwc"
+    else:
+        raise ShapeError(f"image must have shape (C, H, W), (H, W, C) or (H, W) with C = 1, 3 or 4, got {shape}")
+    height, width = shape[-2:] if layout != "hwc" else shape[:2]
+    if height == 0 or width == 0:
+        raise ShapeError(f"image must not be empty, got shape {shape}")
+    dtype: torch.dtype | np.dtype[np.generic] = image.dtype
+    if dtype not in (torch.uint8, torch.float32, torch.float64, np.dtype(np.uint8), np.dtype(np.float32), np.dtype(np.float64)):
+        raise ShapeError(f"image must be uint8 (0 to 255), float32 or float64 (0 to 1), got {dtype}; convert it first")
+    return ImageForm(tensor, layout, dtype, (int(height), int(width)))
+
+
+def image_to_hwc(image: Image, form: ImageForm) -> np.ndarray:
+    """The image as (H, W, C) for OpenCV; shares memory with the image where it can."""
+    array = image.detach().numpy() if isinstance(image, Tensor) else image
+    if form.layout == "chw":
+        array = cv2.merge([np.ascontiguousarray(plane) for plane in array])
+    return array[..., None] if array.ndim == 2 else array
+
+
+def image_from_hwc(array: np.ndarray, form: ImageForm) -> Image:
+    """The (H, W, C) result in the form in which the image came; a Normalize has made it float32."""
+    if form.layout == "chw":
+        array = np.stack(cv2.split(array)) if array.shape[-1] > 1 else np.ascontiguousarray(array.transpose(2, 0, 1))
+    elif form.layout == "hw":
+        array = array[..., 0]
+    if array.dtype == np.float32 and form.dtype in (torch.float64, np.dtype(np.float64)):
+        array = array.astype(np.float64)
+    array = np.ascontiguousarray(array)
+    return torch.from_numpy(array) if form.tensor else array
+
+
+def image_to_bchw(image: Image, form: ImageForm) -> Tensor:
+    """The image as a floating-point batch of one, (1, C, H, W), in its own grey levels; differentiable."""
+    tensor = image if isinstance(image, Tensor) else torch.from_numpy(np.ascontiguousarray(image))
+    if form.layout == "hwc":
+        tensor = tensor.permute(2, 0, 1)
+    elif form.layout == "hw":
+        tensor = tensor[None]
+    return (tensor if tensor.is_floating_point() else tensor.float())[None]
+
+
+def image_from_bchw(batch: Tensor, form: ImageForm, *, normalised: bool) -> Image:
+    """The (1, C, H, W) result in the form in which the image came; uint8 is rounded, unless a Normalize has made it float."""
+    tensor = batch[0]
+    if form.is_uint8 and not normalised:
+        tensor = tensor.round().clamp(0, 255).to(torch.uint8)
+    if form.layout == "hwc":
+        tensor = tensor.permute(1, 2, 0).contiguous()
+    elif form.layout == "hw":
+        tensor = tensor[0]
+    return tensor if form.tensor else tensor.detach().cpu().numpy()

@@ -1,0 +1,193 @@
+"""The one law: what a map of pixels does to everything that is known about the image.
+
+With H K = k K' Q (RQ decomposition), the mapped image is what the camera K' sees after its frame has been turned by Q:
+points' = Q points. Where det Q = -1 the scene is mirrored, and what is called left or right is renamed (relabel.py).
+"""
+
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import SampleError, ShapeError
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import CORNER_SIGNS
+from animal3dbox.geometry.distortion import turned_distortion
+from animal3dbox.geometry.face_visibility import corners_visibility, near_depth_of_corners, visible_faces
+from animal3dbox.geometry.homography import CameraUpdate, apply_homography, oriented_homography, update_camera
+from animal3dbox.transforms.boxes import mapped_boxes
+from animal3dbox.transforms.fields import Fields
+from animal3dbox.transforms.relabel import Relabelling
+
+SKEW_TOLERANCE = 1e-6
+"""Skew below this fraction of the focal length counts as none: it is rounding."""
+
+
+def map_fields(
+    fields: Fields,
+    H_out_in: Tensor,
+    image_hw_in: tuple[int, int],
+    image_hw_out: tuple[int, int],
+    *,
+    keypoint_mirror: Tensor | None = None,
+    allow_skew: bool = False,
+) -> Fields:
+    """Everything but pixel arrays (masks, depth) after a map of pixels.
+
+    Args:
+        fields: the target before.
+        H_out_in: (3, 3) float64.
+        image_hw_in: of the image before.
+        image_hw_out: of the image after.
+        keypoint_mirror: (J,) each keypoint's counterpart on the other side; the target's own field goes before.
+        allow_skew: let K'[0, 1] become non-zero.
+
+    Returns:
+        The target after; H_out_in is accumulated, mirrored is whether all maps together mirror.
+
+    Raises:
+        SampleError: naming the field that cannot follow the map.
+
+    """
+    values = fields.values
+    H = oriented_homography(H_out_in, H_out_in.new_tensor([(image_hw_in[1] - 1) / 2, (image_hw_in[0] - 1) / 2]))
+    relabel = Relabelling(torch.linalg.det(H) < 0)
+    out = {name: value for name, value in values.items() if name in ("size", "labels", "occlusion", "keypoint_mirror")}
+    out["H_out_in"] = H @ values["H_out_in"] if "H_out_in" in values else H
+    update = _updated_camera(fields, H, allow_skew) if "K" in values else None
+    if update is not None:
+        out |= _moved(fields, update, relabel)
+    out |= _renamed(values, relabel, affine=bool((H[2, :2] == 0).all()))
+    out |= _seen(values, out, image_hw_out)
+    if update is None and "corners_2d" in values:
+        out["corners_2d"] = relabel.corners(apply_homography(H, values["corners_2d"]))
+    if "keypoints" in values:
+        out["keypoints"] = _mapped_keypoints(fields, H, relabel, image_hw_out, keypoint_mirror)
+    if "keypoints_3d" in values:
+        out["keypoints_3d"] = _renamed_keypoints(fields, relabel.world_points(values["keypoints_3d"]), relabel, keypoint_mirror)
+    if "boxes" in values:
+        out["boxes"] = mapped_boxes(values["boxes"].double(), H, image_hw_out, _projected_outline(out))
+    mirrored = bool(fields.others.get("mirrored", False)) ^ bool(relabel.mirrored)
+    kept = {name: value for name, value in values.items() if name in ("masks", "depth")}
+    return Fields({**kept, **out}, fields.forms, {**fields.others, "mirrored": mirrored}, fields.per_animal, fields.count, fields.sample_id)
+
+
+def _updated_camera(fields: Fields, H: Tensor, allow_skew: bool) -> CameraUpdate:
+    K = fields.values["K"]
+    try:
+        update = update_camera(H, K, fields.values.get("R"), fields.values.get("t"))
+    except ShapeError as error:
+        raise SampleError(fields.sample_id, "H_out_in", str(error)) from error
+    skews = abs(float(update.K[0, 1])) > SKEW_TOLERANCE * float(update.K[0, 0])
+    if skews and not allow_skew and abs(float(K[0, 1])) <= SKEW_TOLERANCE * float(K[0, 0]):
+        raise SampleError(
+            fields.sample_id,
+            "K",
+            f"the map gives the camera a skew of {float(update.K[0, 1]):.3g} px, which most detectors ignore; use RandomRotation and "
+            "RandomVirtualCamera (exact, no skew), or Compose(allow_skew=True) if yours reads K[0, 1]",
+        )
+    return update
+
+
+def _moved(fields: Fields, update: CameraUpdate, relabel: Relabelling) -> dict[str, Tensor]:
+    """The camera, and everything in its frame."""
+    values, Q = fields.values, update.Q
+    out = {"K": update.K}
+    if update.R is not None:
+        out["R"] = update.R
+    if update.t is not None:
+        out["t"] = update.t
+    if "distortion" in values:
+        try:
+            out["distortion"] = turned_distortion(values["distortion"], Q)
+        except ShapeError as error:
+            raise SampleError(fields.sample_id, "distortion", str(error)) from error
+    if "corners_3d" in values:
+        out["corners_3d"] = relabel.corners(values["corners_3d"] @ Q.mT)
+    if "center" in values:
+        out["center"] = values["center"] @ Q.mT
+    if "rotation" in values:
+        out["rotation"] = relabel.box_axes(Q @ values["rotation"])
+    if "vertices" in values:
+        out["vertices"] = relabel.world_points(values["vertices"])
+    return out
+
+
+def _renamed(values: dict[str, Tensor], relabel: Relabelling, *, affine: bool) -> dict[str, Tensor]:
+    """What a map of pixels can only rename: the camera centre does not move, so no face appears or disappears."""
+    out: dict[str, Tensor] = {
+        name: relabel.faces(values[name]) for name in ("face_visible", "face_area", "face_share", "face_share_in_image") if name in values
+    }
+    if "surface_share" in values and affine:  # a projective map changes it, and only the posed mesh could tell how
+        out["surface_share"] = relabel.faces(values["surface_share"])
+    return out
+
+
+def corners_of(values: dict[str, Tensor]) -> Tensor | None:
+    """Corners (N, 8, 3) in the camera frame, from the corners or from center, rotation and size; None if there are no boxes."""
+    return values["corners_3d"] if "corners_3d" in values else corners_of_boxes(values)
+
+
+def corners_of_boxes(values: dict[str, Tensor]) -> Tensor | None:
+    """Corners (N, 8, 3) in the camera frame of center, rotation and size; None if one of them is missing."""
+    if not {"center", "rotation", "size"} <= set(values):
+        return None
+    signs = values["size"].new_tensor(CORNER_SIGNS)
+    return values["center"][:, None] + (signs * values["size"][:, None] / 2) @ values["rotation"].mT
+
+
+def _seen(values: dict[str, Tensor], out: dict[str, Tensor], image_hw: tuple[int, int]) -> dict[str, Tensor]:
+    """Projections, areas, shares and truncation under the new camera, of the fields that were there."""
+    corners = corners_of(out) if "K" in out else None
+    if corners is None:
+        return {}
+    seen: dict[str, Tensor] = {}
+    if "corners_2d" in values:
+        seen["corners_2d"] = project(out["K"], corners, out.get("distortion"))[0]
+    in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]
+    if "corner_in_front" in values:
+        seen["corner_in_front"] = in_front.to(values["corner_in_front"].dtype)
+    if "behind_camera" in values:
+        seen["behind_camera"] = (~in_front.all(-1)).to(values["behind_camera"].dtype)
+    wanted = {"face_area": "area", "face_share": "share", "face_share_in_image": "share_in_image", "truncation": "truncation"}
+    wanted = {name: attribute for name, attribute in wanted.items() if name in values}
+    if wanted:
+        visible = out["face_visible"].bool() if "face_visible" in out else visible_faces(corners, torch.zeros_like(corners[:, 0]))
+        visibility = corners_visibility(corners, out["K"], image_hw, visible, out.get("distortion"))
+        seen |= {name: getattr(visibility, attribute) for name, attribute in wanted.items()}
+    return seen
+
+
+def _mapped_keypoints(fields: Fields, H: Tensor, relabel: Relabelling, image_hw: tuple[int, int], permutation: Tensor | None) -> Tensor:
+    """Keypoints (N, J, 3); visibility 0 outside the frame and beyond the map's horizon."""
+    keypoints = fields.values["keypoints"]
+    w = keypoints[..., :2] @ H[2, :2] + H[2, 2]
+    safe = torch.where(w.abs() < 1e-12, torch.full_like(w, 1e-12), w)
+    px = (keypoints[..., :2] @ H[:2, :2].mT + H[:2, 2]) / safe[..., None]
+    height, width = image_hw
+    inside = (w > 0) & (px >= -0.5).all(-1) & (px[..., 0] <= width - 0.5) & (px[..., 1] <= height - 0.5)
+    mapped = torch.cat((px, torch.where(inside, keypoints[..., 2], torch.zeros_like(w))[..., None]), dim=-1)
+    return _renamed_keypoints(fields, mapped, relabel, permutation)
+
+
+def _renamed_keypoints(fields: Fields, keypoints: Tensor, relabel: Relabelling, permutation: Tensor | None) -> Tensor:
+    if not bool(relabel.mirrored):
+        return keypoints
+    permutation = fields.values.get("keypoint_mirror", permutation)
+    if permutation is None:
+        raise SampleError(
+            fields.sample_id,
+            "keypoints",
+            "a mirror needs each keypoint's counterpart on the other side: give target['keypoint_mirror'] or Compose(keypoint_mirror=...)",
+        )
+    try:
+        return relabel.keypoints(keypoints, permutation)
+    except ShapeError as error:
+        raise SampleError(fields.sample_id, "keypoint_mirror", str(error)) from error
+
+
+def _projected_outline(out: dict[str, Tensor]) -> tuple[Tensor, Tensor] | None:
+    """Upright boxes (N, 4) round the projected cuboids and which of them mean something, to tighten 2D boxes by."""
+    corners = corners_of(out) if "K" in out else None
+    if corners is None:
+        return None
+    px, depth = project(out["K"], corners, out.get("distortion"))
+    return torch.cat((px.amin(-2), px.amax(-2)), dim=-1), (depth > near_depth_of_corners(corners)[..., None]).all(-1)

@@ -1,0 +1,58 @@
+"""Masks and depth maps under a map of pixels."""
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import SampleError
+from animal3dbox.transforms.fields import Fields
+from animal3dbox.transforms.opencv_executor import warp
+
+
+def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int]) -> dict[str, Tensor]:
+    """The masks and the depth of the mapped image, read at the nearest pixel.
+
+    Depth changes by the law depth' = w depth / k with k the norm of row 3 of H K: the optical axis turns.
+
+    Args:
+        before: the target before the map.
+        H_out_in: (3, 3), w > 0 on what stays in the picture.
+        image_hw_in: of the image before.
+        image_hw_out: of the image after.
+
+    Returns:
+        masks (N, H', W') and depth (H', W'), those that there were; 0 where nothing is known.
+
+    """
+    moved: dict[str, Tensor] = {}
+    if "masks" in before.values:
+        masks = before.values["masks"]
+        kind = masks.dtype
+        layers = [warp(_readable(mask), H_out_in, image_hw_out, "nearest", (0.0,))[..., 0] for mask in masks.cpu()]
+        stacked = np.stack(layers) if layers else np.zeros((0, *image_hw_out), dtype=np.uint8)
+        moved["masks"] = torch.from_numpy(stacked).to(device=masks.device, dtype=kind)
+    if "depth" in before.values:
+        depth = before.values["depth"]
+        if "K" not in before.values:
+            raise SampleError(before.sample_id, "depth", "needs the intrinsics K (3, 3): a turn of the camera changes depth")
+        read = warp(depth.cpu().numpy()[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0]
+        moved["depth"] = torch.from_numpy(read * depth_factor(H_out_in, before.values["K"].cpu().numpy(), image_hw_out).astype(read.dtype)).to(depth)
+    return moved
+
+
+def _readable(mask: Tensor) -> np.ndarray:
+    """A mask as OpenCV wants it."""
+    array: np.ndarray = (mask.to(torch.uint8) if mask.dtype == torch.bool else mask).numpy()[..., None]
+    return array
+
+
+def depth_factor(H_out_in: np.ndarray, K: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
+    """W / k at every pixel of the mapped image, (H', W') or (1, 1) for an affine map."""
+    k = np.linalg.norm(H_out_in[2] @ K)
+    a, b, c = np.linalg.inv(H_out_in)[2]
+    if a == 0 and b == 0:
+        return np.full((1, 1), 1 / (c * k))
+    height, width = image_hw
+    inverse_w = a * np.arange(width)[None] + b * np.arange(height)[:, None] + c
+    factor: np.ndarray = np.where(inverse_w > 0, 1 / (np.where(inverse_w > 0, inverse_w, 1) * k), 0)
+    return factor

@@ -1,0 +1,50 @@
+"""Where randomness comes from: one generator a sample, a function of (seed, epoch, index) alone."""
+
+import numpy as np
+import torch
+
+from animal3dbox.errors import ConfigError
+
+SampleKey = tuple[int, ...]
+"""What names a draw, usually (epoch, index); whole numbers >= 0."""
+
+
+def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
+    """The generator of one sample.
+
+    Args:
+        seed: of the pipeline, >= 0.
+        key: (epoch, index) of the sample, or any whole numbers; the result depends on nothing else, so batch size and workers do
+            not matter. None draws the key from torch's default generator, which a DataLoader seeds for each worker and epoch.
+
+    Raises:
+        ConfigError: a number is negative or not whole.
+
+    """
+    numbers = (int(torch.randint(2**62, ()).item()),) if key is None else key
+    if any(isinstance(n, bool) or int(n) != n or n < 0 for n in (seed, *numbers)):
+        raise ConfigError(f"seed and sample_key must be whole numbers >= 0, got seed {seed!r} and sample_key {key!r}")
+    return np.random.default_rng([int(n) for n in (seed, *numbers)])
+
+
+def check_range(name: str, value: float | tuple[float, float], *, about: float = 0.0, least: float | None = None) -> tuple[float, float]:
+    """A range of draws: a number x means [about - x, about + x].
+
+    Raises:
+        ConfigError: the range is reversed, not finite, or reaches below least.
+
+    """
+    low, high = value if isinstance(value, tuple) else (about - value, about + value)
+    if not isinstance(value, tuple) and least is not None:
+        low = max(low, least)
+    if not (np.isfinite(low) and np.isfinite(high)) or low > high or (least is not None and low < least):
+        wanted = "finite and in order" + (f", not below {least}" if least is not None else "")
+        raise ConfigError(f"{name} must be a number or a (low, high) pair, {wanted}, got {value!r}")
+    return float(low), float(high)
+
+
+def check_probability(name: str, value: float) -> float:
+    """A probability, or a ConfigError that names the option."""
+    if not 0 <= value <= 1:
+        raise ConfigError(f"{name} must lie in [0, 1], got {value!r}")
+    return float(value)

@@ -1,0 +1,74 @@
+"""What a mirror does to names: the group {identity, mirror} acting on everything that is called left or right.
+
+A mirrored picture shows the mirrored animal: its left flank is the image of the old right one. One object holds whether a
+map mirrors, and acts alike on corners, faces, keypoints, box parameters and points of the world.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.checks import check_shape
+from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES
+
+
+@dataclass(frozen=True)
+class Relabelling:
+    """The action of a map of pixels on names.
+
+    Attributes:
+        mirrored: (...,) bool, whether the map mirrors; its batch dimensions lead those of every argument below.
+    """
+
+    mirrored: Tensor
+
+    def _pick(self, values: Tensor, swapped: Tensor) -> Tensor:
+        if self.mirrored.ndim == 0:
+            return swapped if bool(self.mirrored) else values
+        return torch.where(self.mirrored.reshape(*self.mirrored.shape, *[1] * (values.ndim - self.mirrored.ndim)), swapped, values)
+
+    def corners(self, values: Tensor) -> Tensor:
+        """Per-corner values (..., 8, D) under their new names."""
+        check_shape("values", values, "... 8 D")
+        return self._pick(values, values[..., list(MIRRORED_CORNERS), :])
+
+    def faces(self, values: Tensor) -> Tensor:
+        """Per-face values (..., 6) under their new names: left and right change places."""
+        check_shape("values", values, "... 6")
+        return self._pick(values, values[..., list(MIRRORED_FACES)])
+
+    def keypoints(self, values: Tensor, permutation: Tensor) -> Tensor:
+        """Per-keypoint values (..., J, D) under their new names.
+
+        Args:
+            values: (..., J, D).
+            permutation: (J,) for each keypoint its counterpart on the other side; an involution.
+
+        """
+        check_keypoint_mirror(permutation, values.shape[-2])
+        return self._pick(values, values[..., permutation.to(values.device).long(), :])
+
+    def box_axes(self, rotation: Tensor) -> Tensor:
+        """Box axes (..., 3, 3), already turned by Q of det -1, as a rotation again: left is negated."""
+        check_shape("rotation", rotation, "... 3 3")
+        return self._pick(rotation, rotation * rotation.new_tensor([1.0, -1.0, 1.0]))
+
+    def world_points(self, points: Tensor) -> Tensor:
+        """Points (..., 3) fixed to the world, such as a mesh's vertices: S = diag(1, -1, 1) mirrors the world."""
+        check_shape("points", points, "... 3")
+        return self._pick(points, points * points.new_tensor([1.0, -1.0, 1.0]))
+
+    def __matmul__(self, before: "Relabelling") -> "Relabelling":
+        """First before, then this one: two mirrors are none."""
+        return Relabelling(self.mirrored ^ before.mirrored)
+
+
+def check_keypoint_mirror(permutation: Tensor, count: int) -> None:
+    """Raise a ShapeError unless this is a permutation of the keypoints that is its own inverse."""
+    given = permutation.tolist()
+    if sorted(given) != list(range(count)):
+        raise ShapeError(f"keypoint_mirror must be a permutation of 0 to {count - 1}, one entry a keypoint, got {given}")
+    if any(given[other] != index for index, other in enumerate(given)):
+        raise ShapeError(f"keypoint_mirror must swap keypoints in pairs (p[p[j]] = j), got {given}")
