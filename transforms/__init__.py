@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from animal3dbox.transforms.resizing import Resize as Resize
     from animal3dbox.transforms.steps import Plan as Plan
     from animal3dbox.transforms.transform import Transform as Transform
+    from animal3dbox.transforms.undo import inverse as inverse
     from animal3dbox.transforms.virtual_camera import PerspectiveCrop as PerspectiveCrop
     from animal3dbox.transforms.virtual_camera import RandomVirtualCamera as RandomVirtualCamera
 
@@ -37,7 +38,7 @@ _HOMES = {
     "PerspectiveCrop": "virtual_camera", "Plan": "steps", "RandomAffine": "affine", "RandomErasing": "erasing", "RandomGaussianBlur": "noise",
     "RandomGaussianNoise": "noise", "RandomGrayscale": "colour", "RandomHorizontalFlip": "flips", "RandomPerspective": "perspective",
     "RandomResizedCrop": "crops", "RandomRotation": "affine", "RandomVerticalFlip": "flips", "RandomVirtualCamera": "virtual_camera",
-    "Resize": "resizing", "Transform": "transform",
+    "Resize": "resizing", "Transform": "transform", "inverse": "undo",
 }  # fmt: skip
 
 __all__ = sorted(_HOMES)

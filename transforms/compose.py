@@ -15,7 +15,7 @@ from animal3dbox.transforms.boxes import boxes_of_masks
 from animal3dbox.transforms.consistency import check_consistent
 from animal3dbox.transforms.erasing import hide_fields
 from animal3dbox.transforms.fields import Fields, read_target, write_target
-from animal3dbox.transforms.images import Image, ImageForm, image_form, image_from_bchw, image_from_hwc, image_to_bchw, image_to_hwc
+from animal3dbox.transforms.images import AnyImage, ImageForm, image_form, image_from_bchw, image_from_hwc, image_to_bchw, image_to_hwc
 from animal3dbox.transforms.kornia_door import as_transform
 from animal3dbox.transforms.law import map_fields
 from animal3dbox.transforms.pixel_fields import warp_pixel_fields
@@ -105,7 +105,7 @@ class Compose(Transform):
             key = tuple(given)
         return Plan(image_hw, self.sample(sample_generator(self.seed, key), View.of(image_hw, fields)))
 
-    def __call__(self, image: Image, target: Mapping[str, Any], key: SampleKey | None = None) -> tuple[Image, dict[str, Any]]:
+    def __call__(self, image: AnyImage, target: Mapping[str, Any], key: SampleKey | None = None) -> tuple[AnyImage, dict[str, Any]]:
         """Transform one image and its target.
 
         Args:
@@ -126,7 +126,7 @@ class Compose(Transform):
             check_consistent(fields)
         return self._apply(image, form, fields, self._plan(fields, form.image_hw, key))
 
-    def apply(self, image: Image, target: Mapping[str, Any], plan: Plan) -> tuple[Image, dict[str, Any]]:
+    def apply(self, image: AnyImage, target: Mapping[str, Any], plan: Plan) -> tuple[AnyImage, dict[str, Any]]:
         """Do again what was drawn before, to this or another image of the same size, such as the other eye of a stereo pair."""
         form = image_form(image)
         if form.image_hw != tuple(plan.image_hw):
@@ -136,7 +136,7 @@ class Compose(Transform):
             raise SampleError(fields.sample_id, "labels", f"the plan keeps animals {plan.keep}, the target has {fields.count}")
         return self._apply(image, form, fields, plan)
 
-    def _apply(self, image: Image, form: ImageForm, fields: Fields, plan: Plan) -> tuple[Image, dict[str, Any]]:
+    def _apply(self, image: AnyImage, form: ImageForm, fields: Fields, plan: Plan) -> tuple[AnyImage, dict[str, Any]]:
         stages = plan.stages()
         moved = write_target(self.map_target(fields, plan, stages))
         if isinstance(image, Tensor) and (image.requires_grad or image.device.type != "cpu"):

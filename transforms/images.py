@@ -1,6 +1,7 @@
 """Images as they come in (tensors or arrays, CHW or HWC, uint8 or float) and as the executors want them."""
 
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ from torch import Tensor
 from animal3dbox.errors import ShapeError
 
 Image = Tensor | np.ndarray
+AnyImage = TypeVar("AnyImage", Tensor, np.ndarray)
 CHANNELS = (1, 3, 4)
 
 
@@ -72,10 +74,12 @@ def image_to_hwc(image: Image, form: ImageForm) -> np.ndarray:
     array = image.detach().numpy() if isinstance(image, Tensor) else image
     if form.layout == "chw":
         array = cv2.merge([np.ascontiguousarray(plane) for plane in array])
+    if array.dtype == np.float64:  # OpenCV reads these at 1/32 px
+        array = array.astype(np.float32)
     return array[..., None] if array.ndim == 2 else array
 
 
-def image_from_hwc(array: np.ndarray, form: ImageForm) -> Image:
+def image_from_hwc(array: np.ndarray, form: ImageForm) -> Any:
     """The (H, W, C) result in the form in which the image came; a Normalize has made it float32."""
     if form.layout == "chw":
         array = np.stack(cv2.split(array)) if array.shape[-1] > 1 else np.ascontiguousarray(array.transpose(2, 0, 1))
@@ -97,7 +101,7 @@ def image_to_bchw(image: Image, form: ImageForm) -> Tensor:
     return (tensor if tensor.is_floating_point() else tensor.float())[None]
 
 
-def image_from_bchw(batch: Tensor, form: ImageForm, *, normalised: bool) -> Image:
+def image_from_bchw(batch: Tensor, form: ImageForm, *, normalised: bool) -> Any:
     """The (1, C, H, W) result in the form in which the image came; uint8 is rounded, unless a Normalize has made it float."""
     tensor = batch[0]
     if form.is_uint8 and not normalised:

@@ -80,7 +80,9 @@ def _read(images: Tensor, readings: list[Reading], interpolation: str, fill: tup
     if (across, down) != (1, 1):
         padded = torch.nn.functional.pad(source, (0, -images.shape[-1] % across, 0, -images.shape[-2] % down))
         source = torch.nn.functional.avg_pool2d(padded, (down, across))
-        source = (source + background).round() - background if rounded else source
+        if rounded:  # OpenCV rounds blocks of 2 x 2 half up, others half to even
+            levels = source + background
+            source = ((levels + 0.5).floor() if (across, down) == (2, 2) else levels.round()) - background
     grid = sampling_grid(np.stack([reading.H_in_out for reading in readings]), readings[0].image_hw, source)
     warped = torch.nn.functional.grid_sample(source, grid, mode=interpolation, padding_mode="zeros", align_corners=False)
     if any(reading.horizon for reading in readings):

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from animal3dbox.transforms.images import Image
+from animal3dbox.transforms.images import AnyImage
 from animal3dbox.transforms.randomness import check_probability
 from animal3dbox.transforms.steps import Step
 from animal3dbox.transforms.view import View
@@ -46,7 +46,7 @@ class Transform:
         """The steps, once it is decided that the transform happens."""
         raise NotImplementedError
 
-    def __call__(self, image: Image, target: Mapping[str, Any]) -> tuple[Image, dict[str, Any]]:
+    def __call__(self, image: AnyImage, target: Mapping[str, Any]) -> tuple[AnyImage, dict[str, Any]]:
         """Transform one image and its target; see Compose."""
         from animal3dbox.transforms.compose import Compose  # Compose is itself made of transforms
 
