@@ -57,7 +57,7 @@ class RandomResizedCrop(Transform):
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The map, and which animals stay."""
         boxes = self._draw(rng, view.image_hw, random=rng.random() < self.random_p)
-        parts = view.visible_parts(boxes) if view.alive and self.keep_part > 0 else None
+        parts = view.visible_parts(boxes) if view.alive and (self.keep_part > 0 or self.min_visible is not None) else None
         best = 0
         if parts is not None:
             most = parts.max(axis=1)
@@ -65,7 +65,7 @@ class RandomResizedCrop(Transform):
             best = int(enough[0]) if len(enough) else int(most.argmax())
         box = boxes[best]
         warp = Warp(cropping((box[0], box[1], box[2], box[3]), self.size), self.size)
-        return (warp, *keep_visible(view, box, self.min_visible))
+        return (warp, *keep_visible(view, None if parts is None else parts[best], self.min_visible))
 
     def _draw(self, rng: np.random.Generator, image_hw: tuple[int, int], *, random: bool) -> np.ndarray:
         """Boxes (TRIALS, 4) inside the picture, from edge to edge."""

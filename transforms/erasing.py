@@ -7,7 +7,7 @@ import torch
 
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.face_visibility import projected_faces, visible_faces
-from animal3dbox.geometry.polygon import clip_to_box, clip_to_frame, polygon_area
+from animal3dbox.geometry.polygon import area_in_box, area_in_frame
 from animal3dbox.transforms.fields import Fields
 from animal3dbox.transforms.law import corners_of
 from animal3dbox.transforms.noise import SEEDS
@@ -94,8 +94,8 @@ def _hidden_part(fields: Fields, box: tuple[int, int, int, int], image_hw: tuple
     if corners is None:
         return None
     hidden = ~visible_faces(corners, torch.zeros_like(corners[:, 0]))
-    quads = clip_to_frame(projected_faces(corners, fields.values["K"], fields.values.get("distortion")), image_hw)
-    whole = (polygon_area(quads) * hidden).sum(-1)
+    quads = projected_faces(corners, fields.values["K"], fields.values.get("distortion"))
+    whole = (area_in_frame(quads, image_hw) * hidden).sum(-1)
     edges = quads.new_tensor([x_least - 0.5, y_least - 0.5, x_past - 0.5, y_past - 0.5])
-    covered = (polygon_area(clip_to_box(quads, edges)) * hidden).sum(-1)
+    covered = (area_in_box(quads, edges) * hidden).sum(-1)
     return torch.where(whole > 0, covered / whole.clamp_min(1e-300), torch.zeros_like(whole))

@@ -124,12 +124,13 @@ class CenterCrop(Transform):
         left, top = (view.image_hw[1] - self.size[1]) // 2, (view.image_hw[0] - self.size[0]) // 2
         box = (left - 0.5, top - 0.5, left + self.size[1] - 0.5, top + self.size[0] - 0.5)
         warp = Warp(cropping(box, self.size), self.size)
-        return (warp, *keep_visible(view, np.array(box), self.min_visible))
+        parts = None if self.min_visible is None else view.visible_parts(np.array([box]))
+        return (warp, *keep_visible(view, None if parts is None else parts[0], self.min_visible))
 
 
-def keep_visible(view: View, box: np.ndarray, min_visible: float | None) -> tuple[Keep, ...]:
-    """The step that keeps the animals of which at least a given part of what is visible lies in an upright box (4,)."""
-    parts = None if min_visible is None else view.visible_parts(box[None])
+def keep_visible(view: View, parts: np.ndarray | None, min_visible: float | None) -> tuple[Keep, ...]:
+    """The step that keeps the animals of which at least a given part is left, of parts (N,)."""
     if parts is None or min_visible is None:
         return ()
-    return (Keep(tuple(index for index, part in zip(view.alive, parts[0], strict=True) if part >= min_visible)),)
+    kept = tuple(index for index, part in zip(view.alive, parts, strict=True) if part >= min_visible)
+    return (Keep(kept),) if kept != view.alive else ()

@@ -1,7 +1,7 @@
 """What a transform may look at when it draws: the picture's size, its camera and its boxes as they are by then."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from animal3dbox.geometry.face_visibility import near_depth_of_corners, projected_faces, visible_faces
 from animal3dbox.geometry.homography import CameraUpdate, update_camera
-from animal3dbox.geometry.polygon import clip_to_box, polygon_area
+from animal3dbox.geometry.polygon import area_in_box, polygon_area
 from animal3dbox.transforms.fields import Fields
 from animal3dbox.transforms.law import corners_of
 from animal3dbox.transforms.steps import IDENTITY, Keep, Step, Warp
@@ -25,12 +25,14 @@ class View:
         H_out_in: (3, 3) all maps so far.
         values: the target's fields as they came.
         alive: indices of the animals that no step has dropped.
+        memory: what was computed of the picture before any step, shared by all views of it.
     """
 
     image_hw: tuple[int, int]
     H_out_in: np.ndarray
     values: Mapping[str, Tensor]
     alive: tuple[int, ...]
+    memory: dict[str, Tensor | None] = field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
     def of(image_hw: tuple[int, int], fields: Fields) -> "View":
@@ -50,13 +52,19 @@ class View:
             return None
         return update_camera(torch.from_numpy(self.H_out_in), self.values["K"].detach().cpu())
 
-    @property
+    @cached_property
     def K(self) -> np.ndarray | None:
         """Intrinsics (3, 3) by now, or None."""
-        if self.camera is None:
+        if "K" not in self.values:
             return None
-        array: np.ndarray = self.camera.K.numpy()
-        return array
+        straight = not self.H_out_in[[0, 1, 2, 2], [1, 0, 0, 1]].any() and self.H_out_in[0, 0] > 0 and self.H_out_in[1, 1] > 0
+        K: np.ndarray
+        if straight or self.camera is None:  # crops and resizes leave the camera's axes where they are
+            K = self.H_out_in @ self.values["K"].detach().cpu().numpy()
+            K /= K[2, 2]
+            return K
+        K = self.camera.K.numpy()
+        return K
 
     @cached_property
     def corners_cam(self) -> Tensor | None:
@@ -69,15 +77,6 @@ class View:
             return None
         return (corners.detach().cpu() @ self.camera.Q.mT)[list(self.alive)]
 
-    @cached_property
-    def _outlines(self) -> Tensor | None:
-        """The hidden faces of the boxes in px (N, 6, P, 2), the visible ones collapsed: together they tile the silhouettes."""
-        if self.corners_cam is None or self.camera is None:
-            return None
-        hidden = ~visible_faces(self.corners_cam, torch.zeros_like(self.corners_cam[:, 0]))
-        quads = projected_faces(self.corners_cam, self.camera.K)
-        return torch.where(hidden[..., None, None], quads, quads[..., :1, :])
-
     def in_front(self) -> np.ndarray:
         """Which animals lie entirely in front of the camera, (N,) bool; none without cuboids."""
         if self.corners_cam is None:
@@ -85,18 +84,41 @@ class View:
         in_front: np.ndarray = (self.corners_cam[..., 2] > near_depth_of_corners(self.corners_cam)[:, None]).all(-1).numpy()
         return in_front
 
+    @cached_property
+    def _outlines(self) -> Tensor | None:
+        """The hidden faces of the boxes in px (N, 6, P, 2), the visible ones collapsed: together they tile the silhouettes."""
+        if not self.H_out_in[2, :2].any():  # an affine map moves outlines as it moves pixels
+            if self._source is None:
+                return None
+            H = torch.from_numpy(self.H_out_in / self.H_out_in[2, 2])
+            return self._source[list(self.alive)] @ H[:2, :2].mT + H[:2, 2]
+        if self.corners_cam is None or self.camera is None:
+            return None
+        return outlines(self.corners_cam, self.camera.K)
+
+    @cached_property
+    def _source(self) -> Tensor | None:
+        """The outlines of all animals in the picture before any step."""
+        if "outlines" not in self.memory:
+            corners = corners_of(dict(self.values)) if "K" in self.values else None
+            self.memory["outlines"] = None if corners is None else outlines(corners.detach().cpu(), self.values["K"].detach().cpu())
+        return self.memory["outlines"]
+
+    @property
+    def _frame(self) -> np.ndarray:
+        height, width = self.image_hw
+        return np.array([-0.5, -0.5, width - 0.5, height - 0.5])
+
     def parts_in_picture(self) -> np.ndarray | None:
         """How much of each animal's silhouette lies in the picture, (N,) in [0, 1]; 0 without a silhouette; None without cuboids."""
         if self._outlines is None:
             return None
-        height, width = self.image_hw
-        frame = torch.tensor([-0.5, -0.5, width - 0.5, height - 0.5], dtype=torch.float64)
-        whole, left = polygon_area(self._outlines).sum(-1), polygon_area(clip_to_box(self._outlines, frame)).sum(-1)
+        whole, left = polygon_area(self._outlines).sum(-1), _areas(self._outlines, self._frame)
         parts: np.ndarray = torch.where(whole > 0, left / whole.clamp_min(1e-300), torch.zeros_like(left)).numpy()
         return parts
 
     def visible_parts(self, boxes: np.ndarray) -> np.ndarray | None:
-        """How much of what the picture shows of each animal lies in each of some upright boxes.
+        """How much of what the picture shows of each animal lies in each of some upright boxes inside the picture.
 
         Args:
             boxes: (M, 4) px.
@@ -107,12 +129,19 @@ class View:
         """
         if self._outlines is None:
             return None
-        height, width = self.image_hw
-        frame = torch.tensor([-0.5, -0.5, width - 0.5, height - 0.5], dtype=torch.float64)
-        outlines = self._outlines
-        inside = bool(((outlines >= -0.5) & (outlines <= frame[2:])).all())
-        shown = outlines if inside else clip_to_box(outlines, frame)
-        whole = polygon_area(shown).sum(-1)
-        left = polygon_area(clip_to_box(shown[None], torch.from_numpy(np.asarray(boxes, dtype=np.float64))[:, None, None])).sum(-1)
-        parts: np.ndarray = torch.where(whole > 0, left / whole.clamp_min(1e-300), torch.ones_like(left)).numpy()
+        shown = np.concatenate((np.maximum(boxes[:, :2], self._frame[:2]), np.minimum(boxes[:, 2:], self._frame[2:])), axis=1)
+        areas = _areas(self._outlines, np.concatenate((self._frame[None], shown))[:, None])
+        parts: np.ndarray = torch.where(areas[0] > 0, areas[1:] / areas[0].clamp_min(1e-300), torch.ones_like(areas[1:])).numpy()
         return parts
+
+
+def outlines(corners_cam: Tensor, K: Tensor) -> Tensor:
+    """The hidden faces of boxes in px (N, 6, P, 2), the visible ones collapsed: together they tile the silhouettes."""
+    hidden = ~visible_faces(corners_cam, torch.zeros_like(corners_cam[:, 0]))
+    quads = projected_faces(corners_cam, K)
+    return torch.where(hidden[..., None, None], quads, quads[..., :1, :])
+
+
+def _areas(polygons: Tensor, boxes: np.ndarray) -> Tensor:
+    """Areas (..., N) of what lies in upright boxes (..., 4) of outlines (N, 6, P, 2)."""
+    return area_in_box(polygons, torch.from_numpy(np.ascontiguousarray(boxes))[..., None, :]).sum(-1)

@@ -1,6 +1,7 @@
 """Checks of the arrays that come in through the public functions."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import torch
 from torch import Tensor
@@ -21,13 +22,19 @@ def check_shape(name: str, tensor: Tensor, spec: str) -> None:
         ShapeError: naming the argument, the shape expected and the shape that came.
 
     """
+    batched, sizes = _parsed(spec)
+    shape = tensor.shape
+    extra = len(shape) - len(sizes)
+    if extra < 0 or (extra and not batched) or any(size is not None and shape[extra + at] != size for at, size in enumerate(sizes)):
+        raise ShapeError(f"{name} must have shape ({', '.join(spec.split())}), got {tuple(shape)}")
+
+
+@lru_cache
+def _parsed(spec: str) -> tuple[bool, tuple[int | None, ...]]:
+    """Whether batch dimensions may lead, and the sizes asked for, None for any."""
     words = spec.split()
-    wanted = words[1:] if words[0] == "..." else words
-    shape = tuple(tensor.shape)
-    fits = len(shape) >= len(wanted) if words[0] == "..." else len(shape) == len(wanted)
-    tail = shape[len(shape) - len(wanted) :]
-    if not fits or any(word.isdigit() and int(word) != size for word, size in zip(wanted, tail, strict=False)):
-        raise ShapeError(f"{name} must have shape ({', '.join(words)}), got {shape}")
+    batched = words[0] == "..."
+    return batched, tuple(int(word) if word.isdigit() else None for word in words[batched:])
 
 
 def check_finite(name: str, tensor: Tensor) -> None:

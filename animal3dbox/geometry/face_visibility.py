@@ -12,7 +12,7 @@ from torch import Tensor
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_image_hw, check_shape
 from animal3dbox.geometry.cuboid import FACES, Cuboid
-from animal3dbox.geometry.polygon import clip_to_frame, clip_to_near, polygon_area
+from animal3dbox.geometry.polygon import area_in_frame, clip_to_near, polygon_area
 
 NEAR_PER_DIAGONAL = 1e-2
 """The near plane stands at this fraction of the box diagonal: nearer things have no useful projection."""
@@ -159,7 +159,7 @@ def corners_visibility(
     beyond = quads_px.new_tensor([image_hw[1] - 0.5, image_hw[0] - 0.5])
     inside = bool(((quads_px >= -0.5) & (quads_px <= beyond)).all())
     area = polygon_area(quads_px)
-    area_in_image = area if inside else polygon_area(clip_to_frame(quads_px, image_hw))
+    area_in_image = area if inside else area_in_frame(quads_px, image_hw)
     silhouette, silhouette_in_image = ((a * ~visible).sum(-1) for a in (area, area_in_image))
     truncation = 1 - torch.where(silhouette > 0, silhouette_in_image / silhouette.clamp_min(1e-300), torch.ones_like(silhouette))
     area, area_in_image = area * visible, area_in_image * visible

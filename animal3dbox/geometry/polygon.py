@@ -1,4 +1,4 @@
-"""Convex polygons: area, clipping at the near plane and at the frame of the image.
+"""Convex polygons: area, clipping at the near plane, area inside the frame of the image.
 
 Polygons travel in batches of fixed length. One with fewer corners repeats its last; an empty one is all one point. Both
 have the right area, so no lengths need to be carried along.
@@ -8,6 +8,9 @@ import torch
 from torch import Tensor
 
 from animal3dbox.geometry.checks import check_shape
+
+ROUNDING = 1e-13
+"""Areas in boxes below this, times the polygon's greatest coordinate and the box's sides, are float64 noise."""
 
 
 def signed_area(polygons: Tensor) -> Tensor:
@@ -71,25 +74,36 @@ def clip_to_near(polygons_cam: Tensor, near: Tensor | float) -> Tensor:
     return torch.cat((clipped[..., :2], torch.where(empty, depth, clipped[..., 2])[..., None]), dim=-1)
 
 
-def clip_to_frame(polygons_px: Tensor, image_hw: tuple[int, int]) -> Tensor:
-    """The parts of polygons (..., P, 2) inside the image, which covers [-0.5, W - 0.5] x [-0.5, H - 0.5]; (..., P + 4, 2)."""
+def area_in_frame(polygons_px: Tensor, image_hw: tuple[int, int]) -> Tensor:
+    """Area (...,) of the parts of polygons (..., P, 2) inside the image, in px^2."""
     height, width = image_hw
-    return clip_to_box(polygons_px, polygons_px.new_tensor([-0.5, -0.5, width - 0.5, height - 0.5]))
+    return area_in_box(polygons_px, polygons_px.new_tensor([-0.5, -0.5, width - 0.5, height - 0.5]))
 
 
-def clip_to_box(polygons: Tensor, box: Tensor) -> Tensor:
-    """The parts of polygons inside an upright box.
+def area_in_box(polygons: Tensor, box: Tensor) -> Tensor:
+    """Area of the parts of polygons inside an upright box, exactly and without building those parts.
+
+    By Green's theorem the area is the integral of x dy round the polygon with x and y held inside the box; along an edge the held
+    x is linear between the points where the edge crosses the box's lines.
 
     Args:
         polygons: (..., P, 2).
         box: (..., 4) least x, least y, greatest x, greatest y; broadcasts against the polygons' batch.
 
     Returns:
-        (..., P + 4, 2).
+        (...,); 0 below what rounding makes of a polygon that only touches the box.
 
     """
     check_shape("polygons", polygons, "... P 2")
-    clipped = polygons + torch.zeros_like(box[..., :1, None])
-    for axis, sign, bound in ((0, 1, 0), (0, -1, 2), (1, 1, 1), (1, -1, 3)):
-        clipped = clip_by_plane(clipped, sign * (clipped[..., axis] - box[..., bound, None]))
-    return clipped
+    low, high = box[..., None, :2], box[..., None, 2:]
+    along = polygons.roll(-1, -2) - polygons
+    still = along == 0
+    crossings = torch.stack((low - polygons, high - polygons)) / torch.where(still, torch.ones_like(along), along)
+    first, last = crossings.amin(0), crossings.amax(0)
+    enters, leaves = first[..., 1].clamp(0, 1), last[..., 1].clamp(0, 1)
+    turns = (enters, first[..., 0].clamp(enters, leaves), last[..., 0].clamp(enters, leaves), leaves)
+    steps = torch.stack(turns)  # along an edge, in order
+    held = ((polygons[..., 0] - low[..., 0]) + along[..., 0] * steps).clamp(torch.zeros_like(low[..., 0]), high[..., 0] - low[..., 0])
+    area = 0.5 * ((held[1:] + held[:-1]) * (steps[1:] - steps[:-1]) * along[..., 1]).sum((0, -1)).abs()
+    reach = (polygons.abs().amax((-1, -2)) + 1) * (box[..., 2:] - box[..., :2]).sum(-1)
+    return torch.where(area > ROUNDING * reach, area, torch.zeros_like(area))

@@ -32,7 +32,7 @@ from animal3dbox.transforms import (
     Resize,
     inverse,
 )
-from animal3dbox.transforms.steps import Pass
+from animal3dbox.transforms.steps import Keep, Pass, Plan
 
 HW = (120, 160)
 MANY = [
@@ -134,9 +134,8 @@ def test_a_plan_replays_on_another_picture() -> None:
     assert same(one, other)
     with pytest.raises(ConfigError, match=r"drawn for an image of \(120, 160\)"):
         compose.apply(picture(0, (60, 60)), {}, plan)
-    keeping = Compose([CenterCrop(60, min_visible=0.0)])
     with pytest.raises(SampleError, match="keeps animals"):
-        keeping.apply(image, scene(1), keeping.sample_params(HW, scene(3)))
+        compose.apply(image, scene(1), Plan(HW, (Keep((0, 2)),)))
 
 
 def test_predictions_go_back_to_the_picture_that_was_augmented() -> None:

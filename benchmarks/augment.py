@@ -1,0 +1,137 @@
+"""Augmentation of one image at a time in a worker: CPU time against kornia as it is and against albumentations.
+
+    python benchmarks/augment.py [--rounds 60]
+
+One thread, 640 x 480 to 512 x 512, side by side in one run: every round times each library once on the same image with the same
+drawn values, and the medians are compared. Each library starts from the decoded uint8 image and ends with what training takes.
+albumentations is compared where it is installed (pip install albumentations==2.0.8 into a copy of the environment).
+"""
+
+import argparse
+import importlib
+import importlib.util
+import time
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import kornia.augmentation as K
+import numpy as np
+import torch
+
+from animal3dbox.geometry.camera import intrinsics, project
+from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.geometry.face_visibility import corners_in_front, face_visibility
+from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.transforms import ColorJitter, Compose, Normalize, RandomAffine, RandomHorizontalFlip, RandomResizedCrop
+
+HW, SIZE = (480, 640), 512
+MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+DEGREES, SCALE, AREA, JITTER = 10.0, 1.1, 0.7, 0.3
+
+
+def target_of(count: int) -> dict[str, Any]:
+    """All fields of a target with boxes and 26 keypoints each, float32."""
+    rng = torch.Generator().manual_seed(0)
+    center = torch.rand(count, 3, generator=rng, dtype=torch.float64) - 0.5
+    center[:, 2] += 6
+    box = Cuboid(
+        center, rotation_from_axis_angle(torch.randn(count, 3, generator=rng, dtype=torch.float64)), torch.ones(count, 3, dtype=torch.float64)
+    )
+    camera = intrinsics((700.0, 690.0), HW)
+    seen = face_visibility(box, camera, HW)
+    keypoints = torch.cat((project(camera, box.corners())[0].mean(1, keepdim=True).expand(count, 26, 2), torch.ones(count, 26, 1)), dim=-1)
+    target = {
+        "corners_3d": box.corners(), "center": box.center, "rotation": box.rotation, "size": box.size,
+        "corners_2d": project(camera, box.corners())[0], "corner_in_front": corners_in_front(box), "face_visible": seen.visible,
+        "face_area": seen.area, "face_share": seen.share, "face_share_in_image": seen.share_in_image, "truncation": seen.truncation,
+        "behind_camera": torch.zeros(count, dtype=torch.bool), "K": camera, "R": torch.eye(3).expand(count, 3, 3), "t": torch.zeros(count, 3),
+        "labels": torch.zeros(count, dtype=torch.int64), "keypoints": keypoints, "boxes": torch.tensor([[100.0, 100, 300, 300]]).expand(count, 4),
+        "keypoint_mirror": torch.arange(26),
+    }  # fmt: skip
+    return {name: value.float() if value.is_floating_point() else value for name, value in target.items()}
+
+
+def ours(colour: bool, image: torch.Tensor, target: dict[str, Any]) -> Callable[[], Any]:
+    """Our pipeline: one fused warp, the whole target."""
+    steps: list[Any] = [RandomHorizontalFlip(1), RandomAffine((DEGREES, DEGREES), scale=(SCALE, SCALE)), RandomResizedCrop(SIZE, (AREA, AREA))]
+    steps += [ColorJitter(JITTER, JITTER, JITTER), Normalize(MEAN, STD)] if colour else []
+    compose = Compose(steps)
+    return lambda: compose(image, target, key=(0, 0))
+
+
+def with_kornia(colour: bool, image: torch.Tensor, target: dict[str, Any]) -> Callable[[], Any]:
+    """Time kornia's AugmentationSequential as it is; of the target it moves the corners and keypoints in pixels only."""
+    area = AREA * min(HW) ** 2 / (HW[0] * HW[1])
+    steps: list[Any] = [
+        K.RandomHorizontalFlip(p=1),
+        K.RandomAffine((DEGREES, DEGREES), scale=(SCALE, SCALE), p=1),
+        K.RandomResizedCrop((SIZE, SIZE), scale=(area, area), ratio=(1.0, 1.0), p=1),
+    ]
+    steps += [K.ColorJitter(JITTER, JITTER, JITTER, 0.0, p=1), K.Normalize(torch.tensor(MEAN), torch.tensor(STD))] if colour else []
+    sequence = K.AugmentationSequential(*steps, data_keys=["input", "keypoints"])
+    points = torch.cat((target["corners_2d"].reshape(1, -1, 2), target["keypoints"][..., :2].reshape(1, -1, 2)), dim=1)
+    return lambda: sequence(image[None].float() / 255, points)
+
+
+def with_albumentations(colour: bool, image: np.ndarray, target: dict[str, Any]) -> Callable[[], Any]:
+    """Time albumentations with keypoints; it knows no camera."""
+    A: Any = importlib.import_module("albumentations")
+    area = AREA * min(HW) ** 2 / (HW[0] * HW[1])
+    steps: list[Any] = [
+        A.HorizontalFlip(p=1),
+        A.Affine(rotate=(DEGREES, DEGREES), scale=(SCALE, SCALE), p=1),
+        A.RandomResizedCrop((SIZE, SIZE), scale=(area, area), ratio=(1.0, 1.0), p=1),
+    ]
+    steps += (
+        [A.ColorJitter((1 - JITTER, 1 + JITTER), (1 - JITTER, 1 + JITTER), (1 - JITTER, 1 + JITTER), (0, 0), p=1), A.Normalize(MEAN, STD)]
+        if colour
+        else []
+    )
+    pipeline = A.Compose(steps, keypoint_params=A.KeypointParams(format="xy", remove_invisible=False))
+    points = torch.cat((target["corners_2d"].reshape(-1, 2), target["keypoints"][..., :2].reshape(-1, 2))).numpy()
+
+    def run() -> Any:
+        made = pipeline(image=image, keypoints=points)
+        return torch.from_numpy(np.ascontiguousarray(made["image"].transpose(2, 0, 1))), made["keypoints"]
+
+    return run
+
+
+def medians(runs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
+    """Milliseconds of CPU a call, the median over rounds that time each once."""
+    times: dict[str, list[float]] = {name: [] for name in runs}
+    for turn in range(rounds + 5):
+        for name, run in runs.items():
+            start = time.process_time()
+            run()
+            if turn >= 5:
+                times[name].append((time.process_time() - start) * 1e3)
+    return {name: float(np.median(values)) for name, values in times.items()}
+
+
+def main() -> None:
+    """Print a table of both pipelines."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=60)
+    rounds = parser.parse_args().rounds
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+    smooth = cv2.GaussianBlur(np.random.default_rng(0).random((*HW, 3)) * 255, (0, 0), 3)
+    array = cv2.normalize(smooth, smooth, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+    image = torch.from_numpy(array).permute(2, 0, 1).contiguous()
+    target = target_of(2)
+    print(f"OpenCV {cv2.__version__}, torch {torch.__version__}, one thread, 640x480 -> 512x512, target with 2 boxes and 52 keypoints")
+    for title, colour in (("flip + affine + crop", False), ("the same + colour jitter + normalise", True)):
+        runs = {"animal3dbox": ours(colour, image, target), "kornia": with_kornia(colour, image, target)}
+        if importlib.util.find_spec("albumentations"):
+            runs["albumentations"] = with_albumentations(colour, array, target)
+        result = medians(runs, rounds)
+        base = result["animal3dbox"]
+        print(f"{title}: " + ", ".join(f"{name} {ms:.2f} ms ({ms / base:.1f}x)" for name, ms in result.items()))
+    if not importlib.util.find_spec("albumentations"):
+        print("albumentations is not installed here")
+
+
+if __name__ == "__main__":
+    main()
