@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 import cv2
-import kornia.augmentation as K
+import kornia.augmentation as K  # noqa: N812
 import numpy as np
 import torch
 

@@ -16,7 +16,8 @@ def mapped_boxes(boxes: Tensor, H_out_in: Tensor, image_hw: tuple[int, int], out
         boxes: (N, 4).
         H_out_in: (3, 3).
         image_hw: of the image after.
-        outline: (N, 4) boxes round the projected cuboids and (N,) whether each means something; None without cuboids.
+        outline: (N, 4) boxes round the projected cuboids and (N,) whether each means something; None if the map keeps the axes, or
+            without cuboids.
 
     Returns:
         (N, 4); without area where nothing of the box lies in the frame.
@@ -30,14 +31,13 @@ def mapped_boxes(boxes: Tensor, H_out_in: Tensor, image_hw: tuple[int, int], out
     px = apply_homography(H_out_in, around)
     mapped = torch.cat((px.amin(-2), px.amax(-2)), dim=-1)
     mapped = torch.where((w > 0).all(-1, keepdim=True), mapped, frame)  # across the horizon nothing bounds the box
-    turned = not _keeps_axes(H_out_in)
-    if turned and outline is not None:
+    if outline is not None:
         cut = torch.cat((torch.maximum(mapped[:, :2], outline[0][:, :2]), torch.minimum(mapped[:, 2:], outline[0][:, 2:])), dim=-1)
         mapped = torch.where((outline[1] & (cut[:, 2:] > cut[:, :2]).all(-1))[:, None], cut, mapped)
     return torch.cat((mapped[:, :2].clamp(frame[:2], frame[2:]), mapped[:, 2:].clamp(frame[:2], frame[2:])), dim=-1)
 
 
-def _keeps_axes(H: Tensor) -> bool:
+def keeps_axes(H: Tensor) -> bool:
     """Whether upright boxes stay upright boxes."""
     straight = bool((H[[0, 1], [1, 0]] == 0).all()) or bool((H[[0, 1], [0, 1]] == 0).all())
     return straight and bool((H[2, :2] == 0).all())

@@ -99,6 +99,7 @@ def read_target(target: Mapping[str, object], image_hw: tuple[int, int]) -> Fiel
             values[name], forms[name] = _open(value, sample_id, name)
         else:
             others[name] = value
+    _check_finite(values, sample_id)
     try:
         count = _check_shapes(values, image_hw, sample_id)
         if "K" in values:
@@ -122,9 +123,16 @@ def _open(value: object, sample_id: str | None, name: str) -> tuple[Tensor, Form
     floating = tensor.is_floating_point()
     if not floating and name not in ("labels", "masks", "corner_in_front", "face_visible", "behind_camera", "keypoint_mirror"):
         raise SampleError(sample_id, name, f"must be floating point, got {tensor.dtype}")
-    if floating and not bool(torch.isfinite(tensor).all()):
-        raise SampleError(sample_id, name, "must be finite, but holds NaN or infinite values; what is unknown has no field")
     return (tensor.double() if floating and name not in ("masks", "depth") else tensor), form
+
+
+def _check_finite(values: dict[str, Tensor], sample_id: str | None) -> None:
+    floats = [value.reshape(-1) for name, value in values.items() if value.dtype == torch.float64 and name != "depth"]
+    if "depth" in values:
+        floats.append(values["depth"].reshape(-1).sum().double()[None])
+    if floats and not bool(torch.isfinite(torch.cat(floats)).all()):
+        wrong = next(name for name, value in values.items() if not bool(torch.isfinite(value).all()))
+        raise SampleError(sample_id, wrong, "must be finite, but holds NaN or infinite values; what is unknown has no field")
 
 
 def _check_shapes(values: dict[str, Tensor], image_hw: tuple[int, int], sample_id: str | None) -> int:

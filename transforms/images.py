@@ -24,12 +24,14 @@ class ImageForm:
         layout: "chw", "hwc" or "hw".
         dtype: of the array that came.
         image_hw: height and width.
+        channels: 1, 3 or 4.
     """
 
     tensor: bool
     layout: str
     dtype: torch.dtype | np.dtype[np.generic]
     image_hw: tuple[int, int]
+    channels: int
 
     @property
     def is_uint8(self) -> bool:
@@ -66,14 +68,23 @@ def image_form(image: Image) -> ImageForm:
     dtype: torch.dtype | np.dtype[np.generic] = image.dtype
     if dtype not in (torch.uint8, torch.float32, torch.float64, np.dtype(np.uint8), np.dtype(np.float32), np.dtype(np.float64)):
         raise ShapeError(f"image must be uint8 (0 to 255), float32 or float64 (0 to 1), got {dtype}; convert it first")
-    return ImageForm(tensor, layout, dtype, (int(height), int(width)))
+    channels = {"hw": 1, "chw": shape[0], "hwc": shape[-1]}[layout]
+    return ImageForm(tensor, layout, dtype, (int(height), int(width)), channels)
 
 
-def image_to_hwc(image: Image, form: ImageForm) -> np.ndarray:
-    """The image as (H, W, C) for OpenCV; shares memory with the image where it can."""
+def image_to_hwc(image: Image, form: ImageForm, *, spare: bool = False) -> np.ndarray:
+    """The image as (H, W, C) for OpenCV; shares memory with the image where it can.
+
+    Args:
+        image: of any supported kind.
+        form: of the image.
+        spare: give RGB a fourth channel, since OpenCV warps four twice as fast as three; opencv_executor.run_stages drops it.
+
+    """
     array = image.detach().numpy() if isinstance(image, Tensor) else image
     if form.layout == "chw":
-        array = cv2.merge([np.ascontiguousarray(plane) for plane in array])
+        planes = [np.ascontiguousarray(plane) for plane in array]
+        array = cv2.merge([*planes, planes[0]] if spare and len(planes) == 3 else planes)
     if array.dtype == np.float64:  # OpenCV reads these at 1/32 px
         array = array.astype(np.float32)
     return array[..., None] if array.ndim == 2 else array
@@ -82,7 +93,7 @@ def image_to_hwc(image: Image, form: ImageForm) -> np.ndarray:
 def image_from_hwc(array: np.ndarray, form: ImageForm) -> Any:
     """The (H, W, C) result in the form in which the image came; a Normalize has made it float32."""
     if form.layout == "chw":
-        array = np.stack(cv2.split(array)) if array.shape[-1] > 1 else np.ascontiguousarray(array.transpose(2, 0, 1))
+        array = np.stack(cv2.split(array)[: form.channels]) if array.shape[-1] > 1 else np.ascontiguousarray(array.transpose(2, 0, 1))
     elif form.layout == "hw":
         array = array[..., 0]
     if array.dtype == np.float32 and form.dtype in (torch.float64, np.dtype(np.float64)):

@@ -12,8 +12,8 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
 from animal3dbox.geometry.distortion import turned_distortion
 from animal3dbox.geometry.face_visibility import corners_visibility, near_depth_of_corners, visible_faces
-from animal3dbox.geometry.homography import CameraUpdate, apply_homography, oriented_homography, update_camera
-from animal3dbox.transforms.boxes import mapped_boxes
+from animal3dbox.geometry.homography import CameraUpdate, apply_homography, handedness, oriented_homography, update_camera
+from animal3dbox.transforms.boxes import keeps_axes, mapped_boxes
 from animal3dbox.transforms.fields import Fields
 from animal3dbox.transforms.relabel import Relabelling
 
@@ -49,14 +49,21 @@ def map_fields(
     """
     values = fields.values
     H = oriented_homography(H_out_in, H_out_in.new_tensor([(image_hw_in[1] - 1) / 2, (image_hw_in[0] - 1) / 2]))
-    relabel = Relabelling(torch.linalg.det(H) < 0)
+    relabel = Relabelling(handedness(H) < 0)
     out = {name: value for name, value in values.items() if name in ("size", "labels", "occlusion", "keypoint_mirror")}
     out["H_out_in"] = H @ values["H_out_in"] if "H_out_in" in values else H
     update = _updated_camera(fields, H, allow_skew) if "K" in values else None
     if update is not None:
         out |= _moved(fields, update, relabel)
-    out |= _renamed(values, relabel, affine=bool((H[2, :2] == 0).all()))
-    out |= _seen(values, out, image_hw_out)
+    if "face_visible" in values:  # the camera centre does not move, so no face appears or disappears
+        out["face_visible"] = relabel.faces(values["face_visible"])
+    if "surface_share" in values and bool((H[2, :2] == 0).all()):  # a projective map changes it, and only the posed mesh could tell how
+        out["surface_share"] = relabel.faces(values["surface_share"])
+    corners = corners_of(out) if update is not None else None
+    if corners is not None:
+        out |= _seen(values, out, corners, image_hw_out)
+    else:
+        out |= {name: relabel.faces(values[name]) for name in ("face_area", "face_share", "face_share_in_image") if name in values}
     if update is None and "corners_2d" in values:
         out["corners_2d"] = relabel.corners(apply_homography(H, values["corners_2d"]))
     if "keypoints" in values:
@@ -64,7 +71,8 @@ def map_fields(
     if "keypoints_3d" in values:
         out["keypoints_3d"] = _renamed_keypoints(fields, relabel.world_points(values["keypoints_3d"]), relabel, keypoint_mirror)
     if "boxes" in values:
-        out["boxes"] = mapped_boxes(values["boxes"].double(), H, image_hw_out, _projected_outline(out))
+        outline = None if corners is None or keeps_axes(H) else _projected_outline(out, corners)
+        out["boxes"] = mapped_boxes(values["boxes"], H, image_hw_out, outline)
     mirrored = bool(fields.others.get("mirrored", False)) ^ bool(relabel.mirrored)
     kept = {name: value for name, value in values.items() if name in ("masks", "depth")}
     return Fields({**kept, **out}, fields.forms, {**fields.others, "mirrored": mirrored}, fields.per_animal, fields.count, fields.sample_id)
@@ -111,16 +119,6 @@ def _moved(fields: Fields, update: CameraUpdate, relabel: Relabelling) -> dict[s
     return out
 
 
-def _renamed(values: dict[str, Tensor], relabel: Relabelling, *, affine: bool) -> dict[str, Tensor]:
-    """What a map of pixels can only rename: the camera centre does not move, so no face appears or disappears."""
-    out: dict[str, Tensor] = {
-        name: relabel.faces(values[name]) for name in ("face_visible", "face_area", "face_share", "face_share_in_image") if name in values
-    }
-    if "surface_share" in values and affine:  # a projective map changes it, and only the posed mesh could tell how
-        out["surface_share"] = relabel.faces(values["surface_share"])
-    return out
-
-
 def corners_of(values: dict[str, Tensor]) -> Tensor | None:
     """Corners (N, 8, 3) in the camera frame, from the corners or from center, rotation and size; None if there are no boxes."""
     return values["corners_3d"] if "corners_3d" in values else corners_of_boxes(values)
@@ -134,11 +132,8 @@ def corners_of_boxes(values: dict[str, Tensor]) -> Tensor | None:
     return values["center"][:, None] + (signs * values["size"][:, None] / 2) @ values["rotation"].mT
 
 
-def _seen(values: dict[str, Tensor], out: dict[str, Tensor], image_hw: tuple[int, int]) -> dict[str, Tensor]:
+def _seen(values: dict[str, Tensor], out: dict[str, Tensor], corners: Tensor, image_hw: tuple[int, int]) -> dict[str, Tensor]:
     """Projections, areas, shares and truncation under the new camera, of the fields that were there."""
-    corners = corners_of(out) if "K" in out else None
-    if corners is None:
-        return {}
     seen: dict[str, Tensor] = {}
     if "corners_2d" in values:
         seen["corners_2d"] = project(out["K"], corners, out.get("distortion"))[0]
@@ -184,10 +179,8 @@ def _renamed_keypoints(fields: Fields, keypoints: Tensor, relabel: Relabelling, 
         raise SampleError(fields.sample_id, "keypoint_mirror", str(error)) from error
 
 
-def _projected_outline(out: dict[str, Tensor]) -> tuple[Tensor, Tensor] | None:
+def _projected_outline(out: dict[str, Tensor], corners: Tensor) -> tuple[Tensor, Tensor]:
     """Upright boxes (N, 4) round the projected cuboids and which of them mean something, to tighten 2D boxes by."""
-    corners = corners_of(out) if "K" in out else None
-    if corners is None:
-        return None
-    px, depth = project(out["K"], corners, out.get("distortion"))
-    return torch.cat((px.amin(-2), px.amax(-2)), dim=-1), (depth > near_depth_of_corners(corners)[..., None]).all(-1)
+    px = out["corners_2d"] if "corners_2d" in out else project(out["K"], corners, out.get("distortion"))[0]
+    in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]
+    return torch.cat((px.amin(-2), px.amax(-2)), dim=-1), in_front.all(-1)

@@ -1,36 +1,56 @@
 """The executor of DataLoader workers: OpenCV on (H, W, C) arrays, uint8 as long as the image is."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import torch
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.transforms.images import Image, ImageForm, image_to_hwc
 from animal3dbox.transforms.sampling import Reading, gaussian_kernel, plan_reading
 from animal3dbox.transforms.steps import Blur, Erase, KorniaPixels, Local, Noise, Pass, Standardise
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC}
 
 
-def run_stage(image: np.ndarray, stage: Pass | Local, interpolation: str, fill: tuple[float, ...]) -> np.ndarray:
-    """One stage of a plan.
+def run_stages(image: Image, form: ImageForm, stages: Sequence[Pass | Local], interpolation: str, fill: tuple[float, ...]) -> np.ndarray:
+    """All stages of a plan.
 
     Args:
-        image: (H, W, C) uint8, or float in [0, 1].
-        stage: of a plan.
+        image: of any supported kind.
+        form: of the image.
+        stages: of a plan.
         interpolation: see sampling.INTERPOLATIONS.
         fill: grey levels 0 to 255, one or one a channel.
 
     Returns:
-        (H', W', C) of the same dtype; float32 after a standardisation.
+        (H', W', C) of the same dtype; float32 after a standardisation. Four channels, of which the last is nothing, where RGB was
+        warped last.
 
     """
+    spare = form.channels == 3 and bool(stages) and isinstance(stages[0], Pass) and stages[0].H_out_in is not None
+    array = image_to_hwc(image, form, spare=spare)
+    for index, stage in enumerate(stages):
+        if index and array.shape[2] != form.channels:
+            array = cv2.cvtColor(array, cv2.COLOR_RGBA2RGB)
+        array = run_stage(array, stage, interpolation, fill, channels=form.channels)
+    last = stages[-1] if stages else None
+    keep = form.layout == "chw" or array.shape[2] == form.channels or last is None
+    return array if keep else cv2.cvtColor(array, cv2.COLOR_RGBA2RGB)
+
+
+def run_stage(image: np.ndarray, stage: Pass | Local, interpolation: str, fill: tuple[float, ...], *, channels: int) -> np.ndarray:
+    """One stage of a plan; image (H, W, C) uint8, or float in [0, 1], with a spare channel perhaps (see run_stages)."""
     if isinstance(stage, Pass):
         if stage.H_out_in is not None:
             unit = 1.0 if image.dtype == np.uint8 else 1 / 255
             image = warp(image, stage.H_out_in, stage.image_hw, interpolation, tuple(level * unit for level in fill))
         if stage.colour is not None:
-            image = recolour(image, stage.colour)
-        return image if stage.standardise is None else standardised(image, stage.standardise)
+            image = recolour(image, stage.colour, channels)
+        if stage.standardise is None:
+            return image
+        return standardised(cv2.cvtColor(image, cv2.COLOR_RGBA2RGB) if image.shape[2] > channels else image, stage.standardise)
     if isinstance(stage, Blur):
         kernel = gaussian_kernel(stage.sigma_px, (image.shape[0], image.shape[1]))
         return _with_channels(cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT_101))
@@ -50,6 +70,9 @@ def warp(image: np.ndarray, H_out_in: np.ndarray, image_hw: tuple[int, int], int
             return moved
     reading = plan_reading(H_out_in, (image.shape[0], image.shape[1]), image_hw, interpolation)
     source = _shrunken(image, reading.shrink_xy, fill)
+    three = source.shape[2:] == (3,)
+    if three:  # four channels are read twice as fast as three
+        source = cv2.cvtColor(source, cv2.COLOR_RGB2RGBA)
     flags = FLAGS[interpolation] | cv2.WARP_INVERSE_MAP
     border = _four(fill)
     size = (image_hw[1], image_hw[0])
@@ -58,7 +81,8 @@ def warp(image: np.ndarray, H_out_in: np.ndarray, image_hw: tuple[int, int], int
         result = cv2.warpAffine(source, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border)
     else:
         result = cv2.warpPerspective(source, reading.H_in_out, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border)
-    return _blank_beyond(_with_channels(result), reading, border)
+    result = cv2.cvtColor(result, cv2.COLOR_RGBA2RGB) if three else _with_channels(result)
+    return _blank_beyond(result, reading, border)
 
 
 def _blank_beyond(image: np.ndarray, reading: Reading, border: tuple[float, ...]) -> np.ndarray:
@@ -101,15 +125,17 @@ def _shrunken(image: np.ndarray, shrink_xy: tuple[int, int], fill: tuple[float, 
     if more_down or more_across:
         image = cv2.copyMakeBorder(image, 0, more_down, 0, more_across, cv2.BORDER_CONSTANT, value=_four(fill))
     size = ((width + more_across) // across, (height + more_down) // down)
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return _with_channels(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
-def recolour(image: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Colours under a (3, 4) map, clipped."""
-    if image.shape[2] != 3:
-        raise ShapeError(f"image must have 3 channels (RGB) for colour transforms, got {image.shape[2]}")
+def recolour(image: np.ndarray, matrix: np.ndarray, channels: int) -> np.ndarray:
+    """Colours under a (3, 4) map, clipped; a spare channel is dropped."""
+    if channels != 3:
+        raise ShapeError(f"image must have 3 channels (RGB) for colour transforms, got {channels}")
+    if image.shape[2] == 4:
+        matrix = np.insert(matrix, 3, 0, axis=1)
     if image.dtype == np.uint8:
-        return cv2.transform(image, matrix * np.array([1, 1, 1, 255.0]))
+        return cv2.transform(image, matrix * np.array([*[1.0] * (matrix.shape[1] - 1), 255.0]))
     return np.clip(cv2.transform(image, matrix), 0, 1)
 
 

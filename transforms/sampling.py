@@ -53,26 +53,39 @@ def plan_reading(H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_ou
 
     """
     H_in_out = np.linalg.inv(H_out_in)
-    height, width = image_hw_out
-    probes = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [-0.5, height - 0.5], [width - 0.5, height - 0.5], [(width - 1) / 2, (height - 1) / 2]])
-    mapped = np.concatenate((probes, np.ones((5, 1))), axis=1) @ H_in_out.T
-    w = mapped[:, 2]
-    horizon = bool((w <= 0).any())
-    shrink = (1, 1)
+    affine = not H_in_out[2, :2].any()
+    horizon, shrink = False, (1, 1)
+    if not affine:
+        horizon = bool((_corners(image_hw_out) @ H_in_out[2] <= 0).any())
     if interpolation == "nearest":
         H_in_out = shifting(-TIE_PX, -TIE_PX) @ H_in_out
     else:
-        seen = w > 0
-        px = mapped[seen, :2] / w[seen, None]
-        # d px_in / d px_out by the quotient rule, (M, 2, 2); its row norms are pixels read per pixel made.
-        jacobian = (H_in_out[None, :2, :2] - px[:, :, None] * H_in_out[None, 2:, :2]) / w[seen, None, None]
-        steps = np.linalg.norm(jacobian, axis=2)
-        if len(steps):
-            fewest = np.minimum(steps.min(axis=0), (image_hw_in[1], image_hw_in[0]))
-            shrink = (max(1, int(fewest[0] + 1e-6)), max(1, int(fewest[1] + 1e-6)))
+        shrink = _shrink(H_in_out, image_hw_in, image_hw_out, affine=affine)
         if shrink != (1, 1):
             H_in_out = scaling((1 / shrink[0], 1 / shrink[1])) @ H_in_out
     return Reading(shrink, H_in_out, image_hw_out, horizon)
+
+
+def _corners(image_hw: tuple[int, int]) -> np.ndarray:
+    """The corners and the middle of an image, homogeneous (5, 3)."""
+    right, bottom = image_hw[1] - 0.5, image_hw[0] - 0.5
+    return np.array([[-0.5, -0.5, 1], [right, -0.5, 1], [-0.5, bottom, 1], [right, bottom, 1], [(right - 0.5) / 2, (bottom - 0.5) / 2, 1]])
+
+
+def _shrink(H_in_out: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int], *, affine: bool) -> tuple[int, int]:
+    """Whole numbers of pixels (x, y) to average: how many are read per pixel made, where the fewest are."""
+    if affine:
+        fewest = np.hypot(H_in_out[:2, 0], H_in_out[:2, 1]) / abs(H_in_out[2, 2])
+    else:
+        mapped = _corners(image_hw_out) @ H_in_out.T
+        mapped = mapped[mapped[:, 2] > 0]
+        if not len(mapped):
+            return 1, 1
+        px, w = mapped[:, :2] / mapped[:, 2:], mapped[:, 2, None, None]
+        jacobian = (H_in_out[None, :2, :2] - px[:, :, None] * H_in_out[None, 2:, :2]) / w  # d px_in / d px_out, by the quotient rule
+        fewest = np.linalg.norm(jacobian, axis=2).min(axis=0)
+    across, down = (max(1, int(min(float(steps), side) + 1e-6)) for steps, side in zip(fewest, image_hw_in[::-1], strict=True))
+    return across, down
 
 
 def check_interpolation(interpolation: str) -> str:

@@ -57,10 +57,10 @@ class View:
         """Intrinsics (3, 3) by now, or None."""
         if "K" not in self.values:
             return None
-        straight = not self.H_out_in[[0, 1, 2, 2], [1, 0, 0, 1]].any() and self.H_out_in[0, 0] > 0 and self.H_out_in[1, 1] > 0
+        (a, b, _), (c, d, _), (e, f, _) = self.H_out_in.tolist()
         K: np.ndarray
-        if straight or self.camera is None:  # crops and resizes leave the camera's axes where they are
-            K = self.H_out_in @ self.values["K"].detach().cpu().numpy()
+        if b == c == e == f == 0 or self.camera is None:  # flips, crops and resizes keep the camera's axes but for their signs
+            K = self.H_out_in @ self.values["K"].detach().cpu().numpy() * np.array([np.sign(a), np.sign(d), 1])
             K /= K[2, 2]
             return K
         K = self.camera.K.numpy()
@@ -101,8 +101,21 @@ class View:
         """The outlines of all animals in the picture before any step."""
         if "outlines" not in self.memory:
             corners = corners_of(dict(self.values)) if "K" in self.values else None
-            self.memory["outlines"] = None if corners is None else outlines(corners.detach().cpu(), self.values["K"].detach().cpu())
+            visible = self.values["face_visible"].bool().cpu() if "face_visible" in self.values else None
+            self.memory["outlines"] = None if corners is None else outlines(corners.detach().cpu(), self.values["K"].detach().cpu(), visible)
         return self.memory["outlines"]
+
+    def all_inside(self, box: np.ndarray) -> bool:
+        """Whether every corner of every box is seen inside an upright box (4,) in the picture; False where that is not plain to see."""
+        if self.H_out_in[2, :2].any() or not {"corners_2d", "corner_in_front", "K"} <= set(self.values):
+            return False
+        if not bool(self.values["corner_in_front"].all()):
+            return False
+        px: np.ndarray = (
+            self.values["corners_2d"].detach().cpu().numpy()[list(self.alive)].reshape(-1, 2) @ self.H_out_in[:2, :2].T + self.H_out_in[:2, 2]
+        )
+        least, most = np.maximum(box[:2], self._frame[:2]), np.minimum(box[2:], self._frame[2:])
+        return bool((px >= least).all() and (px <= most).all())
 
     @property
     def _frame(self) -> np.ndarray:
@@ -135,11 +148,11 @@ class View:
         return parts
 
 
-def outlines(corners_cam: Tensor, K: Tensor) -> Tensor:
+def outlines(corners_cam: Tensor, K: Tensor, visible: Tensor | None = None) -> Tensor:
     """The hidden faces of boxes in px (N, 6, P, 2), the visible ones collapsed: together they tile the silhouettes."""
-    hidden = ~visible_faces(corners_cam, torch.zeros_like(corners_cam[:, 0]))
+    visible = visible_faces(corners_cam, torch.zeros_like(corners_cam[:, 0])) if visible is None else visible
     quads = projected_faces(corners_cam, K)
-    return torch.where(hidden[..., None, None], quads, quads[..., :1, :])
+    return torch.where(visible[..., None, None], quads[..., :1, :], quads)
 
 
 def _areas(polygons: Tensor, boxes: np.ndarray) -> Tensor:

@@ -74,6 +74,13 @@ def rq(A: Tensor) -> tuple[Tensor, Tensor]:
     return torch.triu(A @ Q.mT), Q
 
 
+def handedness(A: Tensor) -> Tensor:
+    """Determinants (...,) of matrices (..., 3, 3) as triple products of their rows: for what only asks for the sign, without LAPACK."""
+    row_0, row_1, row_2 = A.unbind(-2)
+    triple: Tensor = (row_0 * torch.linalg.cross(row_1, row_2)).sum(-1)
+    return triple
+
+
 @dataclass(frozen=True)
 class CameraUpdate:
     """What a map of pixels did to a camera.
@@ -95,8 +102,7 @@ class CameraUpdate:
     @property
     def mirrored(self) -> Tensor:
         """Whether left and right changed places, (...,) bool."""
-        handed: Tensor = torch.linalg.det(self.Q)
-        return handed < 0
+        return handedness(self.Q) < 0
 
 
 def update_camera(H_out_in: Tensor, K: Tensor, R: Tensor | None = None, t: Tensor | None = None) -> CameraUpdate:
@@ -121,13 +127,13 @@ def update_camera(H_out_in: Tensor, K: Tensor, R: Tensor | None = None, t: Tenso
     check_shape("H_out_in", H_out_in, "... 3 3")
     check_shape("K", K, "... 3 3")
     check_finite("H_out_in", H_out_in)
-    scale = H_out_in.norm(dim=(-2, -1)).clamp_min(torch.finfo(H_out_in.dtype).tiny)
-    if bool((torch.linalg.det(H_out_in / scale[..., None, None]).abs() < 1e-14).any()):
+    scale = H_out_in.abs().amax((-2, -1)).clamp_min(torch.finfo(H_out_in.dtype).tiny)
+    if bool((handedness(H_out_in / scale[..., None, None]).abs() < 1e-14).any()):
         raise ShapeError("H_out_in must be invertible, but its determinant is zero: it flattens the image")
     U, Q = rq(H_out_in @ K)
     k = U[..., 2, 2]
     if R is not None:
         side = torch.ones_like(Q[..., 0, :])
-        side[..., 1] = torch.sign(torch.linalg.det(Q))
+        side[..., 1] = torch.sign(handedness(Q))
         R = Q @ R * side[..., None, :]
     return CameraUpdate(U / k[..., None, None], Q, k, R, None if t is None else (Q @ t[..., None])[..., 0])
