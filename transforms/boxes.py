@@ -1,12 +1,13 @@
 """Upright 2D boxes (x least, y least, x greatest, y greatest) under maps of pixels."""
 
-import torch
+import cv2
+import numpy as np
 from torch import Tensor
 
-from animal3dbox.geometry.homography import apply_homography
+from animal3dbox.geometry.arrays import AnyArray, like, namespace
 
 
-def mapped_boxes(boxes: Tensor, H_out_in: Tensor, image_hw: tuple[int, int], outline: tuple[Tensor, Tensor] | None) -> Tensor:
+def mapped_boxes(boxes: AnyArray, H_out_in: AnyArray, image_hw: tuple[int, int], outline: tuple[AnyArray, AnyArray] | None) -> AnyArray:
     """Upright boxes round mapped boxes, inside the new frame.
 
     Exact where the map keeps the axes (flip, crop, resize, quarter turns). Any other map turns the box, and what lies round it
@@ -23,27 +24,42 @@ def mapped_boxes(boxes: Tensor, H_out_in: Tensor, image_hw: tuple[int, int], out
         (N, 4); without area where nothing of the box lies in the frame.
 
     """
-    x_least, y_least, x_most, y_most = boxes.unbind(-1)
-    around = torch.stack((x_least, y_least, x_most, y_least, x_most, y_most, x_least, y_most), dim=-1).reshape(-1, 4, 2)
+    xp = namespace(boxes)
+    around = boxes[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
     w = around @ H_out_in[2, :2] + H_out_in[2, 2]
     height, width = image_hw
-    frame = boxes.new_tensor([-0.5, -0.5, width - 0.5, height - 0.5])
-    px = apply_homography(H_out_in, around)
-    mapped = torch.cat((px.amin(-2), px.amax(-2)), dim=-1)
-    mapped = torch.where((w > 0).all(-1, keepdim=True), mapped, frame)  # across the horizon nothing bounds the box
+    low, high = like(boxes, [-0.5, -0.5]), like(boxes, [width - 0.5, height - 0.5])
+    px = (around @ H_out_in[:2, :2].mT + H_out_in[:2, 2]) / xp.where(w > 0, w, xp.ones_like(w))[..., None]
+    x, y = px[..., 0], px[..., 1]
+    known = (w > 0).all(-1)[:, None]  # across the horizon nothing bounds the box
+    if px.shape[0] == 0:
+        return boxes
+    start, end = xp.stack((least(x), least(y)), -1), xp.stack((-least(-x), -least(-y)), -1)
+    start, end = xp.where(known, start, low), xp.where(known, end, high)
     if outline is not None:
-        cut = torch.cat((torch.maximum(mapped[:, :2], outline[0][:, :2]), torch.minimum(mapped[:, 2:], outline[0][:, 2:])), dim=-1)
-        mapped = torch.where((outline[1] & (cut[:, 2:] > cut[:, :2]).all(-1))[:, None], cut, mapped)
-    return torch.cat((mapped[:, :2].clamp(frame[:2], frame[2:]), mapped[:, 2:].clamp(frame[:2], frame[2:])), dim=-1)
+        tight_start, tight_end = xp.maximum(start, outline[0][:, :2]), xp.minimum(end, outline[0][:, 2:])
+        tightens = (outline[1] & (tight_end > tight_start).all(-1))[:, None]
+        start, end = xp.where(tightens, tight_start, start), xp.where(tightens, tight_end, end)
+    held = [xp.minimum(xp.maximum(edge, low), high) for edge in (start, end)]
+    inside: AnyArray = xp.concatenate(held, -1)
+    return inside
 
 
-def keeps_axes(H: Tensor) -> bool:
+def least(values: AnyArray) -> AnyArray:
+    """The least of the last dimension."""
+    if isinstance(values, Tensor):
+        return values.amin(-1)
+    smallest: np.ndarray = values.min(-1)
+    return smallest
+
+
+def keeps_axes(H: Tensor | np.ndarray) -> bool:
     """Whether upright boxes stay upright boxes."""
-    straight = bool((H[[0, 1], [1, 0]] == 0).all()) or bool((H[[0, 1], [0, 1]] == 0).all())
-    return straight and bool((H[2, :2] == 0).all())
+    (a, b, _), (c, d, _), (e, f, _) = H.tolist()
+    return bool(e == 0 and f == 0 and ((b == 0 and c == 0) or (a == 0 and d == 0)))
 
 
-def boxes_of_masks(masks: Tensor, otherwise: Tensor) -> Tensor:
+def boxes_of_masks(masks: AnyArray, otherwise: AnyArray) -> AnyArray:
     """Upright boxes round masks, from the outer edges of their pixels.
 
     Args:
@@ -54,9 +70,9 @@ def boxes_of_masks(masks: Tensor, otherwise: Tensor) -> Tensor:
         (N, 4) float64.
 
     """
-    found = otherwise.clone()
-    for index, mask in enumerate(masks):
-        rows, columns = mask.any(dim=1).nonzero()[:, 0], mask.any(dim=0).nonzero()[:, 0]
-        if len(rows):
-            found[index] = torch.stack((columns[0] - 0.5, rows[0] - 0.5, columns[-1] + 0.5, rows[-1] + 0.5)).to(found)
-    return found
+    found = otherwise.tolist()
+    for index, mask in enumerate(masks > 0):
+        x, y, width, height = cv2.boundingRect((mask.cpu().numpy() if isinstance(mask, Tensor) else mask).astype(np.uint8))
+        if width:
+            found[index] = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5)
+    return like(otherwise, found) if len(found) else otherwise

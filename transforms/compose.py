@@ -67,7 +67,7 @@ class Compose(Transform):
             raise ConfigError(f"mirror='forbid', but these may mirror: {', '.join(mirrors)}; take them out or give them mirror='forbid'")
         self.seed, self.interpolation, self.check = seed, check_interpolation(interpolation), check
         self.fill = fill if isinstance(fill, tuple) else (float(fill),)
-        self.keypoint_mirror = None if keypoint_mirror is None else torch.tensor(list(keypoint_mirror))
+        self.keypoint_mirror = None if keypoint_mirror is None else np.array(list(keypoint_mirror))
         if self.keypoint_mirror is not None:
             check_keypoint_mirror(self.keypoint_mirror, len(self.keypoint_mirror))
         self.allow_skew = allow_skew or any(getattr(transform, "allow_skew", False) for transform in self.transforms)
@@ -153,9 +153,10 @@ class Compose(Transform):
         image_hw = plan.image_hw
         for stage in plan.stages() if stages is None else stages:
             if isinstance(stage, Pass) and stage.H_out_in is not None:
-                H = torch.from_numpy(stage.H_out_in)
                 before = fields
-                fields = map_fields(fields, H, image_hw, stage.image_hw, keypoint_mirror=self.keypoint_mirror, allow_skew=self.allow_skew)
+                fields = map_fields(
+                    fields, stage.H_out_in, image_hw, stage.image_hw, keypoint_mirror=self.keypoint_mirror, allow_skew=self.allow_skew
+                )
                 fields = fields.updated(**warp_pixel_fields(before, stage.H_out_in, image_hw, stage.image_hw))
                 if "masks" in fields.values and "boxes" in fields.values:
                     fields = fields.updated(boxes=boxes_of_masks(fields.values["masks"], fields.values["boxes"]))
@@ -206,4 +207,4 @@ class Compose(Transform):
 def _untouched(fields: Fields) -> Fields:
     """The target of a picture whose pixels did not move."""
     others = {**fields.others, "mirrored": bool(fields.others.get("mirrored", False))}
-    return replace(fields.updated(H_out_in=torch.eye(3, dtype=torch.float64)), others=others)
+    return replace(fields.updated(H_out_in=np.eye(3)), others=others)

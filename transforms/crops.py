@@ -58,7 +58,7 @@ class RandomResizedCrop(Transform):
         """The map, and which animals stay."""
         boxes = self._draw(rng, view.image_hw, random=rng.random() < self.random_p)
         asked = view.alive and (self.keep_part > 0 or self.min_visible is not None)
-        parts = view.visible_parts(boxes) if asked and not view.all_inside(boxes[0]) else None
+        parts = view.visible_parts(boxes) if asked else None
         best = 0
         if parts is not None:
             most = parts.max(axis=1)

@@ -1,11 +1,12 @@
 """Random erasing that says what it hid."""
 
 import math
+from typing import Any
 
 import numpy as np
-import torch
 
 from animal3dbox.errors import ConfigError
+from animal3dbox.geometry.arrays import like, namespace
 from animal3dbox.geometry.face_visibility import projected_faces, visible_faces
 from animal3dbox.geometry.polygon import area_in_box, area_in_frame
 from animal3dbox.transforms.fields import Fields
@@ -65,37 +66,35 @@ def hide_fields(fields: Fields, erase: Erase, image_hw: tuple[int, int]) -> Fiel
     out = fields
     for box in erase.boxes:
         hidden = _hidden_part(out, box, image_hw)
-        values = {}
+        values: dict[str, Any] = {}
         if hidden is not None:
-            before = out.values.get("occlusion", torch.zeros_like(hidden))
-            values["occlusion"] = 1 - (1 - before) * (1 - hidden)
+            values["occlusion"] = 1 - (1 - out.values.get("occlusion", 0 * hidden)) * (1 - hidden)
         x_least, y_least, x_past, y_past = box
         for name in ("masks", "depth"):
             if name in out.values:
-                values[name] = out.values[name].clone()
+                values[name] = out.values[name] + 0  # a copy
                 values[name][..., y_least:y_past, x_least:x_past] = 0
         if "keypoints" in out.values:
             keypoints = out.values["keypoints"]
-            low, high = keypoints.new_tensor([x_least - 0.5, y_least - 0.5]), keypoints.new_tensor([x_past - 0.5, y_past - 0.5])
+            low, high = like(keypoints, [x_least - 0.5, y_least - 0.5]), like(keypoints, [x_past - 0.5, y_past - 0.5])
             below = ((keypoints[..., :2] >= low) & (keypoints[..., :2] <= high)).all(-1)
-            values["keypoints"] = torch.cat((keypoints[..., :2], torch.where(below, 0.0, keypoints[..., 2])[..., None]), dim=-1)
+            values["keypoints"] = namespace(keypoints).concatenate((keypoints[..., :2], (keypoints[..., 2] * ~below)[..., None]), -1)
         out = out.updated(**values)
     return out
 
 
-def _hidden_part(fields: Fields, box: tuple[int, int, int, int], image_hw: tuple[int, int]) -> torch.Tensor | None:
+def _hidden_part(fields: Fields, box: tuple[int, int, int, int], image_hw: tuple[int, int]) -> Any:
     """The part (N,) of what was still visible of each animal that a rectangle hides; None if nothing tells."""
     x_least, y_least, x_past, y_past = box
     if "masks" in fields.values:
         masks = fields.values["masks"] > 0
-        whole = masks.sum((-2, -1)).double()
-        return masks[:, y_least:y_past, x_least:x_past].sum((-2, -1)).double() / whole.clamp_min(1)
+        whole = masks.sum((-2, -1))
+        return masks[:, y_least:y_past, x_least:x_past].sum((-2, -1)) / (whole + (whole == 0))
     corners = corners_of(fields.values) if "K" in fields.values else None
     if corners is None:
         return None
-    hidden = ~visible_faces(corners, torch.zeros_like(corners[:, 0]))
+    hidden = ~visible_faces(corners, corners[:, 0] * 0)
     quads = projected_faces(corners, fields.values["K"], fields.values.get("distortion"))
     whole = (area_in_frame(quads, image_hw) * hidden).sum(-1)
-    edges = quads.new_tensor([x_least - 0.5, y_least - 0.5, x_past - 0.5, y_past - 0.5])
-    covered = (area_in_box(quads, edges) * hidden).sum(-1)
-    return torch.where(whole > 0, covered / whole.clamp_min(1e-300), torch.zeros_like(whole))
+    covered = (area_in_box(quads, like(quads, [x_least - 0.5, y_least - 0.5, x_past - 0.5, y_past - 0.5])) * hidden).sum(-1)
+    return covered / (whole + (whole == 0))

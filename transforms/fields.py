@@ -4,6 +4,7 @@ A target is a plain dict about one image with N animals (or any other boxes). A 
 not in this list would be left stale by a map of pixels, so it is refused.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,6 +14,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError, ShapeError
+from animal3dbox.geometry.arrays import namespace
 from animal3dbox.geometry.checks import check_intrinsics, check_shape
 from animal3dbox.geometry.distortion import check_distortion
 
@@ -25,6 +27,8 @@ PER_ANIMAL = {
 PER_IMAGE = {"K": "3 3", "H_out_in": "3 3", "distortion": "D", "depth": "H W", "keypoint_mirror": "J"}
 CAMERA_FRAME = ("corners_3d", "center", "rotation", "R", "t")
 LISTS = ("quality",)
+WHOLE = ("labels", "masks", "corner_in_front", "face_visible", "behind_camera", "keypoint_mirror")
+"""Fields that may hold whole numbers or booleans."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ class Fields:
     """A target opened up.
 
     Attributes:
-        values: the known array fields; floats are float64, everything else keeps its dtype.
+        values: the known array fields, all NumPy or all torch (see read_target); floats are float64, the rest keeps its dtype.
         forms: how each came.
         others: everything else, passed on.
         per_animal: the names in others that hold one entry an animal.
@@ -48,14 +52,14 @@ class Fields:
         sample_id: for messages.
     """
 
-    values: dict[str, Tensor]
+    values: dict[str, Any]
     forms: dict[str, Form]
     others: dict[str, object]
     per_animal: tuple[str, ...]
     count: int
     sample_id: str | None
 
-    def updated(self, **values: Tensor) -> "Fields":
+    def updated(self, **values: Any) -> "Fields":
         """The same target with some fields replaced or added."""
         return replace(self, values={**self.values, **values})
 
@@ -65,11 +69,10 @@ class Fields:
 
     def selected(self, keep: tuple[int, ...]) -> "Fields":
         """The animals of these indices only."""
-        index = torch.tensor(keep, dtype=torch.long)
+        index = list(keep)
         shared = {name for name in ("R", "t") if name in self.values and self.values[name].ndim == {"R": 2, "t": 1}[name]}
         chosen = {
-            name: value[index.to(value.device)] if name in PER_ANIMAL or (name in ("R", "t") and name not in shared) else value
-            for name, value in self.values.items()
+            name: value[index] if name in PER_ANIMAL or (name in ("R", "t") and name not in shared) else value for name, value in self.values.items()
         }
         others = {name: _choose(value, keep) if name in self.per_animal else value for name, value in self.others.items()}
         return replace(self, values=chosen, others=others, count=len(keep))
@@ -82,6 +85,9 @@ def _choose(value: Any, keep: tuple[int, ...]) -> object:
 def read_target(target: Mapping[str, object], image_hw: tuple[int, int]) -> Fields:
     """Open a target and check it.
 
+    Gradients and devices are kept: if any field needs one or lives on one, all are worked on in torch; otherwise in NumPy, which costs
+    a worker a third of the time for the few numbers of one image (geometry/arrays.py).
+
     Args:
         target: plain dict of tensors, arrays and small values.
         image_hw: of the image it belongs to.
@@ -91,7 +97,7 @@ def read_target(target: Mapping[str, object], image_hw: tuple[int, int]) -> Fiel
 
     """
     sample_id = str(target["image_id"]) if "image_id" in target else None
-    values: dict[str, Tensor] = {}
+    values: dict[str, Any] = {}
     forms: dict[str, Form] = {}
     others: dict[str, object] = {}
     for name, value in target.items():
@@ -99,6 +105,10 @@ def read_target(target: Mapping[str, object], image_hw: tuple[int, int]) -> Fiel
             values[name], forms[name] = _open(value, sample_id, name)
         else:
             others[name] = value
+    if any(isinstance(value, Tensor) and (value.requires_grad or value.device.type != "cpu") for value in values.values()):
+        values = {name: torch.from_numpy(value) if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    else:
+        values = {name: value.numpy() if isinstance(value, Tensor) else value for name, value in values.items()}
     _check_finite(values, sample_id)
     try:
         count = _check_shapes(values, image_hw, sample_id)
@@ -115,27 +125,25 @@ def read_target(target: Mapping[str, object], image_hw: tuple[int, int]) -> Fiel
     return Fields(values, forms, others, per_animal, count, sample_id)
 
 
-def _open(value: object, sample_id: str | None, name: str) -> tuple[Tensor, Form]:
+def _open(value: object, sample_id: str | None, name: str) -> tuple[Tensor | np.ndarray, Form]:
     if not isinstance(value, Tensor | np.ndarray):
         raise SampleError(sample_id, name, f"must be a tensor or an array, got {type(value).__name__}")
-    tensor = value if isinstance(value, Tensor) else torch.from_numpy(np.ascontiguousarray(value))
     form = Form(isinstance(value, Tensor), value.dtype)
-    floating = tensor.is_floating_point()
-    if not floating and name not in ("labels", "masks", "corner_in_front", "face_visible", "behind_camera", "keypoint_mirror"):
-        raise SampleError(sample_id, name, f"must be floating point, got {tensor.dtype}")
-    return (tensor.double() if floating and name not in ("masks", "depth") else tensor), form
+    floating = value.is_floating_point() if isinstance(value, Tensor) else np.issubdtype(value.dtype, np.floating)
+    if not floating and name not in WHOLE:
+        raise SampleError(sample_id, name, f"must be floating point, got {value.dtype}")
+    if not floating or name in ("masks", "depth"):
+        return value, form
+    return (value.double() if isinstance(value, Tensor) else value.astype(np.float64, copy=False)), form
 
 
-def _check_finite(values: dict[str, Tensor], sample_id: str | None) -> None:
-    floats = [value.reshape(-1) for name, value in values.items() if value.dtype == torch.float64 and name != "depth"]
-    if "depth" in values:
-        floats.append(values["depth"].reshape(-1).sum().double()[None])
-    if floats and not bool(torch.isfinite(torch.cat(floats)).all()):
-        wrong = next(name for name, value in values.items() if not bool(torch.isfinite(value).all()))
-        raise SampleError(sample_id, wrong, "must be finite, but holds NaN or infinite values; what is unknown has no field")
+def _check_finite(values: dict[str, Any], sample_id: str | None) -> None:
+    for name, value in values.items():
+        if name not in WHOLE and not math.isfinite(float(value.sum())) and not bool(namespace(value).isfinite(value).all()):
+            raise SampleError(sample_id, name, "must be finite, but holds NaN or infinite values; what is unknown has no field")
 
 
-def _check_shapes(values: dict[str, Tensor], image_hw: tuple[int, int], sample_id: str | None) -> int:
+def _check_shapes(values: dict[str, Any], image_hw: tuple[int, int], sample_id: str | None) -> int:
     for name, value in values.items():
         if name in ("R", "t"):
             spec = {"R": "3 3", "t": "3"}[name]
@@ -186,16 +194,13 @@ def _holds_array(value: object) -> bool:
 def write_target(fields: Fields) -> dict[str, object]:
     """The target as a plain dict again, every field in the form in which it came."""
     written: dict[str, object] = dict(fields.others)
-    like = fields.forms.get("K") or next(iter(fields.forms.values()), Form(True, torch.float32))
+    default = fields.forms.get("K") or next(iter(fields.forms.values()), Form(True, torch.float32))
     for name, value in fields.values.items():
-        form = fields.forms.get(name, like)
-        written[name] = _close(value, form) if name in fields.forms or value.is_floating_point() else _close(value, Form(form.tensor, value.dtype))
+        form = fields.forms.get(name, default)
+        if form.tensor:
+            tensor = torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
+            written[name] = tensor.to(form.dtype) if isinstance(form.dtype, torch.dtype) else tensor
+        else:
+            array = value.detach().cpu().numpy() if isinstance(value, Tensor) else value
+            written[name] = array if isinstance(form.dtype, torch.dtype) else array.astype(form.dtype, copy=False)
     return written
-
-
-def _close(value: Tensor, form: Form) -> object:
-    if form.tensor:
-        dtype = form.dtype if isinstance(form.dtype, torch.dtype) else value.dtype
-        return value.to(dtype)
-    array = value.detach().cpu().numpy()
-    return array.astype(form.dtype, copy=False) if isinstance(form.dtype, np.dtype) else array

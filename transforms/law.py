@@ -4,16 +4,20 @@ With H K = k K' Q (RQ decomposition), the mapped image is what the camera K' see
 points' = Q points. Where det Q = -1 the scene is mirrored, and what is called left or right is renamed (relabel.py).
 """
 
+from typing import Any
+
+import numpy as np
 import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError, ShapeError
+from animal3dbox.geometry.arrays import like, namespace
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
 from animal3dbox.geometry.distortion import turned_distortion
 from animal3dbox.geometry.face_visibility import corners_visibility, near_depth_of_corners, visible_faces
 from animal3dbox.geometry.homography import CameraUpdate, apply_homography, handedness, oriented_homography, update_camera
-from animal3dbox.transforms.boxes import keeps_axes, mapped_boxes
+from animal3dbox.transforms.boxes import keeps_axes, least, mapped_boxes
 from animal3dbox.transforms.fields import Fields
 from animal3dbox.transforms.relabel import Relabelling
 
@@ -23,11 +27,11 @@ SKEW_TOLERANCE = 1e-6
 
 def map_fields(
     fields: Fields,
-    H_out_in: Tensor,
+    H_out_in: np.ndarray,
     image_hw_in: tuple[int, int],
     image_hw_out: tuple[int, int],
     *,
-    keypoint_mirror: Tensor | None = None,
+    keypoint_mirror: np.ndarray | None = None,
     allow_skew: bool = False,
 ) -> Fields:
     """Everything but pixel arrays (masks, depth) after a map of pixels.
@@ -48,7 +52,8 @@ def map_fields(
 
     """
     values = fields.values
-    H = oriented_homography(H_out_in, H_out_in.new_tensor([(image_hw_in[1] - 1) / 2, (image_hw_in[0] - 1) / 2]))
+    oriented = oriented_homography(H_out_in, np.array([(image_hw_in[1] - 1) / 2, (image_hw_in[0] - 1) / 2]))
+    H: Any = next((torch.from_numpy(oriented).to(value.device) for value in values.values() if isinstance(value, Tensor)), oriented)
     relabel = Relabelling(handedness(H) < 0)
     out = {name: value for name, value in values.items() if name in ("size", "labels", "occlusion", "keypoint_mirror")}
     out["H_out_in"] = H @ values["H_out_in"] if "H_out_in" in values else H
@@ -57,7 +62,7 @@ def map_fields(
         out |= _moved(fields, update, relabel)
     if "face_visible" in values:  # the camera centre does not move, so no face appears or disappears
         out["face_visible"] = relabel.faces(values["face_visible"])
-    if "surface_share" in values and bool((H[2, :2] == 0).all()):  # a projective map changes it, and only the posed mesh could tell how
+    if "surface_share" in values and not bool(H[2, :2].any()):  # a projective map changes it, and only the posed mesh could tell how
         out["surface_share"] = relabel.faces(values["surface_share"])
     corners = corners_of(out) if update is not None else None
     if corners is not None:
@@ -78,7 +83,7 @@ def map_fields(
     return Fields({**kept, **out}, fields.forms, {**fields.others, "mirrored": mirrored}, fields.per_animal, fields.count, fields.sample_id)
 
 
-def _updated_camera(fields: Fields, H: Tensor, allow_skew: bool) -> CameraUpdate:
+def _updated_camera(fields: Fields, H: Any, allow_skew: bool) -> CameraUpdate[Any]:
     K = fields.values["K"]
     try:
         update = update_camera(H, K, fields.values.get("R"), fields.values.get("t"))
@@ -95,7 +100,7 @@ def _updated_camera(fields: Fields, H: Tensor, allow_skew: bool) -> CameraUpdate
     return update
 
 
-def _moved(fields: Fields, update: CameraUpdate, relabel: Relabelling) -> dict[str, Tensor]:
+def _moved(fields: Fields, update: CameraUpdate[Any], relabel: Relabelling) -> dict[str, Any]:
     """The camera, and everything in its frame."""
     values, Q = fields.values, update.Q
     out = {"K": update.K}
@@ -119,51 +124,57 @@ def _moved(fields: Fields, update: CameraUpdate, relabel: Relabelling) -> dict[s
     return out
 
 
-def corners_of(values: dict[str, Tensor]) -> Tensor | None:
+def corners_of(values: dict[str, Any]) -> Any:
     """Corners (N, 8, 3) in the camera frame, from the corners or from center, rotation and size; None if there are no boxes."""
     return values["corners_3d"] if "corners_3d" in values else corners_of_boxes(values)
 
 
-def corners_of_boxes(values: dict[str, Tensor]) -> Tensor | None:
+def corners_of_boxes(values: dict[str, Any]) -> Any:
     """Corners (N, 8, 3) in the camera frame of center, rotation and size; None if one of them is missing."""
     if not {"center", "rotation", "size"} <= set(values):
         return None
-    signs = values["size"].new_tensor(CORNER_SIGNS)
+    signs = like(values["size"], CORNER_SIGNS)
     return values["center"][:, None] + (signs * values["size"][:, None] / 2) @ values["rotation"].mT
 
 
-def _seen(values: dict[str, Tensor], out: dict[str, Tensor], corners: Tensor, image_hw: tuple[int, int]) -> dict[str, Tensor]:
+def _seen(values: dict[str, Any], out: dict[str, Any], corners: Any, image_hw: tuple[int, int]) -> dict[str, Any]:
     """Projections, areas, shares and truncation under the new camera, of the fields that were there."""
-    seen: dict[str, Tensor] = {}
+    seen: dict[str, Any] = {}
     if "corners_2d" in values:
         seen["corners_2d"] = project(out["K"], corners, out.get("distortion"))[0]
     in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]
     if "corner_in_front" in values:
-        seen["corner_in_front"] = in_front.to(values["corner_in_front"].dtype)
+        seen["corner_in_front"] = _typed(in_front, values["corner_in_front"])
     if "behind_camera" in values:
-        seen["behind_camera"] = (~in_front.all(-1)).to(values["behind_camera"].dtype)
+        seen["behind_camera"] = _typed(~in_front.all(-1), values["behind_camera"])
     wanted = {"face_area": "area", "face_share": "share", "face_share_in_image": "share_in_image", "truncation": "truncation"}
     wanted = {name: attribute for name, attribute in wanted.items() if name in values}
     if wanted:
-        visible = out["face_visible"].bool() if "face_visible" in out else visible_faces(corners, torch.zeros_like(corners[:, 0]))
+        visible = out["face_visible"] != 0 if "face_visible" in out else visible_faces(corners, corners[:, 0] * 0)
         visibility = corners_visibility(corners, out["K"], image_hw, visible, out.get("distortion"))
         seen |= {name: getattr(visibility, attribute) for name, attribute in wanted.items()}
     return seen
 
 
-def _mapped_keypoints(fields: Fields, H: Tensor, relabel: Relabelling, image_hw: tuple[int, int], permutation: Tensor | None) -> Tensor:
+def _typed(flags: Any, before: Any) -> Any:
+    """Booleans in the dtype that the field had."""
+    return flags.to(before.dtype) if isinstance(flags, Tensor) else flags.astype(before.dtype, copy=False)
+
+
+def _mapped_keypoints(fields: Fields, H: Any, relabel: Relabelling, image_hw: tuple[int, int], permutation: np.ndarray | None) -> Any:
     """Keypoints (N, J, 3); visibility 0 outside the frame and beyond the map's horizon."""
     keypoints = fields.values["keypoints"]
+    xp = namespace(keypoints)
     w = keypoints[..., :2] @ H[2, :2] + H[2, 2]
-    safe = torch.where(w.abs() < 1e-12, torch.full_like(w, 1e-12), w)
+    safe = xp.where(abs(w) < 1e-12, xp.full_like(w, 1e-12), w)
     px = (keypoints[..., :2] @ H[:2, :2].mT + H[:2, 2]) / safe[..., None]
     height, width = image_hw
     inside = (w > 0) & (px >= -0.5).all(-1) & (px[..., 0] <= width - 0.5) & (px[..., 1] <= height - 0.5)
-    mapped = torch.cat((px, torch.where(inside, keypoints[..., 2], torch.zeros_like(w))[..., None]), dim=-1)
+    mapped = xp.concatenate((px, (keypoints[..., 2] * inside)[..., None]), -1)
     return _renamed_keypoints(fields, mapped, relabel, permutation)
 
 
-def _renamed_keypoints(fields: Fields, keypoints: Tensor, relabel: Relabelling, permutation: Tensor | None) -> Tensor:
+def _renamed_keypoints(fields: Fields, keypoints: Any, relabel: Relabelling, permutation: np.ndarray | None) -> Any:
     if not bool(relabel.mirrored):
         return keypoints
     permutation = fields.values.get("keypoint_mirror", permutation)
@@ -179,8 +190,9 @@ def _renamed_keypoints(fields: Fields, keypoints: Tensor, relabel: Relabelling, 
         raise SampleError(fields.sample_id, "keypoint_mirror", str(error)) from error
 
 
-def _projected_outline(out: dict[str, Tensor], corners: Tensor) -> tuple[Tensor, Tensor]:
+def _projected_outline(out: dict[str, Any], corners: Any) -> tuple[Any, Any]:
     """Upright boxes (N, 4) round the projected cuboids and which of them mean something, to tighten 2D boxes by."""
     px = out["corners_2d"] if "corners_2d" in out else project(out["K"], corners, out.get("distortion"))[0]
     in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]
-    return torch.cat((px.amin(-2), px.amax(-2)), dim=-1), in_front.all(-1)
+    x, y = px[..., 0], px[..., 1]
+    return namespace(px).stack((least(x), least(y), -least(-x), -least(-y)), -1), in_front.all(-1)

@@ -1,5 +1,7 @@
 """Masks and depth maps under a map of pixels."""
 
+from typing import Any
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -9,7 +11,7 @@ from animal3dbox.transforms.fields import Fields
 from animal3dbox.transforms.opencv_executor import warp
 
 
-def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int]) -> dict[str, Tensor]:
+def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int]) -> dict[str, Any]:
     """The masks and the depth of the mapped image, read at the nearest pixel.
 
     Depth changes by the law depth' = w depth / k with k the norm of row 3 of H K: the optical axis turns.
@@ -24,26 +26,28 @@ def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_in: tuple[i
         masks (N, H', W') and depth (H', W'), those that there were; 0 where nothing is known.
 
     """
-    moved: dict[str, Tensor] = {}
+    moved: dict[str, Any] = {}
     if "masks" in before.values:
-        masks = before.values["masks"]
-        kind = masks.dtype
-        layers = [warp(_readable(mask), H_out_in, image_hw_out, "nearest", (0.0,))[..., 0] for mask in masks.cpu()]
-        stacked = np.stack(layers) if layers else np.zeros((0, *image_hw_out), dtype=np.uint8)
-        moved["masks"] = torch.from_numpy(stacked).to(device=masks.device, dtype=kind)
+        masks = _array(before.values["masks"])
+        readable = masks.astype(np.uint8) if masks.dtype == bool else masks
+        layers = [warp(mask[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0] for mask in readable]
+        stacked = np.stack(layers) if layers else np.zeros((0, *image_hw_out))
+        moved["masks"] = _as_came(stacked.astype(masks.dtype, copy=False), before.values["masks"])
     if "depth" in before.values:
-        depth = before.values["depth"]
         if "K" not in before.values:
             raise SampleError(before.sample_id, "depth", "needs the intrinsics K (3, 3): a turn of the camera changes depth")
-        read = warp(depth.cpu().numpy()[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0]
-        moved["depth"] = torch.from_numpy(read * depth_factor(H_out_in, before.values["K"].cpu().numpy(), image_hw_out).astype(read.dtype)).to(depth)
+        read = warp(_array(before.values["depth"])[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0]
+        factor = depth_factor(H_out_in, _array(before.values["K"]), image_hw_out)
+        moved["depth"] = _as_came(read * factor.astype(read.dtype), before.values["depth"])
     return moved
 
 
-def _readable(mask: Tensor) -> np.ndarray:
-    """A mask as OpenCV wants it."""
-    array: np.ndarray = (mask.to(torch.uint8) if mask.dtype == torch.bool else mask).numpy()[..., None]
-    return array
+def _array(value: Tensor | np.ndarray) -> np.ndarray:
+    return value.detach().cpu().numpy() if isinstance(value, Tensor) else value
+
+
+def _as_came(array: np.ndarray, before: Tensor | np.ndarray) -> Tensor | np.ndarray:
+    return torch.from_numpy(array).to(before.device) if isinstance(before, Tensor) else array
 
 
 def depth_factor(H_out_in: np.ndarray, K: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:

@@ -5,11 +5,13 @@ map mirrors, and acts alike on corners, faces, keypoints, box parameters and poi
 """
 
 from dataclasses import dataclass
+from typing import Any
 
-import torch
+import numpy as np
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import AnyArray, like, namespace
 from animal3dbox.geometry.checks import check_shape
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES
 
@@ -19,27 +21,29 @@ class Relabelling:
     """The action of a map of pixels on names.
 
     Attributes:
-        mirrored: (...,) bool, whether the map mirrors; its batch dimensions lead those of every argument below.
+        mirrored: (...,) bool tensor or array, whether the map mirrors; its batch dimensions lead those of every argument below.
     """
 
-    mirrored: Tensor
+    mirrored: Any
 
-    def _pick(self, values: Tensor, swapped: Tensor) -> Tensor:
+    def _pick(self, values: AnyArray, swapped: AnyArray) -> AnyArray:
         if self.mirrored.ndim == 0:
             return swapped if bool(self.mirrored) else values
-        return torch.where(self.mirrored.reshape(*self.mirrored.shape, *[1] * (values.ndim - self.mirrored.ndim)), swapped, values)
+        mirrored = self.mirrored.reshape(*self.mirrored.shape, *[1] * (values.ndim - self.mirrored.ndim))
+        picked: AnyArray = namespace(values).where(mirrored, swapped, values)
+        return picked
 
-    def corners(self, values: Tensor) -> Tensor:
+    def corners(self, values: AnyArray) -> AnyArray:
         """Per-corner values (..., 8, D) under their new names."""
         check_shape("values", values, "... 8 D")
         return self._pick(values, values[..., list(MIRRORED_CORNERS), :])
 
-    def faces(self, values: Tensor) -> Tensor:
+    def faces(self, values: AnyArray) -> AnyArray:
         """Per-face values (..., 6) under their new names: left and right change places."""
         check_shape("values", values, "... 6")
         return self._pick(values, values[..., list(MIRRORED_FACES)])
 
-    def keypoints(self, values: Tensor, permutation: Tensor) -> Tensor:
+    def keypoints(self, values: AnyArray, permutation: Tensor | np.ndarray) -> AnyArray:
         """Per-keypoint values (..., J, D) under their new names.
 
         Args:
@@ -48,24 +52,24 @@ class Relabelling:
 
         """
         check_keypoint_mirror(permutation, values.shape[-2])
-        return self._pick(values, values[..., permutation.to(values.device).long(), :])
+        return self._pick(values, values[..., permutation.tolist(), :])
 
-    def box_axes(self, rotation: Tensor) -> Tensor:
+    def box_axes(self, rotation: AnyArray) -> AnyArray:
         """Box axes (..., 3, 3), already turned by Q of det -1, as a rotation again: left is negated."""
         check_shape("rotation", rotation, "... 3 3")
-        return self._pick(rotation, rotation * rotation.new_tensor([1.0, -1.0, 1.0]))
+        return self._pick(rotation, rotation * like(rotation, [1.0, -1.0, 1.0]))
 
-    def world_points(self, points: Tensor) -> Tensor:
+    def world_points(self, points: AnyArray) -> AnyArray:
         """Points (..., 3) fixed to the world, such as a mesh's vertices: S = diag(1, -1, 1) mirrors the world."""
         check_shape("points", points, "... 3")
-        return self._pick(points, points * points.new_tensor([1.0, -1.0, 1.0]))
+        return self._pick(points, points * like(points, [1.0, -1.0, 1.0]))
 
     def __matmul__(self, before: "Relabelling") -> "Relabelling":
         """First before, then this one: two mirrors are none."""
         return Relabelling(self.mirrored ^ before.mirrored)
 
 
-def check_keypoint_mirror(permutation: Tensor, count: int) -> None:
+def check_keypoint_mirror(permutation: Tensor | np.ndarray, count: int) -> None:
     """Raise a ShapeError unless this is a permutation of the keypoints that is its own inverse."""
     given = permutation.tolist()
     if sorted(given) != list(range(count)):

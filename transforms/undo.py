@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from animal3dbox.errors import ConfigError
@@ -39,13 +38,11 @@ def inverse(
     pixel_fields = [name for name in ("masks", "depth") if name in predicted]
     if pixel_fields:
         raise ConfigError(f"inverse takes no {pixel_fields[0]}: warp them yourself with the inverse of H_out_in")
-    H = torch.as_tensor(H_out_in).detach().cpu().double()
+    H = (H_out_in.detach().cpu().numpy() if isinstance(H_out_in, Tensor) else H_out_in).astype(np.float64)
     fields = read_target({name: value for name, value in predicted.items() if name not in ("H_out_in", "mirrored")}, image_hw)
-    permutation = None if keypoint_mirror is None else torch.tensor(list(keypoint_mirror))
-    H_back = torch.linalg.inv(H)
+    permutation = None if keypoint_mirror is None else np.array(list(keypoint_mirror))
     # The sign that makes w > 0 in the augmented picture is that of the original's middle.
-    middle = H @ torch.tensor([(image_hw[1] - 1) / 2, (image_hw[0] - 1) / 2, 1.0], dtype=torch.float64)
-    anchor = middle[:2] / middle[2]
-    about_hw = (round(2 * float(anchor[1]) + 1), round(2 * float(anchor[0]) + 1))
-    back = write_target(map_fields(fields, H_back, about_hw, image_hw, keypoint_mirror=permutation, allow_skew=True))
+    x, y, w = H @ np.array([(image_hw[1] - 1) / 2, (image_hw[0] - 1) / 2, 1.0])
+    about_hw = (round(2 * y / w + 1), round(2 * x / w + 1))
+    back = write_target(map_fields(fields, np.linalg.inv(H), about_hw, image_hw, keypoint_mirror=permutation, allow_skew=True))
     return {name: value for name, value in back.items() if name not in ("H_out_in", "mirrored")}

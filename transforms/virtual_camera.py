@@ -89,7 +89,7 @@ class PerspectiveCrop(Transform):
         if view.corners_cam is None or not len(seen):
             return (Warp(fitting(view.image_hw, self.size), self.size),)
         chosen = int(seen[int(draws * len(seen))])
-        corners = view.corners_cam[chosen].numpy()
+        corners = view.corners_cam[chosen]
         R = camera_rotation(yaw, pitch, 0) @ look_along(corners.mean(axis=0))
         K_new = focused(corners @ R.T, self.size, margin)
         warp = Warp(K_new @ R @ np.linalg.inv(K), self.size)

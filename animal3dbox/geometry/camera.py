@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import AnyArray, namespace
 from animal3dbox.geometry.checks import check_image_hw, check_intrinsics, check_shape
 from animal3dbox.geometry.distortion import distort
 from animal3dbox.geometry.rigid import transform_points
@@ -28,7 +29,7 @@ def intrinsics(focal_px: float | tuple[float, float], image_hw: tuple[int, int],
     return torch.tensor([[fx, skew, (width - 1) / 2], [0.0, fy, (height - 1) / 2], [0.0, 0.0, 1.0]], dtype=torch.float64)
 
 
-def project(K: Tensor, points_cam: Tensor, distortion: Tensor | None = None) -> tuple[Tensor, Tensor]:
+def project(K: AnyArray, points_cam: AnyArray, distortion: AnyArray | None = None) -> tuple[AnyArray, AnyArray]:
     """Project points of the camera frame to pixels (section 2.2, P).
 
     Args:
@@ -42,7 +43,8 @@ def project(K: Tensor, points_cam: Tensor, distortion: Tensor | None = None) -> 
 
     """
     depth = points_cam[..., 2]
-    safe = torch.where(depth.abs() < 1e-12, torch.full_like(depth, 1e-12), depth)
+    xp = namespace(depth)
+    safe = xp.where(abs(depth) < 1e-12, xp.full_like(depth, 1e-12), depth)
     if distortion is None:
         return (points_cam @ K.mT)[..., :2] / safe[..., None], depth
     bent = distort(points_cam[..., :2] / safe[..., None], distortion)

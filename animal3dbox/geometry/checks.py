@@ -1,15 +1,18 @@
 """Checks of the arrays that come in through the public functions."""
 
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import namespace
 
 
-def check_shape(name: str, tensor: Tensor, spec: str) -> None:
+def check_shape(name: str, tensor: Tensor | np.ndarray, spec: str) -> None:
     """Raise unless a tensor has the shape that a spec describes.
 
     Args:
@@ -37,11 +40,11 @@ def _parsed(spec: str) -> tuple[bool, tuple[int | None, ...]]:
     return batched, tuple(int(word) if word.isdigit() else None for word in words[batched:])
 
 
-def check_finite(name: str, tensor: Tensor) -> None:
+def check_finite(name: str, tensor: Tensor | np.ndarray) -> None:
     """Raise a ShapeError naming the argument unless every value is finite."""
-    if not bool(torch.isfinite(tensor).all()):
-        bad = int((~torch.isfinite(tensor)).sum())
-        raise ShapeError(f"{name} must be finite, but {bad} of its {tensor.numel()} values are NaN or infinite")
+    finite = namespace(tensor).isfinite(tensor)
+    if not bool(finite.all()):
+        raise ShapeError(f"{name} must be finite, but {int((~finite).sum())} of its {math.prod(tensor.shape)} values are NaN or infinite")
 
 
 def check_rotation(name: str, tensor: Tensor, tolerance: float = 1e-5) -> None:
@@ -56,14 +59,15 @@ def check_rotation(name: str, tensor: Tensor, tolerance: float = 1e-5) -> None:
         raise ShapeError(f"{name} must have determinant +1; a determinant of -1 is a mirrored frame: negate one axis")
 
 
-def check_intrinsics(name: str, K: Tensor) -> None:
+def check_intrinsics(name: str, K: Tensor | np.ndarray) -> None:
     """Raise a ShapeError unless K is (..., 3, 3), upper triangular, with positive focal lengths and K[2, 2] = 1."""
     check_shape(name, K, "... 3 3")
     check_finite(name, K)
-    below = torch.stack((K[..., 1, 0], K[..., 2, 0], K[..., 2, 1])).abs()
-    if float(below.amax()) > 1e-9 or float((K[..., 2, 2] - 1).abs().amax()) > 1e-9:
+    values = K if isinstance(K, np.ndarray) else K.detach().cpu().numpy()
+    below = np.abs(values[..., [1, 2, 2], [0, 0, 1]]).max()
+    if below > 1e-9 or np.abs(values[..., 2, 2] - 1).max() > 1e-9:
         raise ShapeError(f"{name} must be upper triangular with {name}[2, 2] = 1, got {K.tolist()}")
-    if float(torch.stack((K[..., 0, 0], K[..., 1, 1])).amin()) <= 0:
+    if values[..., [0, 1], [0, 1]].min() <= 0:
         raise ShapeError(f"{name} must have positive focal lengths, got {K.tolist()}")
 
 

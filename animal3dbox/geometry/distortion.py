@@ -3,26 +3,27 @@
 Order of the coefficients: k1, k2, p1, p2 [, k3 [, k4, k5, k6 [, s1, s2, s3, s4]]].
 """
 
-import torch
+import numpy as np
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import AnyArray, namespace
 
 COUNTS = (4, 5, 8, 12)
 
 
-def check_distortion(name: str, coefficients: Tensor) -> None:
+def check_distortion(name: str, coefficients: Tensor | np.ndarray) -> None:
     """Raise a ShapeError unless these are 4, 5, 8 or 12 finite coefficients."""
     if coefficients.ndim != 1 or coefficients.shape[0] not in COUNTS:
         raise ShapeError(
             f"{name} must have shape (4,), (5,), (8,) or (12,) in OpenCV's order, got {tuple(coefficients.shape)}; "
             "tilted sensors (14 coefficients) are not supported: undistort the image first"
         )
-    if not bool(torch.isfinite(coefficients).all()):
+    if not bool(namespace(coefficients).isfinite(coefficients).all()):
         raise ShapeError(f"{name} must be finite, got {coefficients.tolist()}")
 
 
-def distort(points: Tensor, coefficients: Tensor) -> Tensor:
+def distort(points: AnyArray, coefficients: AnyArray) -> AnyArray:
     """Where a lens puts points of the plane at depth 1.
 
     Args:
@@ -34,15 +35,17 @@ def distort(points: Tensor, coefficients: Tensor) -> Tensor:
 
     """
     check_distortion("distortion", coefficients)
-    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = torch.nn.functional.pad(coefficients, (0, 12 - coefficients.shape[0])).unbind(-1)
-    r2 = (points * points).sum(-1, keepdim=True)
+    xp = namespace(points)
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = xp.concatenate((coefficients, xp.zeros_like(coefficients).repeat(3)))[:12]
+    r2 = (points * points).sum(-1)[..., None]
     radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    tangent = torch.stack((p2, p1))
-    along = 2 * (points * tangent).sum(-1, keepdim=True)
-    return points * (radial + along) + r2 * (tangent + torch.stack((s1, s3)) + r2 * torch.stack((s2, s4)))
+    tangent = xp.stack((p2, p1))
+    along = 2 * (points * tangent).sum(-1)[..., None]
+    bent: AnyArray = points * (radial + along) + r2 * (tangent + xp.stack((s1, s3)) + r2 * xp.stack((s2, s4)))
+    return bent
 
 
-def turned_distortion(coefficients: Tensor, Q: Tensor) -> Tensor:
+def turned_distortion(coefficients: AnyArray, Q: AnyArray) -> AnyArray:
     """The lens of the mapped image: its tangential and prism terms are vectors in the picture's plane and turn with it.
 
     A flip negates p2, a vertical one p1, a roll rotates (p2, p1), a crop or a resize changes nothing.
@@ -59,15 +62,16 @@ def turned_distortion(coefficients: Tensor, Q: Tensor) -> Tensor:
 
     """
     check_distortion("distortion", coefficients)
-    if float((Q[2, :2].abs().sum() + (Q[2, 2] - 1).abs()).detach()) > 1e-6:
+    if float(abs(Q[2, :2]).sum() + abs(Q[2, 2] - 1)) > 1e-6:
         raise ShapeError(
             "distortion cannot be carried through a map that turns the optical axis (yaw, pitch, perspective): "
             "undistort the image first and drop the field, or use crops, flips, resizes and rolls only"
         )
-    q = Q[:2, :2].to(coefficients.dtype)
-    turned = coefficients.clone()
-    turned[[3, 2]] = q @ coefficients[[3, 2]]
-    if coefficients.shape[0] == 12:
-        turned[[8, 10]] = q @ coefficients[[8, 10]]
-        turned[[9, 11]] = q @ coefficients[[9, 11]]
+    xp = namespace(coefficients)
+    order = [3, 2, *((8, 10, 9, 11) if coefficients.shape[0] == 12 else ())]
+    pairs = coefficients[order].reshape(-1, 2) @ Q[:2, :2].mT
+    new = list(coefficients)
+    for index, value in zip(order, pairs.reshape(-1), strict=True):
+        new[index] = value
+    turned: AnyArray = xp.stack(new)
     return turned

@@ -5,21 +5,24 @@ over the hidden faces, which stays true when the box is cut by the near plane.
 """
 
 from dataclasses import dataclass
+from typing import Generic
 
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import AnyArray, at_least, clip, cross, like, namespace, norm
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_image_hw, check_shape
 from animal3dbox.geometry.cuboid import FACES, Cuboid
 from animal3dbox.geometry.polygon import area_in_frame, clip_to_near, polygon_area
 
+QUADS = [list(face) for face in FACES.values()]
 NEAR_PER_DIAGONAL = 1e-2
 """The near plane stands at this fraction of the box diagonal: nearer things have no useful projection."""
 
 
 @dataclass(frozen=True)
-class FaceVisibility:
+class FaceVisibility(Generic[AnyArray]):
     """What a camera sees of boxes; faces in FACES' order.
 
     Attributes:
@@ -30,14 +33,14 @@ class FaceVisibility:
         truncation: (...,) 1 - (silhouette inside the frame) / silhouette; 0 if there is no silhouette.
     """
 
-    visible: Tensor
-    area: Tensor
-    share: Tensor
-    share_in_image: Tensor
-    truncation: Tensor
+    visible: AnyArray
+    area: AnyArray
+    share: AnyArray
+    share_in_image: AnyArray
+    truncation: AnyArray
 
 
-def face_normals(corners: Tensor) -> Tensor:
+def face_normals(corners: AnyArray) -> AnyArray:
     """Outward unit normals of boxes' faces by the cross product of two edges (section 2.3.1, n).
 
     Args:
@@ -48,15 +51,16 @@ def face_normals(corners: Tensor) -> Tensor:
 
     """
     check_shape("corners", corners, "... 8 3")
-    quads = corners[..., torch.tensor(list(FACES.values()), device=corners.device), :]
-    normals = torch.linalg.cross(quads[..., 1, :] - quads[..., 0, :], quads[..., 3, :] - quads[..., 0, :])
-    normals = torch.nn.functional.normalize(normals, dim=-1, eps=1e-300)
-    outward = quads.mean(-2) - corners.mean(-2, keepdim=True)
-    flip = (normals * outward).sum(-1, keepdim=True) < 0
-    return torch.where(flip, -normals, normals)
+    quads = corners[..., QUADS, :]
+    normals = cross(quads[..., 1, :] - quads[..., 0, :], quads[..., 3, :] - quads[..., 0, :])
+    normals = normals / at_least(norm(normals), 1e-300)[..., None]
+    outward = quads.mean(-2) - corners.mean(-2)[..., None, :]
+    flip = (normals * outward).sum(-1)[..., None] < 0
+    outwards: AnyArray = namespace(normals).where(flip, -normals, normals)
+    return outwards
 
 
-def visible_faces(corners: Tensor, camera_center: Tensor) -> Tensor:
+def visible_faces(corners: AnyArray, camera_center: AnyArray) -> AnyArray:
     """Which faces turn towards the camera: n . v > 0 with v from the face's centre to the camera (section 2.3.2, visibility and v).
 
     Args:
@@ -67,12 +71,12 @@ def visible_faces(corners: Tensor, camera_center: Tensor) -> Tensor:
         (..., 6) bool.
 
     """
-    quads = corners[..., torch.tensor(list(FACES.values()), device=corners.device), :]
-    view = torch.nn.functional.normalize(camera_center[..., None, :] - quads.mean(-2), dim=-1)
-    return (face_normals(corners) * view).sum(-1) > 0
+    view = camera_center[..., None, :] - corners[..., QUADS, :].mean(-2)
+    visible: AnyArray = (face_normals(corners) * view).sum(-1) > 0
+    return visible
 
 
-def visible_face_shares(areas: Tensor) -> Tensor:
+def visible_face_shares(areas: AnyArray) -> AnyArray:
     """Each visible face's part of the area of all visible faces (section 2.3.2, percentage).
 
     Args:
@@ -82,8 +86,9 @@ def visible_face_shares(areas: Tensor) -> Tensor:
         (..., 6), summing to 1; all 0 where all areas are.
 
     """
-    total = areas.sum(-1, keepdim=True)
-    return torch.where(total > 0, areas / torch.where(total > 0, total, torch.ones_like(total)), torch.zeros_like(areas))
+    total = areas.sum(-1)[..., None]
+    shares: AnyArray = areas / (total + (total <= 0))
+    return shares
 
 
 def near_depth(cuboid: Cuboid) -> Tensor:
@@ -91,10 +96,10 @@ def near_depth(cuboid: Cuboid) -> Tensor:
     return NEAR_PER_DIAGONAL * cuboid.diagonal
 
 
-def near_depth_of_corners(corners: Tensor) -> Tensor:
+def near_depth_of_corners(corners: AnyArray) -> AnyArray:
     """The near plane's depth for boxes given by their corners (..., 8, 3) in any frame, (...,), in their unit."""
-    diagonal: Tensor = torch.linalg.vector_norm(corners[..., 6, :] - corners[..., 0, :], dim=-1)
-    return NEAR_PER_DIAGONAL * diagonal
+    near: AnyArray = NEAR_PER_DIAGONAL * norm(corners[..., 6, :] - corners[..., 0, :])
+    return near
 
 
 def corners_in_front(cuboid_cam: Cuboid) -> Tensor:
@@ -102,7 +107,7 @@ def corners_in_front(cuboid_cam: Cuboid) -> Tensor:
     return cuboid_cam.corners()[..., 2] > near_depth(cuboid_cam)[..., None]
 
 
-def face_visibility(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]) -> FaceVisibility:
+def face_visibility(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]) -> FaceVisibility[Tensor]:
     """What a camera sees of boxes given in its frame.
 
     Args:
@@ -118,7 +123,7 @@ def face_visibility(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]) ->
     return corners_visibility(corners_cam, K, image_hw, visible_faces(corners_cam, torch.zeros_like(cuboid_cam.center)))
 
 
-def projected_faces(corners_cam: Tensor, K: Tensor, distortion: Tensor | None = None) -> Tensor:
+def projected_faces(corners_cam: AnyArray, K: AnyArray, distortion: AnyArray | None = None) -> AnyArray:
     """The faces of boxes in the picture, clipped at the near plane.
 
     Args:
@@ -130,16 +135,20 @@ def projected_faces(corners_cam: Tensor, K: Tensor, distortion: Tensor | None = 
         (..., 6, P, 2) px, P = 4 if every corner lies in front of its near plane, else 5.
 
     """
-    indices = torch.tensor(list(FACES.values()), device=corners_cam.device)
     near = near_depth_of_corners(corners_cam)
     if bool((corners_cam[..., 2] > near[..., None]).all()):
-        return project(K, corners_cam, distortion)[0][..., indices, :]
-    return project(K[..., None, :, :], clip_to_near(corners_cam[..., indices, :], near[..., None, None]), distortion)[0]
+        faces_px: AnyArray = project(K, corners_cam, distortion)[0][..., QUADS, :]
+        return faces_px
+    quads = corners_cam[..., QUADS, :]
+    if isinstance(quads, Tensor):
+        return project(K[..., None, :, :], clip_to_near(quads, near[..., None, None]), distortion)[0]
+    clipped = clip_to_near(torch.from_numpy(quads), torch.from_numpy(near)[..., None, None]).numpy()
+    return project(K[..., None, :, :], clipped, distortion)[0]
 
 
 def corners_visibility(
-    corners_cam: Tensor, K: Tensor, image_hw: tuple[int, int], visible: Tensor, distortion: Tensor | None = None
-) -> FaceVisibility:
+    corners_cam: AnyArray, K: AnyArray, image_hw: tuple[int, int], visible: AnyArray, distortion: AnyArray | None = None
+) -> FaceVisibility[AnyArray]:
     """What a camera sees of boxes whose visible faces are known already, such as after a map of pixels, which changes none.
 
     Args:
@@ -156,11 +165,11 @@ def corners_visibility(
     check_shape("K", K, "... 3 3")
     check_image_hw("image_hw", image_hw)
     quads_px = projected_faces(corners_cam, K, distortion)
-    beyond = quads_px.new_tensor([image_hw[1] - 0.5, image_hw[0] - 0.5])
+    beyond = like(quads_px, [image_hw[1] - 0.5, image_hw[0] - 0.5])
     inside = bool(((quads_px >= -0.5) & (quads_px <= beyond)).all())
     area = polygon_area(quads_px)
     area_in_image = area if inside else area_in_frame(quads_px, image_hw)
     silhouette, silhouette_in_image = ((a * ~visible).sum(-1) for a in (area, area_in_image))
-    truncation = 1 - torch.where(silhouette > 0, silhouette_in_image / silhouette.clamp_min(1e-300), torch.ones_like(silhouette))
+    truncation = (1 - silhouette_in_image / (silhouette + (silhouette <= 0))) * (silhouette > 0)
     area, area_in_image = area * visible, area_in_image * visible
-    return FaceVisibility(visible, area, visible_face_shares(area), visible_face_shares(area_in_image), truncation.clamp(0, 1))
+    return FaceVisibility(visible, area, visible_face_shares(area), visible_face_shares(area_in_image), clip(truncation, 0, 1))

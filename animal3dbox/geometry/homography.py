@@ -6,15 +6,14 @@ H x through K' [Q R | Q t]. det Q = sign det H: a mirrored picture is the pictur
 """
 
 from dataclasses import dataclass
-
-import torch
-from torch import Tensor
+from typing import Generic
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import AnyArray, at_least, cross, namespace, norm
 from animal3dbox.geometry.checks import check_finite, check_shape
 
 
-def apply_homography(H_out_in: Tensor, points_px: Tensor) -> Tensor:
+def apply_homography(H_out_in: AnyArray, points_px: AnyArray) -> AnyArray:
     """Map pixels.
 
     Args:
@@ -28,10 +27,11 @@ def apply_homography(H_out_in: Tensor, points_px: Tensor) -> Tensor:
     check_shape("H_out_in", H_out_in, "... 3 3")
     check_shape("points_px", points_px, "... N 2")
     mapped = points_px @ H_out_in[..., :2].mT + H_out_in[..., None, :, 2]
-    return mapped[..., :2] / mapped[..., 2:]
+    points: AnyArray = mapped[..., :2] / mapped[..., 2:]
+    return points
 
 
-def oriented_homography(H_out_in: Tensor, anchor_px: Tensor) -> Tensor:
+def oriented_homography(H_out_in: AnyArray, anchor_px: AnyArray) -> AnyArray:
     """The same map with its sign chosen so that w > 0 at the anchor (the object).
 
     Args:
@@ -48,10 +48,11 @@ def oriented_homography(H_out_in: Tensor, anchor_px: Tensor) -> Tensor:
     w = (H_out_in[..., 2, :2] * anchor_px).sum(-1) + H_out_in[..., 2, 2]
     if bool((w == 0).any()):
         raise ShapeError(f"H_out_in maps the anchor {anchor_px.tolist()} to infinity")
-    return H_out_in * torch.sign(w)[..., None, None]
+    signed: AnyArray = H_out_in * namespace(w).sign(w)[..., None, None]
+    return signed
 
 
-def rq(A: Tensor) -> tuple[Tensor, Tensor]:
+def rq(A: AnyArray) -> tuple[AnyArray, AnyArray]:
     """A = U Q with U upper triangular with positive diagonal and Q orthogonal, by Gram-Schmidt from the last row up.
 
     Args:
@@ -63,26 +64,26 @@ def rq(A: Tensor) -> tuple[Tensor, Tensor]:
 
     """
     check_shape("A", A, "... 3 3")
-    row_0, row_1, row_2 = A.unbind(-2)
-    q_2 = row_2 / row_2.norm(dim=-1, keepdim=True)
-    rest_1 = row_1 - (row_1 * q_2).sum(-1, keepdim=True) * q_2
-    rest_1 = rest_1 - (rest_1 * q_2).sum(-1, keepdim=True) * q_2  # twice is enough for full precision
-    q_1 = rest_1 / rest_1.norm(dim=-1, keepdim=True)
-    handed = torch.linalg.cross(q_1, q_2)
-    q_0 = handed * torch.sign((row_0 * handed).sum(-1, keepdim=True))
-    Q = torch.stack((q_0, q_1, q_2), dim=-2)
-    return torch.triu(A @ Q.mT), Q
+    xp = namespace(A)
+    row_0, row_1, row_2 = A[..., 0, :], A[..., 1, :], A[..., 2, :]
+    q_2 = row_2 / norm(row_2)[..., None]
+    rest_1 = row_1 - (row_1 * q_2).sum(-1)[..., None] * q_2
+    rest_1 = rest_1 - (rest_1 * q_2).sum(-1)[..., None] * q_2  # twice is enough for full precision
+    q_1 = rest_1 / norm(rest_1)[..., None]
+    handed = cross(q_1, q_2)
+    q_0 = handed * xp.sign((row_0 * handed).sum(-1))[..., None]
+    Q = xp.stack((q_0, q_1, q_2), -2)
+    return xp.triu(A @ Q.mT), Q
 
 
-def handedness(A: Tensor) -> Tensor:
+def handedness(A: AnyArray) -> AnyArray:
     """Determinants (...,) of matrices (..., 3, 3) as triple products of their rows: for what only asks for the sign, without LAPACK."""
-    row_0, row_1, row_2 = A.unbind(-2)
-    triple: Tensor = (row_0 * torch.linalg.cross(row_1, row_2)).sum(-1)
+    triple: AnyArray = (A[..., 0, :] * cross(A[..., 1, :], A[..., 2, :])).sum(-1)
     return triple
 
 
 @dataclass(frozen=True)
-class CameraUpdate:
+class CameraUpdate(Generic[AnyArray]):
     """What a map of pixels did to a camera.
 
     Attributes:
@@ -93,19 +94,19 @@ class CameraUpdate:
         t: (..., 3) the new t_cam_world; None if none was given.
     """
 
-    K: Tensor
-    Q: Tensor
-    k: Tensor
-    R: Tensor | None = None
-    t: Tensor | None = None
+    K: AnyArray
+    Q: AnyArray
+    k: AnyArray
+    R: AnyArray | None = None
+    t: AnyArray | None = None
 
     @property
-    def mirrored(self) -> Tensor:
+    def mirrored(self) -> AnyArray:
         """Whether left and right changed places, (...,) bool."""
         return handedness(self.Q) < 0
 
 
-def update_camera(H_out_in: Tensor, K: Tensor, R: Tensor | None = None, t: Tensor | None = None) -> CameraUpdate:
+def update_camera(H_out_in: AnyArray, K: AnyArray, R: AnyArray | None = None, t: AnyArray | None = None) -> CameraUpdate[AnyArray]:
     """The camera of the mapped image, exactly, for any invertible map of pixels.
 
     A mirror mirrors the world as well, by S = diag(1, -1, 1) fixed in world coordinates (points_world' = S points_world), so
@@ -127,13 +128,14 @@ def update_camera(H_out_in: Tensor, K: Tensor, R: Tensor | None = None, t: Tenso
     check_shape("H_out_in", H_out_in, "... 3 3")
     check_shape("K", K, "... 3 3")
     check_finite("H_out_in", H_out_in)
-    scale = H_out_in.abs().amax((-2, -1)).clamp_min(torch.finfo(H_out_in.dtype).tiny)
-    if bool((handedness(H_out_in / scale[..., None, None]).abs() < 1e-14).any()):
+    scale = at_least(abs(H_out_in).reshape(*H_out_in.shape[:-2], 9).sum(-1), 1e-300)
+    if bool((abs(handedness(H_out_in / scale[..., None, None])) < 1e-15).any()):
         raise ShapeError("H_out_in must be invertible, but its determinant is zero: it flattens the image")
+    xp = namespace(H_out_in)
     U, Q = rq(H_out_in @ K)
     k = U[..., 2, 2]
     if R is not None:
-        side = torch.ones_like(Q[..., 0, :])
-        side[..., 1] = torch.sign(handedness(Q))
+        side = xp.ones_like(Q[..., 0, :])
+        side[..., 1] = xp.sign(handedness(Q))
         R = Q @ R * side[..., None, :]
     return CameraUpdate(U / k[..., None, None], Q, k, R, None if t is None else (Q @ t[..., None])[..., 0])

@@ -7,13 +7,14 @@ have the right area, so no lengths need to be carried along.
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import AnyArray, at_least, clip, like, namespace
 from animal3dbox.geometry.checks import check_shape
 
 ROUNDING = 1e-13
-"""Areas in boxes below this, times the polygon's greatest coordinate and the box's sides, are float64 noise."""
+"""Areas in boxes below this, times the sum of the polygon's coordinates and the box's sides, are float64 noise."""
 
 
-def signed_area(polygons: Tensor) -> Tensor:
+def signed_area(polygons: AnyArray) -> AnyArray:
     """Shoelace area of polygons, positive if they turn from +x towards +y.
 
     Args:
@@ -25,13 +26,14 @@ def signed_area(polygons: Tensor) -> Tensor:
     """
     check_shape("polygons", polygons, "... P 2")
     about = polygons - polygons[..., :1, :]  # near the origin, so that no digits cancel
-    x, y = about.unbind(-1)
-    return 0.5 * (x * y.roll(-1, -1) - x.roll(-1, -1) * y).sum(-1)
+    after = about[..., [*range(1, polygons.shape[-2]), 0], :]
+    area: AnyArray = 0.5 * (about[..., 0] * after[..., 1] - after[..., 0] * about[..., 1]).sum(-1)
+    return area
 
 
-def polygon_area(polygons: Tensor) -> Tensor:
+def polygon_area(polygons: AnyArray) -> AnyArray:
     """Area of polygons (..., P, 2) without its sign (section 2.3.2, Area), (...,)."""
-    return signed_area(polygons).abs()
+    return abs(signed_area(polygons))
 
 
 def clip_by_plane(polygons: Tensor, distance: Tensor) -> Tensor:
@@ -74,13 +76,13 @@ def clip_to_near(polygons_cam: Tensor, near: Tensor | float) -> Tensor:
     return torch.cat((clipped[..., :2], torch.where(empty, depth, clipped[..., 2])[..., None]), dim=-1)
 
 
-def area_in_frame(polygons_px: Tensor, image_hw: tuple[int, int]) -> Tensor:
+def area_in_frame(polygons_px: AnyArray, image_hw: tuple[int, int]) -> AnyArray:
     """Area (...,) of the parts of polygons (..., P, 2) inside the image, in px^2."""
     height, width = image_hw
-    return area_in_box(polygons_px, polygons_px.new_tensor([-0.5, -0.5, width - 0.5, height - 0.5]))
+    return area_in_box(polygons_px, like(polygons_px, [-0.5, -0.5, width - 0.5, height - 0.5]))
 
 
-def area_in_box(polygons: Tensor, box: Tensor) -> Tensor:
+def area_in_box(polygons: AnyArray, box: AnyArray) -> AnyArray:
     """Area of the parts of polygons inside an upright box, exactly and without building those parts.
 
     By Green's theorem the area is the integral of x dy round the polygon with x and y held inside the box; along an edge the held
@@ -95,15 +97,18 @@ def area_in_box(polygons: Tensor, box: Tensor) -> Tensor:
 
     """
     check_shape("polygons", polygons, "... P 2")
+    xp = namespace(polygons)
     low, high = box[..., None, :2], box[..., None, 2:]
-    along = polygons.roll(-1, -2) - polygons
-    still = along == 0
-    crossings = torch.stack((low - polygons, high - polygons)) / torch.where(still, torch.ones_like(along), along)
-    first, last = crossings.amin(0), crossings.amax(0)
-    enters, leaves = first[..., 1].clamp(0, 1), last[..., 1].clamp(0, 1)
-    turns = (enters, first[..., 0].clamp(enters, leaves), last[..., 0].clamp(enters, leaves), leaves)
-    steps = torch.stack(turns)  # along an edge, in order
-    held = ((polygons[..., 0] - low[..., 0]) + along[..., 0] * steps).clamp(torch.zeros_like(low[..., 0]), high[..., 0] - low[..., 0])
-    area = 0.5 * ((held[1:] + held[:-1]) * (steps[1:] - steps[:-1]) * along[..., 1]).sum((0, -1)).abs()
-    reach = (polygons.abs().amax((-1, -2)) + 1) * (box[..., 2:] - box[..., :2]).sum(-1)
-    return torch.where(area > ROUNDING * reach, area, torch.zeros_like(area))
+    along = polygons[..., [*range(1, polygons.shape[-2]), 0], :] - polygons
+    divisor = along + (along == 0)
+    past_low, past_high = (low - polygons) / divisor, (high - polygons) / divisor
+    first, last = xp.minimum(past_low, past_high), xp.maximum(past_low, past_high)
+    enters, leaves = clip(first[..., 1], 0, 1), clip(last[..., 1], 0, 1)
+    turn_low, turn_high = xp.minimum(xp.maximum(first[..., 0], enters), leaves), xp.minimum(xp.maximum(last[..., 0], enters), leaves)
+    steps = xp.stack((enters, turn_low, turn_high, leaves))  # along an edge, in order
+    held = (polygons[..., 0] - low[..., 0]) + along[..., 0] * steps
+    held = xp.minimum(at_least(held, 0), high[..., 0] - low[..., 0])
+    area = 0.5 * abs(((held[1:] + held[:-1]) * (steps[1:] - steps[:-1]) * along[..., 1]).sum(0).sum(-1))
+    reach = (abs(polygons).sum(-1).sum(-1) + 1) * (box[..., 2:] - box[..., :2]).sum(-1)
+    certain: AnyArray = area * (area > ROUNDING * reach)
+    return certain

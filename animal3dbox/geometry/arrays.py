@@ -1,0 +1,60 @@
+"""One formula, two kinds of arrays.
+
+Labels and training need the geometry in torch: batched, on any device, differentiable. A DataLoader's worker needs the same
+formulas for the few numbers of one image, where NumPy costs a third of torch a call. Functions over AnyArray do both: they
+return what they are given, and use only what both libraries spell alike.
+"""
+
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+AnyArray = TypeVar("AnyArray", Tensor, np.ndarray)
+
+
+def namespace(array: Tensor | np.ndarray) -> Any:
+    """The library whose functions take this array: torch or numpy."""
+    return torch if isinstance(array, Tensor) else np
+
+
+def like(array: AnyArray, values: Any) -> AnyArray:
+    """Values (nested sequences of numbers) as an array of the same kind, dtype and device."""
+    if isinstance(array, Tensor):
+        return array.new_tensor(values)
+    return np.array(values, dtype=array.dtype)
+
+
+def cross(a: AnyArray, b: AnyArray) -> AnyArray:
+    """Cross products (..., 3) of vectors (..., 3)."""
+    if isinstance(a, Tensor):
+        turned: Tensor = torch.linalg.cross(a, b)
+        return turned
+    product: np.ndarray = a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+    return product
+
+
+def norm(vectors: AnyArray) -> AnyArray:
+    """Lengths (...,) of vectors (..., D)."""
+    if isinstance(vectors, Tensor):
+        length: Tensor = torch.linalg.vector_norm(vectors, dim=-1)
+        return length
+    root: np.ndarray = np.sqrt((vectors * vectors).sum(-1))
+    return root
+
+
+def clip(array: AnyArray, low: float, high: float) -> AnyArray:
+    """Values held in [low, high]."""
+    if isinstance(array, Tensor):
+        return array.clamp(low, high)
+    held: np.ndarray = np.minimum(np.maximum(array, low), high)
+    return held
+
+
+def at_least(array: AnyArray, least: float) -> AnyArray:
+    """Values that are at least a tiny positive number, to divide by."""
+    if isinstance(array, Tensor):
+        return array.clamp_min(least)
+    floored: np.ndarray = np.maximum(array, least)
+    return floored
