@@ -15,7 +15,7 @@ from animal3dbox.transforms.boxes import boxes_of_masks
 from animal3dbox.transforms.consistency import check_consistent
 from animal3dbox.transforms.erasing import hide_fields
 from animal3dbox.transforms.fields import Fields, read_target, write_target
-from animal3dbox.transforms.images import AnyImage, ImageForm, image_form, image_from_bchw, image_from_hwc, image_to_bchw
+from animal3dbox.transforms.images import AnyImage, ImageForm, image_form, image_from_bchw, image_to_bchw
 from animal3dbox.transforms.kornia_door import as_transform
 from animal3dbox.transforms.law import map_fields
 from animal3dbox.transforms.pixel_fields import warp_pixel_fields
@@ -143,8 +143,7 @@ class Compose(Transform):
             batch = run_batch([image_to_bchw(image, form)[0]], [stages], self.interpolation, self.fill, uint8=form.is_uint8)[0][None]
             normalised = any(isinstance(step, Standardise) for step in plan.steps)
             return image_from_bchw(batch, form, normalised=normalised), moved
-        array = opencv_executor.run_stages(image, form, stages, self.interpolation, self.fill)
-        return image_from_hwc(array, form), moved
+        return opencv_executor.run_stages(image, form, stages, self.interpolation, self.fill), moved
 
     def map_target(self, fields: Fields, plan: Plan, stages: Sequence[Any] | None = None) -> Fields:
         """The target's fields after a plan, masks and depth included."""

@@ -1,20 +1,21 @@
 """The executor of DataLoader workers: OpenCV on (H, W, C) arrays, uint8 as long as the image is."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import cv2
 import numpy as np
 import torch
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.transforms.images import Image, ImageForm, image_to_hwc
+from animal3dbox.transforms.images import Image, ImageForm, image_from_hwc, image_to_hwc
 from animal3dbox.transforms.sampling import Reading, gaussian_kernel, plan_reading
-from animal3dbox.transforms.steps import Blur, Erase, KorniaPixels, Local, Noise, Pass, Standardise
+from animal3dbox.transforms.steps import Blur, Erase, KorniaPixels, Local, Noise, Pass
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC}
 
 
-def run_stages(image: Image, form: ImageForm, stages: Sequence[Pass | Local], interpolation: str, fill: tuple[float, ...]) -> np.ndarray:
+def run_stages(image: Image, form: ImageForm, stages: Sequence[Pass | Local], interpolation: str, fill: tuple[float, ...]) -> Any:
     """All stages of a plan.
 
     Args:
@@ -25,8 +26,7 @@ def run_stages(image: Image, form: ImageForm, stages: Sequence[Pass | Local], in
         fill: grey levels 0 to 255, one or one a channel.
 
     Returns:
-        (H', W', C) of the same dtype; float32 after a standardisation. Four channels, of which the last is nothing, where RGB was
-        warped last.
+        The image in the form in which it came; float after a standardisation.
 
     """
     spare = form.channels == 3 and bool(stages) and isinstance(stages[0], Pass) and stages[0].H_out_in is not None
@@ -35,22 +35,20 @@ def run_stages(image: Image, form: ImageForm, stages: Sequence[Pass | Local], in
         if index and array.shape[2] != form.channels:
             array = cv2.cvtColor(array, cv2.COLOR_RGBA2RGB)
         array = run_stage(array, stage, interpolation, fill, channels=form.channels)
-    last = stages[-1] if stages else None
-    keep = form.layout == "chw" or array.shape[2] == form.channels or last is None
-    return array if keep else cv2.cvtColor(array, cv2.COLOR_RGBA2RGB)
+    last = stages[-1] if stages else None  # a standardisation is always the last thing done
+    standardise = last.standardise if isinstance(last, Pass) else None
+    if standardise is not None and len(standardise.mean) != form.channels:
+        raise ShapeError(f"Normalize has {len(standardise.mean)} channels, the image {form.channels}")
+    return image_from_hwc(array, form, standardise)
 
 
 def run_stage(image: np.ndarray, stage: Pass | Local, interpolation: str, fill: tuple[float, ...], *, channels: int) -> np.ndarray:
-    """One stage of a plan; image (H, W, C) uint8, or float in [0, 1], with a spare channel perhaps (see run_stages)."""
+    """One stage of a plan but for its standardisation; image (H, W, C) uint8, or float in [0, 1], perhaps with a spare channel."""
     if isinstance(stage, Pass):
         if stage.H_out_in is not None:
             unit = 1.0 if image.dtype == np.uint8 else 1 / 255
             image = warp(image, stage.H_out_in, stage.image_hw, interpolation, tuple(level * unit for level in fill))
-        if stage.colour is not None:
-            image = recolour(image, stage.colour, channels)
-        if stage.standardise is None:
-            return image
-        return standardised(cv2.cvtColor(image, cv2.COLOR_RGBA2RGB) if image.shape[2] > channels else image, stage.standardise)
+        return image if stage.colour is None else recolour(image, stage.colour, channels)
     if isinstance(stage, Blur):
         kernel = gaussian_kernel(stage.sigma_px, (image.shape[0], image.shape[1]))
         return _with_channels(cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT_101))
@@ -137,19 +135,6 @@ def recolour(image: np.ndarray, matrix: np.ndarray, channels: int) -> np.ndarray
     if image.dtype == np.uint8:
         return cv2.transform(image, matrix * np.array([*[1.0] * (matrix.shape[1] - 1), 255.0]))
     return np.clip(cv2.transform(image, matrix), 0, 1)
-
-
-def standardised(image: np.ndarray, step: Standardise) -> np.ndarray:
-    """(x - mean) / std in float32, by a table for uint8."""
-    channels = image.shape[2]
-    if len(step.mean) != channels:
-        raise ShapeError(f"Normalize has {len(step.mean)} channels, the image {channels}")
-    mean, std = (np.array(x) for x in (step.mean, step.std))
-    if image.dtype != np.uint8:
-        floats: np.ndarray = ((image - mean) / std).astype(np.float32)
-        return floats
-    table = ((np.arange(256)[:, None, None] / 255 - mean) / std).astype(np.float32)
-    return _with_channels(cv2.LUT(image, table))
 
 
 def erased(image: np.ndarray, step: Erase) -> np.ndarray:
