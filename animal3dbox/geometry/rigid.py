@@ -75,6 +75,33 @@ def rotation_from_axis_angle(axis_angle: Tensor) -> Tensor:
     return torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device) + sine * skew + cosine * (skew @ skew)
 
 
+def axis_angle_from_rotation(R: Tensor) -> Tensor:
+    """The axis-angle vector of a rotation, up to pi long; the inverse of rotation_from_axis_angle.
+
+    By the quaternion's largest entry, so that it keeps its digits near 0 and near pi.
+
+    Args:
+        R: (..., 3, 3).
+
+    Returns:
+        (..., 3) in radians.
+
+    """
+    check_shape("R", R, "... 3 3")
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (row.unbind(-1) for row in R.unbind(-2))
+    rows = (
+        (1 + xx + yy + zz, zy - yz, xz - zx, yx - xy), (zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx),
+        (xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy), (yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz),
+    )  # fmt: skip
+    outer = torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)  # 4 q q^T
+    best = outer.diagonal(dim1=-2, dim2=-1).argmax(-1)
+    q = torch.nn.functional.normalize(outer.gather(-2, best[..., None, None].expand(*best.shape, 1, 4))[..., 0, :], dim=-1)
+    q = torch.where(q[..., :1] < 0, -q, q)
+    sine = torch.linalg.vector_norm(q[..., 1:], dim=-1, keepdim=True)
+    factor = torch.where(sine > 0, 2 * torch.atan2(sine, q[..., :1]) / torch.where(sine > 0, sine, 1.0), 2.0)
+    return factor * q[..., 1:]
+
+
 def rotation_angle(R_a: Tensor, R_b: Tensor) -> Tensor:
     """The angle between rotations, from sine and cosine, so that it is exact near 0 and near pi (section 3.1, theta_R).
 

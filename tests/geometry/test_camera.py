@@ -12,7 +12,15 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at, project
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.homography import apply_homography, oriented_homography, rq, update_camera
-from animal3dbox.geometry.rigid import invert_rigid, nearest_rotation, rigid, rotation_angle, rotation_from_axis_angle, transform_points
+from animal3dbox.geometry.rigid import (
+    axis_angle_from_rotation,
+    invert_rigid,
+    nearest_rotation,
+    rigid,
+    rotation_angle,
+    rotation_from_axis_angle,
+    transform_points,
+)
 
 F64 = torch.float64
 
@@ -61,6 +69,17 @@ def test_tiny_rotations_are_not_lost(angle: float) -> None:
 def test_the_gradient_of_a_rotation_exists_at_zero() -> None:
     zero = torch.zeros(3, dtype=F64, requires_grad=True)
     assert torch.autograd.gradcheck(rotation_from_axis_angle, zero)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-5, 0.5, 2.0, 3.0, math.pi - 1e-9, math.pi])
+def test_axis_angle_vectors_come_back_from_their_rotations_also_near_zero_and_near_half_a_turn(angle: float) -> None:
+    axes = torch.cat((torch.eye(3, dtype=F64), torch.randn(50, 3, generator=torch.Generator().manual_seed(0), dtype=F64)))
+    vectors = torch.nn.functional.normalize(axes, dim=-1) * angle
+    back = axis_angle_from_rotation(rotation_from_axis_angle(vectors))
+    assert_close(rotation_from_axis_angle(back), rotation_from_axis_angle(vectors), rtol=0, atol=1e-14)
+    assert_close(back.norm(dim=-1), vectors.norm(dim=-1), rtol=0, atol=1e-14)
+    if angle < 3.1:
+        assert_close(back, vectors, rtol=0, atol=1e-14)
 
 
 def test_the_nearest_rotation_to_a_mirror_is_a_rotation() -> None:
