@@ -68,7 +68,7 @@ def visible_vertices(vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: t
 
     """
     asked = torch.arange(len(vertices_cam)) if ids is None else ids
-    window = _window(vertices_cam, K, image_hw)
+    window = _window(vertices_cam[asked], K, image_hw, grow=1.0) if len(asked) else None
     if window is None:
         return torch.zeros(len(asked), dtype=torch.bool)
     H_out_in, (height, width) = _zoom(window)
@@ -86,12 +86,31 @@ def visible_vertices(vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: t
     return (inside & ~hidden)[asked]
 
 
-def visible_keypoints(vocabulary: Vocabulary, groups: Groups, vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int]) -> Tensor:
+def visible_keypoints(
+    vocabulary: Vocabulary,
+    groups: Groups,
+    vertices_cam: Tensor,
+    faces: Tensor,
+    K: Tensor,
+    image_hw: tuple[int, int],
+    body: tuple[int, int] | None = None,
+) -> Tensor:
     """Which keypoints (J,) bool the camera sees: those of whose vertices it sees any; see visible_vertices.
 
     A group's mean lies inside the flesh, so its own ray would always be blocked.
+
+    Args:
+        vocabulary: the keypoints.
+        groups: the body's places, as vocabulary.on_body takes them.
+        vertices_cam: (V, 3) of the body, or of a whole scene.
+        faces: (F, 3) likewise.
+        K: (3, 3) in px.
+        image_hw: height and width.
+        body: first and last + 1 of the body's vertices in a scene; None: all are its.
+
     """
-    places = [[] if place is None else _ids(place) for place in vocabulary.places(groups, len(vertices_cam))]
+    first, stop = body or (0, len(vertices_cam))
+    places = [[] if place is None else [first + i for i in _ids(place)] for place in vocabulary.places(groups, stop - first)]
     asked = torch.tensor(sorted({i for ids in places for i in ids}), dtype=torch.int64)
     seen = set(asked[visible_vertices(vertices_cam, faces, K, image_hw, asked)].tolist())
     return torch.tensor([any(i in seen for i in ids) for ids in places])
@@ -117,8 +136,8 @@ def _ids(place: Sequence[int] | Tensor) -> list[int]:
     return place.nonzero()[:, 0].tolist() if isinstance(place, Tensor) else list(place)
 
 
-def _window(vertices_cam: Tensor, K: Tensor, image_hw: tuple[int, int]) -> tuple[float, float, float, float] | None:
-    """The part of the frame (left, top, right, bottom) px that a body can be seen in; None if it is outside."""
+def _window(vertices_cam: Tensor, K: Tensor, image_hw: tuple[int, int], grow: float = 0.0) -> tuple[float, float, float, float] | None:
+    """The part of the frame (left, top, right, bottom) px that points can be seen in, grown by so many px; None if they are outside."""
     px, depth = project(K, vertices_cam)
     height, width = image_hw
     frame = (-0.5, -0.5, width - 0.5, height - 0.5)
@@ -126,8 +145,8 @@ def _window(vertices_cam: Tensor, K: Tensor, image_hw: tuple[int, int]) -> tuple
         return None
     if bool((depth <= 0).any()):  # the body reaches behind the camera: its projection has no bounds
         return frame
-    left, top = torch.maximum(px.amin(0), torch.tensor(frame[:2], dtype=px.dtype)).tolist()
-    right, bottom = torch.minimum(px.amax(0), torch.tensor(frame[2:], dtype=px.dtype)).tolist()
+    left, top = torch.maximum(px.amin(0) - grow, torch.tensor(frame[:2], dtype=px.dtype)).tolist()
+    right, bottom = torch.minimum(px.amax(0) + grow, torch.tensor(frame[2:], dtype=px.dtype)).tolist()
     return (left, top, right, bottom) if left < right and top < bottom else None
 
 
@@ -141,12 +160,13 @@ def _zoom(window: tuple[float, float, float, float]) -> tuple[Tensor, tuple[int,
 
 def _pairs_by_cell(px: Tensor, inside: Tensor, faces: Tensor, depth: Tensor, rows: int, columns: int) -> tuple[Tensor, Tensor]:
     """Every vertex with every triangle that reaches into its cell: vertex ids (P,) and triangle ids (P,)."""
-    behind = (depth <= 0)[faces].any(1)  # such a triangle may reach anywhere
+    corners_behind = (depth <= 0)[faces]
+    behind = corners_behind.any(1)  # such a triangle may reach anywhere, unless all of it is behind
     cell = torch.tensor([columns, rows]) - 1
     low = ((px[faces].amin(1) + 0.5) / CELL).floor().clamp(-1, 1e6).long()
     high = ((px[faces].amax(1) + 0.5) / CELL).floor().clamp(-1, 1e6).long()
     low, high = torch.where(behind[:, None], 0, low.clamp_min(0)), torch.where(behind[:, None], cell, torch.minimum(high, cell))
-    spans = (high - low + 1).clamp_min(0)
+    spans = torch.where(corners_behind.all(1)[:, None], 0, (high - low + 1).clamp_min(0))
     triangle, k = _repeat(spans.prod(1))
     wide = spans[triangle, 0].clamp_min(1)
     cell_of_triangle = (low[triangle, 1] + k // wide) * columns + low[triangle, 0] + k % wide
