@@ -1,13 +1,69 @@
-"""A plain picture of bodies on a ground: z-buffered, lit from above."""
+"""Pictures of meshes: one z-buffer for all of them, lit by sun and sky, over a background."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from animal3dbox.geometry.rasterizer import Raster, rasterize, silhouette
+from animal3dbox.geometry.camera import PinholeCamera
+from animal3dbox.geometry.rasterizer import Raster, rasterize
+from animal3dbox.geometry.rigid import rigid, transform_points
+
+Picture = NDArray[np.float32]
 
 SUN = (0.35, 0.45, 0.82)
 """Direction to the light, in the world's frame with z up."""
-SUPERSAMPLING = 2
+PALE = 0.86
+"""Grey of the background where there is none."""
+
+
+@dataclass(frozen=True)
+class Light:
+    """Sun and sky.
+
+    Attributes:
+        sun: towards the sun, z up, any length.
+        sunny: 0 for a grey sky, 1 for a clear one.
+    """
+
+    sun: tuple[float, float, float] = SUN
+    sunny: float = 1.0
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A mesh and the colour of its points.
+
+    Attributes:
+        vertices: (V, 3) world, z up.
+        faces: (F, 3).
+        features: (V, C) float32, what the colour depends on; between vertices by their barycentric weights.
+        colors: features (N, C) -> colours (N, 3), 0 to 1.
+    """
+
+    vertices: Tensor
+    faces: Tensor
+    features: Picture
+    colors: Callable[[Picture], Picture]
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """A picture and what is seen where.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB.
+        owner: (H, W) int64, the number of the surface seen at each pixel's centre, -1 for the background.
+        raster: of all the surfaces' faces, one after the other.
+    """
+
+    image: Tensor
+    owner: Tensor
+    raster: Raster
 
 
 def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
@@ -18,17 +74,44 @@ def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
     return torch.nn.functional.normalize(normals, dim=-1)
 
 
-def shade(
-    vertices_world: Tensor,
-    faces: Tensor,
-    colors: Tensor,
-    R: Tensor,
-    t: Tensor,
-    K: Tensor,
-    image_hw: tuple[int, int],
-    background: Tensor | None = None,
-) -> tuple[Tensor, Tensor]:
-    """A picture of a lit mesh.
+def joined_meshes(surfaces: Sequence[Surface]) -> tuple[Tensor, Tensor, Tensor]:
+    """All vertices (V, 3) in the world, all faces (F, 3), and the surface (F,) that each face is of."""
+    if not surfaces:
+        return torch.zeros(0, 3, dtype=torch.float64), torch.zeros(0, 3, dtype=torch.int64), torch.zeros(0, dtype=torch.int64)
+    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)]).tolist()
+    faces = torch.cat([s.faces + start for s, start in zip(surfaces, starts[:-1], strict=True)])
+    owner = torch.repeat_interleave(torch.arange(len(surfaces)), torch.tensor([len(s.faces) for s in surfaces]))
+    return torch.cat([s.vertices for s in surfaces]), faces, owner
+
+
+def render(surfaces: Sequence[Surface], camera: PinholeCamera, background: Picture | None = None, light: Light = Light()) -> Rendering:
+    """A picture of surfaces; each pixel shows what is nearest at its centre, and outlines are softened.
+
+    Args:
+        surfaces: any number.
+        camera: the view.
+        background: (H, W, 3), 0 to 1; None: pale grey.
+        light: from where, and how hard.
+
+    """
+    vertices, faces, owner = joined_meshes(surfaces)
+    raster = rasterize(transform_points(camera.T_cam_world, vertices), faces, camera.K, camera.image_hw)
+    seen = torch.nonzero(raster.face_index.flatten() >= 0)[:, 0]
+    face = raster.face_index.flatten()[seen]
+    weights = raster.barycentric.reshape(-1, 3)[seen].numpy().astype(np.float32)
+    corners, surface = faces[face].numpy(), owner[face].numpy()
+    normals = np.concatenate([vertex_normals(s.vertices, s.faces).numpy() for s in surfaces] or [np.zeros((0, 3))]).astype(np.float32)
+    colors = _colors(surfaces, corners, weights, surface) * _brightness(_between(normals, corners, weights), light)
+    picture = np.full((*camera.image_hw, 3), PALE, dtype=np.float32) if background is None else np.array(background, dtype=np.float32)
+    picture.reshape(-1, 3)[seen.numpy()] = colors
+    ids = torch.full(camera.image_hw, -1, dtype=torch.int64)
+    ids.view(-1)[seen] = torch.from_numpy(surface)
+    picture = _softened(picture, ids.numpy())
+    return Rendering(torch.from_numpy((picture.clip(0, 1) * 255).round().astype(np.uint8)), ids, raster)
+
+
+def shade(vertices_world: Tensor, faces: Tensor, colors: Tensor, R: Tensor, t: Tensor, K: Tensor, image_hw: tuple[int, int]) -> tuple[Tensor, Tensor]:
+    """A picture of one lit mesh on pale grey.
 
     Args:
         vertices_world: (V, 3), z up.
@@ -38,56 +121,52 @@ def shade(
         t: (3,) t_cam_world.
         K: (3, 3).
         image_hw: height and width.
-        background: (H, W, 3) from 0 to 1; None: a pale grey.
 
     Returns:
         image: (H, W, 3) uint8 RGB.
         mask: (H, W) bool, pixels whose centre is covered.
 
     """
-    height, width = image_hw
-    fine = SUPERSAMPLING
-    K_fine = torch.tensor([[fine, 0, (fine - 1) / 2], [0, fine, (fine - 1) / 2], [0, 0, 1]], dtype=K.dtype) @ K
-    vertices_cam = vertices_world @ R.mT + t
-    raster = rasterize(vertices_cam, faces, K_fine, (height * fine, width * fine))
-    lit = colors * _light(vertices_world, faces)[:, None]
-    seen = _interpolate(raster, faces, lit)
-    covered = (raster.face_index >= 0).to(seen.dtype)
-    blocks = (height, fine, width, fine)
-    part = covered.reshape(blocks).mean((1, 3))
-    color = (seen * covered[..., None]).reshape(*blocks, 3).mean((1, 3))
-    back = torch.full((height, width, 3), 0.86, dtype=seen.dtype) if background is None else background
-    image = ((color + back * (1 - part[..., None])).clamp(0, 1) * 255).round().to(torch.uint8)
-    return image, silhouette(vertices_cam, faces, K, image_hw)
+    surface = Surface(vertices_world, faces, colors.numpy().astype(np.float32), lambda features: features)
+    made = render([surface], PinholeCamera(K, rigid(R, t), image_hw))
+    return made.image, made.owner == 0
 
 
-def _light(vertices_world: Tensor, faces: Tensor) -> Tensor:
-    """Brightness (V,): sun, and sky that is brighter from above."""
-    normals = vertex_normals(vertices_world, faces)
-    sun = torch.nn.functional.normalize(torch.tensor(SUN, dtype=normals.dtype), dim=-1)
-    return 0.30 + 0.20 * (normals[:, 2] + 1) / 2 + 0.55 * (normals @ sun).clamp_min(0)
+def _between(values: Picture, corners: NDArray[np.int64], weights: Picture) -> Picture:
+    """Vertex values (V, C) at points in triangles: vertices (N, 3) and weights (N, 3) -> (N, C)."""
+    first, second, third = (values[corners[:, k]] * weights[:, k : k + 1] for k in range(3))
+    return np.asarray(first + second + third)
 
 
-def _interpolate(raster: Raster, faces: Tensor, values: Tensor) -> Tensor:
-    """Vertex values (V, C) at each pixel, (H, W, C); those of face 0 where there is none."""
-    corners = values[faces[raster.face_index.clamp_min(0)]]
-    return (corners * raster.barycentric[..., None].to(values.dtype)).sum(-2)
+def _colors(surfaces: Sequence[Surface], corners: NDArray[np.int64], weights: Picture, surface: NDArray[np.int64]) -> Picture:
+    """Unlit colours (N, 3) of points."""
+    colors, start = np.zeros((len(corners), 3), dtype=np.float32), 0
+    for number, one in enumerate(surfaces):
+        here = np.flatnonzero(surface == number)
+        if len(here):
+            colors[here] = one.colors(_between(one.features, corners[here] - start, weights[here]))
+        start += len(one.vertices)
+    return colors
 
 
-def meadow(K: Tensor, R: Tensor, t: Tensor, image_hw: tuple[int, int]) -> Tensor:
-    """A background (H, W, 3): sky above the horizon, ground with soft bands below it."""
-    height, width = image_hw
-    v, u = torch.meshgrid(torch.arange(height, dtype=K.dtype), torch.arange(width, dtype=K.dtype), indexing="ij")
-    rays = torch.stack((u, v, torch.ones_like(u)), dim=-1) @ torch.linalg.inv(K).mT @ R
-    eye = -R.mT @ t
-    up = torch.nn.functional.normalize(rays, dim=-1)[..., 2]
-    reach = torch.where(up < -1e-3, eye[2] / (-up).clamp_min(1e-3), torch.zeros_like(up)).clamp(0, 200)
-    ground_xy = eye[:2] + rays[..., :2] / torch.linalg.vector_norm(rays, dim=-1, keepdim=True) * reach[..., None]
-    bands = 0.5 + 0.25 * torch.sin(3.1 * ground_xy[..., 0] + 1.3 * torch.sin(1.7 * ground_xy[..., 1])) + 0.25 * torch.sin(2.3 * ground_xy[..., 1])
-    bands = 0.5 + (bands - 0.5) * torch.exp(-reach / 25)
-    low, high = torch.tensor([0.42, 0.50, 0.27], dtype=K.dtype), torch.tensor([0.60, 0.63, 0.38], dtype=K.dtype)
-    ground = low + (high - low) * bands[..., None]
-    sky = torch.tensor([0.80, 0.88, 0.96], dtype=K.dtype) - up.clamp_min(0)[..., None] * torch.tensor([0.35, 0.25, 0.08], dtype=K.dtype)
-    haze = torch.exp(-reach / 60)[..., None]
-    below = ground * haze + torch.tensor([0.78, 0.84, 0.85], dtype=K.dtype) * (1 - haze)
-    return torch.where((up < -1e-3)[..., None], below, sky)
+def _brightness(normals: Picture, light: Light) -> Picture:
+    """Factors (N, 3): a sky that is brighter and bluer from above, ground light from below, and the sun."""
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+    sun = np.array(light.sun, dtype=np.float32) / np.linalg.norm(light.sun)
+    direct = np.clip(normals @ sun.astype(np.float32), 0, 1)[:, None]
+    sky = (0.5 + 0.5 * normals[:, 2:]) ** 1.5
+    cool, warm = np.array([0.97, 1.0, 1.05], dtype=np.float32), np.array([1.04, 1.0, 0.93], dtype=np.float32)
+    ambient = 0.36 + (0.62 - 0.26 * light.sunny) * sky
+    return np.asarray(ambient * cool + 0.62 * light.sunny * direct * warm, dtype=np.float32)
+
+
+def _softened(picture: Picture, ids: NDArray[np.int64]) -> Picture:
+    """The picture with the pixels on either side of an outline blurred."""
+    edge = np.zeros(ids.shape, dtype=bool)
+    across, down = ids[:, 1:] != ids[:, :-1], ids[1:] != ids[:-1]
+    edge[:, 1:] |= across
+    edge[:, :-1] |= across
+    edge[1:] |= down
+    edge[:-1] |= down
+    blurred = cv2.GaussianBlur(picture, (3, 3), 0.7)
+    return np.where(edge[..., None], blurred, picture)

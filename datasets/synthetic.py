@@ -1,44 +1,66 @@
-"""Posed quadrupeds under known cameras: pictures, keypoints and masks with exact truth."""
+"""Scenes of a synthetic world: a picture, its animals under a known camera, and everything that is true of them.
 
-import math
-from dataclasses import dataclass
+The same (seed, index, config) gives the same scene to the byte, whatever else was drawn before.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.shading import meadow, shade
-from animal3dbox.geometry.camera import intrinsics, look_at, project
-from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
-from animal3dbox.smal.quadruped_poses import POSES, ground_trans, named_pose
+from animal3dbox.datasets.shading import joined_meshes
+from animal3dbox.datasets.world.animals import StandingAnimal
+from animal3dbox.datasets.world.config import CLEAR, WorldConfig
+from animal3dbox.datasets.world.render import render_scene, surfaces_of
+from animal3dbox.datasets.world.scene import ScenePlan, plan_scene
+from animal3dbox.geometry.camera import PinholeCamera, project
+from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.geometry.face_visibility import FaceVisibility, face_visibility
+from animal3dbox.geometry.rasterizer import silhouette
+from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.labels.bounds import tight_cuboid
+from animal3dbox.labels.seen_surface import surface_share, visible_keypoints
+from animal3dbox.smal.model import SmalModel, trunk_rotation
+from animal3dbox.smal.quadruped import load_quadruped
 from animal3dbox.smal.vocabularies import VOCABULARIES
 from animal3dbox.smal.vocabulary import Vocabulary
 
-COATS = {
-    "dog": (0.66, 0.47, 0.28), "cat": (0.58, 0.52, 0.46), "horse": (0.45, 0.27, 0.17), "cow": (0.82, 0.78, 0.72),
-    "bear": (0.36, 0.25, 0.18), "deer": (0.62, 0.41, 0.24), "zebra": (0.80, 0.79, 0.77), "pig": (0.86, 0.66, 0.60),
-    "hippo": (0.48, 0.42, 0.42), "lion": (0.75, 0.58, 0.35),
-}  # fmt: skip
-OTHER_COAT = (0.60, 0.50, 0.40)
+LEAST_PIXELS = 60
+"""An animal with fewer visible pixels is part of the picture, but is not told of: nobody would mark it."""
 
 
 @dataclass(frozen=True)
-class SyntheticAnimal:
-    """One picture of one posed quadruped, and everything that is true of it; float64, world is the body's frame.
+class SceneMesh:
+    """Everything in a scene that can hide something.
 
     Attributes:
-        sample_id: preset, pose and number.
-        image: (H, W, 3) uint8 RGB.
-        mask: (H, W) bool.
+        vertices_cam: (V, 3) camera frame, the animals' first.
+        faces: (F, 3).
+    """
+
+    vertices_cam: Tensor
+    faces: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticAnimal:
+    """One posed quadruped in a picture, and everything that is true of it; float64.
+
+    World has its z up, and its unit is the body's: about one from nose to rump.
+
+    Attributes:
+        sample_id: preset, pose and number; of further animals in a scene also theirs.
+        image: (H, W, 3) uint8 RGB, of the whole scene.
+        mask: (H, W) bool, where it is seen (modal).
         vertices: (V, 3) world.
-        R_world_joint: (J, 3, 3) global rotations of the skeleton's joints, for the trunk's truth.
+        R_world_joint: (J, 3, 3) global rotations of the skeleton's joints.
         model: the body's template.
-        landmarks: (J, 3) world.
-        keypoints_2d: (J, 3) exact px and 1, or 0 outside the frame; hidden ones are not left out.
-        K: (3, 3).
-        R: (3, 3) R_cam_world.
-        t: (3,) t_cam_world.
-        image_hw: height and width.
+        vocabulary: of the keypoints.
+        camera: the scene's.
+        scene: what may hide it.
+        number: which of the scene's animals.
+        parameters: betas (S,), pose (J, 3) and trans (3,) that pose the model into vertices.
         preset: the species.
         pose: the pose's name.
     """
@@ -49,19 +71,126 @@ class SyntheticAnimal:
     vertices: Tensor
     R_world_joint: Tensor
     model: SmalModel
-    landmarks: Tensor
-    keypoints_2d: Tensor
-    K: Tensor
-    R: Tensor
-    t: Tensor
-    image_hw: tuple[int, int]
+    vocabulary: Vocabulary
+    camera: PinholeCamera
+    scene: SceneMesh
+    number: int
+    parameters: tuple[Tensor, Tensor, Tensor]
     preset: str
     pose: str
 
+    @property
+    def image_hw(self) -> tuple[int, int]:
+        """Height and width."""
+        return self.camera.image_hw
 
-def uniform(generator: torch.Generator, low: float, high: float) -> float:
-    """One number between low and high."""
-    return low + (high - low) * float(torch.rand((), generator=generator, dtype=torch.float64))
+    @property
+    def K(self) -> Tensor:
+        """(3, 3) in px."""
+        return self.camera.K
+
+    @property
+    def R(self) -> Tensor:
+        """(3, 3) R_cam_world."""
+        return self.camera.T_cam_world[:3, :3]
+
+    @property
+    def t(self) -> Tensor:
+        """(3,) t_cam_world."""
+        return self.camera.T_cam_world[:3, 3]
+
+    @property
+    def vertices_cam(self) -> Tensor:
+        """(V, 3) camera frame."""
+        return transform_points(self.camera.T_cam_world, self.vertices)
+
+    @cached_property
+    def landmarks(self) -> Tensor:
+        """The keypoints' places (J, 3) in the world; NaN where the body has none."""
+        return self.vocabulary.on_body(self.model.landmark_groups, self.vertices)
+
+    @cached_property
+    def keypoints_2d(self) -> Tensor:
+        """(J, 3) exact px and 1, or 0 outside the frame; hidden ones are not left out."""
+        return exact_keypoints(self.landmarks, self.K, self.R, self.t, self.image_hw)
+
+    @cached_property
+    def keypoint_visible(self) -> Tensor:
+        """(J,) bool: in the frame, and hidden by nothing, by rays from its vertices to the camera."""
+        span = (self.number * self.model.vertex_count, (self.number + 1) * self.model.vertex_count)
+        seen = visible_keypoints(self.vocabulary, self.model.landmark_groups, self.scene.vertices_cam, self.scene.faces, self.K, self.image_hw, span)
+        return seen & (self.keypoints_2d[:, 2] > 0)
+
+    @cached_property
+    def amodal_mask(self) -> Tensor:
+        """(H, W) bool, its silhouette inside the frame as if nothing stood before it."""
+        return silhouette(self.vertices_cam, self.model.faces, self.K, self.image_hw)
+
+    @property
+    def trunk(self) -> Tensor:
+        """(3, 3) R_world_box, from the spine's joints."""
+        return trunk_rotation(self.R_world_joint)
+
+    @cached_property
+    def cuboid_world(self) -> Cuboid:
+        """The tight box along the trunk."""
+        return tight_cuboid(self.vertices, self.trunk)
+
+    @cached_property
+    def cuboid(self) -> Cuboid:
+        """The same in the camera frame."""
+        return self.cuboid_world.transformed(self.camera.T_cam_world)
+
+    @cached_property
+    def faces_seen(self) -> FaceVisibility:
+        """What the camera sees of the box."""
+        return face_visibility(self.cuboid, self.K, self.image_hw)
+
+    @cached_property
+    def surface_share(self) -> Tensor:
+        """(6,) parts of its own surface in the frame by the side it faces, as if nothing stood before it."""
+        return surface_share(self.vertices_cam, self.model.faces, self.cuboid.rotation, self.K, self.image_hw)
+
+    @property
+    def visible_part(self) -> float:
+        """Part of its silhouette in the frame that nothing hides, 0 to 1."""
+        return float(self.mask.sum()) / max(float(self.amodal_mask.sum()), 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticScene:
+    """One picture.
+
+    Attributes:
+        image_id: seed and index.
+        image: (H, W, 3) uint8 RGB.
+        camera: in the world.
+        animals: those that are seen, nearest to the camera's aim first.
+        owner: (H, W) int64, the number of the animal at each pixel's centre; numbers from len(plan.animals) on are things, -1 background.
+        plan: what was drawn.
+    """
+
+    image_id: str
+    image: Tensor
+    camera: PinholeCamera
+    animals: tuple[SyntheticAnimal, ...]
+    owner: Tensor
+    plan: ScenePlan
+
+
+def synthetic_scene(seed: int, index: int, config: WorldConfig | None = None) -> SyntheticScene:
+    """The scene of a seed and an index; raises ConfigError if one of them is negative."""
+    config = config or WorldConfig()
+    plan = plan_scene(seed, index, config)
+    made = render_scene(plan)
+    vertices, faces, _ = joined_meshes(surfaces_of(plan))
+    mesh = SceneMesh(transform_points(plan.camera.T_cam_world, vertices), faces)
+    animals = []
+    for number, animal in enumerate(plan.animals):
+        mask = made.owner == number
+        if number == 0 or int(mask.sum()) >= LEAST_PIXELS:
+            animals.append(_animal(animal, number, plan, config.vocabulary, made.image, mask, mesh))
+    return SyntheticScene(f"{seed}-{index:06d}", made.image, plan.camera, tuple(animals), made.owner, plan)
 
 
 def synthetic_animal(
@@ -72,38 +201,26 @@ def synthetic_animal(
     preset: str | None = None,
     pose: str | None = None,
 ) -> SyntheticAnimal:
-    """A quadruped in a random preset, pose and view; the same for the same arguments.
+    """A quadruped in a random pose and view, whole and well seen: the only animal of a scene with the config CLEAR.
 
     Args:
-        seed: any.
+        seed: any, not negative.
         index: which of the seed's animals.
-        image_hw: height and width.
+        image_hw: height and width; the focal length is 0.9 to 2.5 times the longer side.
         vocabulary: the keypoints wanted.
         preset: the species; None: the presets in turn.
         pose: one of POSES; None: drawn.
 
-    Returns:
-        The animal, standing on z = 0, filling a third to most of the frame and wholly in front of the camera.
-
     """
-    generator = torch.Generator().manual_seed((seed * 1_000_003 + index) % (1 << 62))
-    drawn = tuple(POSES)[int(torch.randint(len(POSES), (), generator=generator))]
-    preset, pose = preset or quadruped_names().presets[index % len(quadruped_names().presets)], pose or drawn
-    model = load_quadruped()
-    body = model.posed(preset_betas(preset)[None], named_pose(pose)[None], torch.zeros(1, 3, dtype=torch.float64))
-    vertices = body.vertices[0] + ground_trans(body.vertices[0])
-    focal_px = uniform(generator, 0.9, 2.5) * max(image_hw)
-    middle = (vertices.amax(0) + vertices.amin(0)) / 2
-    K = intrinsics(focal_px, image_hw)
-    T = _camera(generator, vertices - middle, K, image_hw)
-    R, t = T[:3, :3], T[:3, 3] - T[:3, :3] @ middle
-    colors = torch.tensor(COATS.get(preset, OTHER_COAT), dtype=torch.float64).expand(len(vertices), 3)
-    image, mask = shade(vertices, model.faces, colors, R, t, K, image_hw, meadow(K, R, t, image_hw))
-    landmarks = vocabulary.on_body(model.landmark_groups, vertices)
-    keypoints = exact_keypoints(landmarks, K, R, t, image_hw)
-    return SyntheticAnimal(
-        f"{preset}-{pose}-{index}", image, mask, vertices, body.R_world_joint[0], model, landmarks, keypoints, K, R, t, image_hw, preset, pose
+    config = replace(
+        CLEAR,
+        image_hw=image_hw,
+        vocabulary=vocabulary,
+        presets=() if preset is None else (preset,),
+        poses=CLEAR.poses if pose is None else (pose,),
+        focal_px=(0.9 * max(image_hw), 2.5 * max(image_hw)),
     )
+    return synthetic_scene(seed, index, config).animals[0]
 
 
 def exact_keypoints(landmarks: Tensor, K: Tensor, R: Tensor, t: Tensor, image_hw: tuple[int, int]) -> Tensor:
@@ -115,30 +232,21 @@ def exact_keypoints(landmarks: Tensor, K: Tensor, R: Tensor, t: Tensor, image_hw
     return torch.where(inside[:, None], keypoints, torch.zeros_like(keypoints))
 
 
-def noisy_keypoints(
-    keypoints_2d: Tensor, sigma_px: float, generator: torch.Generator, outliers: float = 0.0, image_hw: tuple[int, int] = (480, 640)
-) -> Tensor:
-    """Keypoints (J, 3) with Gaussian noise on the visible ones, a part of them (outliers, 0 to 1) anywhere in the image instead."""
-    count = len(keypoints_2d)
-    px = keypoints_2d[:, :2] + sigma_px * torch.randn(count, 2, generator=generator, dtype=keypoints_2d.dtype)
-    height, width = image_hw
-    anywhere = torch.rand(count, 2, generator=generator, dtype=px.dtype) * torch.tensor([width, height], dtype=px.dtype) - 0.5
-    wild = torch.rand(count, 1, generator=generator, dtype=px.dtype) < outliers
-    shifted = torch.cat((torch.where(wild, anywhere, px), keypoints_2d[:, 2:]), dim=1)
-    return torch.where(keypoints_2d[:, 2:] > 0, shifted, keypoints_2d)
-
-
-def _camera(generator: torch.Generator, about_middle: Tensor, K: Tensor, image_hw: tuple[int, int]) -> Tensor:
-    """T_cam_world of a camera from ahead, beside, behind or above, that fills the frame well without cutting the animal."""
-    azimuth, elevation = math.radians(uniform(generator, 0, 360)), math.radians(uniform(generator, -3, 50))
-    away = torch.tensor([math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)], dtype=torch.float64)
-    up, fill = torch.tensor([0.0, 0, 1], dtype=torch.float64), uniform(generator, 0.6, 0.92)
-    distance = float(torch.linalg.vector_norm(about_middle, dim=1).amax()) * 1.2
-    half = torch.tensor([image_hw[1], image_hw[0]], dtype=torch.float64) / 2
-    for _ in range(60):  # step back until the body fits
-        T = look_at(away * distance, torch.zeros(3, dtype=torch.float64), up)
-        px, depth = project(K, about_middle @ T[:3, :3].mT + T[:3, 3])
-        if float(depth.amin()) > 0 and float(((px - K[:2, 2]).abs() / half).amax()) <= fill:
-            return T
-        distance *= 1.08
-    raise AssertionError("the body does not fit into the frame")
+def _animal(
+    animal: StandingAnimal, number: int, plan: ScenePlan, vocabulary: Vocabulary, image: Tensor, mask: Tensor, mesh: SceneMesh
+) -> SyntheticAnimal:
+    return SyntheticAnimal(
+        sample_id=f"{animal.preset}-{animal.pose_name}-{plan.index}" + (f"#{number}" if number else ""),
+        image=image,
+        mask=mask,
+        vertices=animal.vertices,
+        R_world_joint=animal.R_world_joint,
+        model=load_quadruped(),
+        vocabulary=vocabulary,
+        camera=plan.camera,
+        scene=mesh,
+        number=number,
+        parameters=(animal.betas, animal.pose, animal.trans),
+        preset=animal.preset,
+        pose=animal.pose_name,
+    )

@@ -7,11 +7,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import torch
 from PIL import Image
 
 from animal3dbox.cli.demo import label_synthetic
-from animal3dbox.datasets.synthetic import noisy_keypoints, synthetic_animal
+from animal3dbox.datasets.annotation import annotate
+from animal3dbox.datasets.faults import FaultConfig, faulty
+from animal3dbox.datasets.synthetic import synthetic_animal
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.report.overlay import draw_label
@@ -24,7 +25,7 @@ def main() -> None:
     panels = []
     for index, preset, pose in ANIMALS:
         animal = synthetic_animal(0, index, preset=preset, pose=pose)
-        label = label_synthetic(animal, noisy_keypoints(animal.keypoints_2d, 2.0, torch.Generator().manual_seed(index)), LabelConfig())
+        label = label_synthetic(animal, faulty(annotate(animal, hidden="marked"), FaultConfig(noise_px=2.0)).keypoints_2d, LabelConfig())
         if not isinstance(label, CuboidLabel):
             raise SystemExit(f"{animal.sample_id}: {label.reason}")
         panels.append(draw_label(animal.image.numpy(), label))

@@ -9,20 +9,19 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from animal3dbox.datasets.annotation import annotate
 from animal3dbox.datasets.bodies import model_mobility, standing_vertices
-from animal3dbox.datasets.synthetic import SyntheticAnimal, noisy_keypoints, synthetic_animal
+from animal3dbox.datasets.faults import FaultConfig, faulty
+from animal3dbox.datasets.synthetic import SyntheticAnimal, synthetic_animal
 from animal3dbox.errors import ConfigError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import FACE_NAMES, Cuboid
-from animal3dbox.geometry.face_visibility import face_visibility
-from animal3dbox.geometry.rigid import rigid, rotation_angle
-from animal3dbox.labels.bounds import tight_cuboid
+from animal3dbox.geometry.cuboid import FACE_NAMES
+from animal3dbox.geometry.rigid import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.run import Labelled, write_run
-from animal3dbox.smal.model import trunk_rotation
 from animal3dbox.smal.quadruped import preset_betas
 from animal3dbox.smal.vocabularies import VOCABULARIES
 
@@ -78,30 +77,16 @@ class MethodResult(msgspec.Struct, kw_only=True):
     sides_right: int
 
 
-@dataclass(frozen=True)
-class Truth:
-    """The true box of an animal in the camera frame, from its trunk's joints, and the side it shows."""
-
-    cuboid: Cuboid
-    side: str
-
-
-def true_cuboid(animal: SyntheticAnimal) -> Truth:
-    """The tight box along the trunk's true axes, under the true camera."""
-    box = tight_cuboid(animal.vertices, trunk_rotation(animal.R_world_joint)).transformed(rigid(animal.R, animal.t))
-    return Truth(box, FACE_NAMES[int(face_visibility(box, animal.K, animal.image_hw).share.argmax())])
-
-
-def score(label: CuboidLabel, animal: SyntheticAnimal, landmarks: Tensor, truth: Truth) -> Score:
+def score(label: CuboidLabel, animal: SyntheticAnimal, landmarks: Tensor) -> Score:
     """Compare a label, made with these landmarks (J, 3) of its body, with the truth."""
     clean = animal.keypoints_2d[animal.keypoints_2d[:, 2] > 0, :2]
     px, _ = project(label.K, landmarks[animal.keypoints_2d[:, 2] > 0] @ label.R.mT + label.t)
-    apart = torch.linalg.vector_norm(label.corners_3d - truth.cuboid.corners(), dim=-1).mean()
+    apart = torch.linalg.vector_norm(label.corners_3d - animal.cuboid.corners(), dim=-1).mean()
     return Score(
         keypoint_px=float(torch.linalg.vector_norm(px - clean, dim=-1).mean()),
-        corner_percent=100 * float(apart / truth.cuboid.diagonal),
-        axes_deg=float(torch.rad2deg(rotation_angle(label.rotation, truth.cuboid.rotation))),
-        side=label.side == truth.side,
+        corner_percent=100 * float(apart / animal.cuboid.diagonal),
+        axes_deg=float(torch.rad2deg(rotation_angle(label.rotation, animal.cuboid.rotation))),
+        side=label.side == FACE_NAMES[int(animal.faces_seen.share.argmax())],
     )
 
 
@@ -138,19 +123,19 @@ def run_demo(job: DemoJob) -> int:
     """Render, label, compare; returns the exit code."""
     if job.n < 1 or not job.noise_px >= 0 or not 0 <= job.outliers <= 1:
         raise ConfigError(f"--n must be at least 1, --noise-px not negative, --outliers from 0 to 1; got {job.n}, {job.noise_px} and {job.outliers}")
+    faults = FaultConfig(noise_px=job.noise_px, outliers=job.outliers)
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     scores: dict[str, list[Score]] = {method: [] for method in METHODS}
     kept: list[Labelled] = []
     for index in tqdm(range(job.n), desc="demo", unit="animal", disable=job.json or None):
         animal = synthetic_animal(job.seed, index)
-        generator = torch.Generator().manual_seed(job.seed * 7919 + index)
-        keypoints = noisy_keypoints(animal.keypoints_2d, job.noise_px, generator, job.outliers, animal.image_hw)
+        keypoints = faulty(annotate(animal, hidden="marked"), faults, job.seed).keypoints_2d
         body = standing_vertices(animal.model, tuple(preset_betas(animal.preset).tolist())) if job.rigid else animal.vertices
-        landmarks, truth = VOCABULARIES["animal3d26"].on_body(animal.model.landmarks, body), true_cuboid(animal)
+        landmarks = VOCABULARIES["animal3d26"].on_body(animal.model.landmarks, body)
         for method, config in METHODS.items():
             outcome = label_synthetic(animal, keypoints, config, job.rigid)
             if isinstance(outcome, CuboidLabel):
-                scores[method].append(score(outcome, animal, landmarks, truth))
+                scores[method].append(score(outcome, animal, landmarks))
             if method == "default":
                 kept.append(Labelled(outcome, animal.sample_id, animal.preset, animal.image.numpy()))
     title = f"{job.n} synthetic animals, seed {job.seed}, {job.noise_px:g} px noise, {job.outliers:.0%} outliers"

@@ -2,9 +2,9 @@ import torch
 from torch.testing import assert_close
 
 from animal3dbox.datasets.bodies import BREED, model_mobility
-from animal3dbox.datasets.shading import shade, vertex_normals
-from animal3dbox.datasets.synthetic import noisy_keypoints, synthetic_animal
-from animal3dbox.geometry.camera import intrinsics
+from animal3dbox.datasets.shading import Light, Surface, render, shade, vertex_normals
+from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.geometry.camera import PinholeCamera, intrinsics
 from animal3dbox.geometry.rigid import rigid, transform_points
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas
 from animal3dbox.smal.vocabularies import VOCABULARIES
@@ -29,11 +29,11 @@ def test_keypoints_are_the_projected_landmarks_and_lie_on_or_near_the_animal() -
         assert int(seen.sum()) == 26
         assert_close(animal.keypoints_2d[seen, :2], px[seen])
         columns, rows = px.round().long().unbind(1)
-        grown = torch.nn.functional.max_pool2d(animal.mask[None, None].double(), 5, 1, 2)[0, 0] > 0
+        grown = torch.nn.functional.max_pool2d(animal.amodal_mask[None, None].double(), 5, 1, 2)[0, 0] > 0
         assert bool(grown[rows, columns].all())
 
 
-def test_the_animal_stands_on_the_ground_within_the_frame_and_is_not_the_background() -> None:
+def test_the_animal_stands_within_the_frame_and_is_not_the_background() -> None:
     animal = synthetic_animal(1, 2, SMALL)
     assert abs(float(animal.vertices[:, 2].amin())) < 1e-12
     border = torch.cat((animal.mask[0], animal.mask[-1], animal.mask[:, 0], animal.mask[:, -1]))
@@ -41,22 +41,21 @@ def test_the_animal_stands_on_the_ground_within_the_frame_and_is_not_the_backgro
     assert 0.02 < float(animal.mask.double().mean()) < 0.8
 
 
+def test_the_true_box_holds_the_body_tightly_along_the_trunk() -> None:
+    animal = synthetic_animal(1, 3, SMALL, pose="sit")
+    box = animal.cuboid_world
+    assert bool(box.contains(animal.vertices).all())
+    inside = box.to_box(animal.vertices).abs().amax(0)
+    assert_close(inside, box.size / 2, rtol=1e-5, atol=1e-5)
+    M = animal.R_world_joint[:7].mean(0)
+    assert_close(animal.trunk.mT @ M, (animal.trunk.mT @ M).mT)  # the polar factor: the rest is symmetric, as for no other rotation
+    assert_close(animal.cuboid.corners(), transform_points(rigid(animal.R, animal.t), box.corners()))
+    assert_close(animal.faces_seen.share.sum(), torch.tensor(1.0, dtype=F64))
+
+
 def test_other_vocabularies_species_and_poses_can_be_asked_for() -> None:
     animal = synthetic_animal(0, 0, SMALL, VOCABULARIES["stanfordextra24"], preset="cow", pose="graze")
-    assert (animal.preset, animal.pose, len(animal.keypoints_2d)) == ("cow", "graze", 24)
-
-
-def test_noise_leaves_missing_keypoints_missing_and_has_its_size() -> None:
-    keypoints = torch.zeros(4000, 3, dtype=F64)
-    keypoints[:3000] = torch.tensor([50.0, 60, 1], dtype=F64)
-    noisy = noisy_keypoints(keypoints, 2.0, torch.Generator().manual_seed(0))
-    assert torch.equal(noisy[3000:], keypoints[3000:])
-    assert abs(float((noisy[:3000, :2] - keypoints[:3000, :2]).std()) - 2) < 0.1
-    wild = noisy_keypoints(keypoints, 0.0, torch.Generator().manual_seed(0), outliers=0.3, image_hw=(100, 200))[:3000]
-    moved = (wild[:, :2] != keypoints[:3000, :2]).any(1)
-    assert abs(float(moved.double().mean()) - 0.3) < 0.03
-    assert bool((wild[:, 0] <= 199.5).all())
-    assert bool((wild[:, 1] <= 99.5).all())
+    assert (animal.preset, animal.pose, len(animal.keypoints_2d), len(animal.keypoint_visible)) == ("cow", "graze", 24, 24)
 
 
 def test_a_face_turned_to_the_light_is_brighter_than_one_turned_away() -> None:
@@ -72,6 +71,25 @@ def test_a_face_turned_to_the_light_is_brighter_than_one_turned_away() -> None:
     assert int(front[10, 10, 0]) > int(back[10, 10, 0])
     assert bool(mask[10, 10])
     assert int(front[0, 0, 0]) == round(0.86 * 255)
+
+
+def test_of_two_surfaces_the_nearer_is_seen_and_an_empty_scene_is_its_background() -> None:
+    square = torch.tensor([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=F64)
+    faces, depth = torch.tensor([[0, 1, 2], [0, 2, 3]]), torch.tensor([0.0, 0, 1], dtype=F64)
+    camera = PinholeCamera(intrinsics(10.0, (21, 21)), torch.eye(4, dtype=F64), (21, 21))
+    red, green = torch.tensor([[0.9, 0, 0]]).expand(4, 3).numpy(), torch.tensor([[0, 0.9, 0]]).expand(4, 3).numpy()
+    far, near = Surface(square + 4 * depth, faces, red, lambda c: c), Surface(0.5 * square + 3 * depth, faces, green, lambda c: c)
+    made = render([far, near], camera)
+    assert made.owner[10, 10] == 1
+    assert made.owner[10, 8] == 0
+    assert made.owner[0, 0] == -1
+    red_px, green_px = made.image[10, 12].tolist(), made.image[10, 10].tolist()
+    assert red_px[0] > red_px[1]
+    assert green_px[1] > green_px[0]
+    assert made.image[0, 0].tolist() == [219, 219, 219]
+    empty = render([], camera, torch.zeros(21, 21, 3).numpy(), Light(sunny=0.0))
+    assert int(empty.image.max()) == 0
+    assert int(empty.owner.max()) == -1
 
 
 def test_the_trunk_strays_less_from_the_standing_body_than_paws_head_and_tail() -> None:

@@ -30,3 +30,25 @@ def faces_entered(center: Array, rotation: Array, size: Array) -> list[int]:
             targets.append((grid * size) @ rotation.T + center)
     entered = face_hit_by_rays(center, rotation, size, np.concatenate(targets))
     return sorted({int(face) for face in entered if face >= 0})
+
+
+def nearest_triangles(vertices: Array, faces: NDArray[np.int64], directions: Array) -> tuple[NDArray[np.int64], Array]:
+    """What each ray (N, 3) from the origin meets first.
+
+    Returns:
+        The triangle (N,), -1 for none, and how many directions away (N,), inf for none.
+
+    """
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    volume, edges = (np.cross(a, b) * c).sum(1), [np.cross(p, q) for p, q in ((a, b), (b, c), (c, a))]
+    first, away = np.full(len(directions), -1), np.full(len(directions), np.inf)
+    for i, d in enumerate(directions):
+        sides = [normals @ d for normals in edges]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = volume / (sides[0] + sides[1] + sides[2])
+        same = ((sides[0] >= 0) & (sides[1] >= 0) & (sides[2] >= 0)) | ((sides[0] <= 0) & (sides[1] <= 0) & (sides[2] <= 0))
+        hit = same & (t > 0)
+        if hit.any():
+            first[i] = np.flatnonzero(hit)[t[hit].argmin()]
+            away[i] = t[hit].min()
+    return first, away

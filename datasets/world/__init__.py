@@ -1,0 +1,1 @@
+"""A synthetic world of posed quadrupeds under known cameras: pictures with exact truth, the same for the same seed."""
