@@ -73,6 +73,22 @@ def read_image(path: Path, sample_id: str, expected_hw: tuple[int, int] | None =
         raise SampleError(sample_id, "image", f"{path.name} cannot be decoded ({error}); replace the file") from error
 
 
+def read_mask(path: Path, sample_id: str, expected_hw: tuple[int, int]) -> NDArray[np.bool_]:
+    """A mask stored as a picture: 0 and 1, or 0 and 255; of one that was compressed or smoothed, the upper half of its range.
+
+    Raises:
+        SampleError: no image, of another size than the annotations', or without a pixel of the animal.
+
+    """
+    try:
+        levels = read_image(path, sample_id, expected_hw).max(axis=2)
+    except SampleError as error:
+        raise SampleError(sample_id, "mask", error.problem) from error
+    if not levels.any():
+        raise SampleError(sample_id, "mask", f"{path.name} has no pixel above 0; leave its path out if there is no mask")
+    return np.asarray(levels > (levels.max() // 2))
+
+
 def orientation_warning(path: Path) -> str | None:
     """A sentence for an image whose EXIF orientation is not upright, which is not applied; None otherwise."""
     try:

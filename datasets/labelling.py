@@ -20,6 +20,7 @@ def label_record(record: AnimalRecord, bodies: BodySource, config: LabelConfig) 
 
     """
     body = bodies.body(record)
+    hypotheses = () if record.stored_pose is None else (record.stored_pose,)
     outcome = label_animal(
         record.image_hw,
         keypoints_2d=record.keypoints_2d,
@@ -28,12 +29,16 @@ def label_record(record: AnimalRecord, bodies: BodySource, config: LabelConfig) 
         vertices=body.vertices,
         faces=body.faces,
         template=body.template,
+        K=record.K,
+        pose_hypotheses=hypotheses,
         mask=record.mask,
         vocabulary=record.vocabulary,
         sample_id=record.sample_id,
         config=config,
     )
-    turned = orientation_warning(record.image_path)
-    if turned is None or isinstance(outcome, Rejection):
+    if isinstance(outcome, Rejection):
         return outcome
-    return replace(outcome, quality=replace(outcome.quality, warnings=(*outcome.quality.warnings, turned)))
+    turned = None if record.image_path is None else orientation_warning(record.image_path)
+    warnings = outcome.quality.warnings if turned is None else (*outcome.quality.warnings, turned)
+    K_source = outcome.quality.K_source if record.K is None else record.K_source
+    return replace(outcome, quality=replace(outcome.quality, warnings=warnings, K_source=K_source))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.images import read_mask
 from animal3dbox.datasets.rle import decode_mask
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.vocabulary import Vocabulary
@@ -18,27 +19,42 @@ class AnimalRecord:
     Attributes:
         sample_id: the image, as its dataset names it, and "#k" for the animals after the first.
         image_id: the image, as its dataset names it.
-        image_path: the file.
+        image_path: the file; None for an image that is only in memory.
         image_hw: height and width that the annotations are for.
         vocabulary: what the keypoints are.
         keypoints_2d: (J, 3) x, y, confidence; 0 where missing.
         mask_runs: run lengths of the mask, as COCO writes them; None without a mask.
         category: what the dataset calls the animal.
+        mask_path: the mask as a picture, when there are no runs; read when it is asked for.
+        K: (3, 3) intrinsics in px that the dataset gives or all its images share; None if it says nothing.
+        K_source: "given" of the image's own, "dataset" of one for all.
+        stored_pose: (R, t) of the dataset's own camera, X_cam = R X + t with X in the body source's frame, a guess; None without.
     """
 
     sample_id: str
     image_id: str
-    image_path: Path
+    image_path: Path | None
     image_hw: tuple[int, int]
     vocabulary: Vocabulary
     keypoints_2d: NDArray[np.float64]
     mask_runs: str | tuple[int, ...] | None
     category: str
+    mask_path: Path | None = None
+    K: NDArray[np.float64] | None = None
+    K_source: str = "given"
+    stored_pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:
-        """The mask (H, W), decoded when it is asked for: the masks of a large dataset would fill the memory."""
-        return None if self.mask_runs is None else decode_mask(self.mask_runs, self.image_hw)
+        """The mask (H, W), decoded when it is asked for: the masks of a large dataset would fill the memory.
+
+        Raises:
+            SampleError: the mask's file cannot be read, or is of another size.
+
+        """
+        if self.mask_runs is not None:
+            return decode_mask(self.mask_runs, self.image_hw)
+        return None if self.mask_path is None else read_mask(self.mask_path, self.sample_id, self.image_hw)
 
 
 @dataclass(frozen=True)
@@ -49,8 +65,10 @@ class RecordSet:
         name: the format.
         records: in the file's order.
         faults: one error a sample that is unusable; nothing is dropped without one.
+        notes: what was found out about the dataset, in whole sentences.
     """
 
     name: str
     records: tuple[AnimalRecord, ...]
     faults: tuple[SampleError, ...]
+    notes: tuple[str, ...] = ()

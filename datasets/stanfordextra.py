@@ -2,13 +2,13 @@
 
 import math
 from pathlib import Path
-from typing import TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images import MAX_PIXELS, resolve_inside
+from animal3dbox.datasets.elements import decoded, image_size, read_rows
+from animal3dbox.datasets.images import resolve_inside
 from animal3dbox.datasets.json_files import read_json_list
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.rle import RleError, decode_mask
@@ -17,9 +17,6 @@ from animal3dbox.smal.vocabularies import VOCABULARIES
 
 FORMAT = "stanfordextra"
 VOCABULARY = VOCABULARIES["stanfordextra24"]
-
-
-_Entry = TypeVar("_Entry", bound=msgspec.Struct)
 
 
 class _Named(msgspec.Struct):
@@ -97,19 +94,15 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
 
 def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> AnimalRecord:
     """One record, checked."""
-    image = _decoded(raw, _Named, f"entry {index}").img_path
+    image = decoded(raw, _Named, f"entry {index}").img_path
     count = seen.get(image, 0)
     seen[image] = count + 1
     sample_id = image if count == 0 else f"{image}#{count}"
-    entry = _decoded(raw, StanfordExtraEntry, sample_id)
-    if entry.img_width <= 0 or entry.img_height <= 0 or entry.img_width * entry.img_height > MAX_PIXELS:
-        raise SampleError(
-            sample_id, "img_width, img_height", f"must be positive and make at most {MAX_PIXELS} pixels, got {entry.img_width} x {entry.img_height}"
-        )
-    image_hw = (entry.img_height, entry.img_width)
+    entry = decoded(raw, StanfordExtraEntry, sample_id)
+    image_hw = image_size(entry.img_height, entry.img_width, sample_id, "img_width, img_height")
     if len(entry.img_bbox) != 4 or not all(math.isfinite(v) for v in entry.img_bbox) or entry.img_bbox[2] <= 0 or entry.img_bbox[3] <= 0:
         raise SampleError(sample_id, "img_bbox", f"must be [x, y, w, h] with a positive area, got {entry.img_bbox}")
-    joints = _joints(entry.joints, sample_id)
+    joints = read_rows(entry.joints, len(VOCABULARY), sample_id, "joints")
     _check_joints_in_box(joints, entry.img_bbox, sample_id)
     return AnimalRecord(
         sample_id=sample_id,
@@ -121,33 +114,6 @@ def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> A
         mask_runs=_mask_runs(entry.seg, image_hw, sample_id),
         category="dog",
     )
-
-
-def _decoded(raw: msgspec.Raw, kind: type[_Entry], sample_id: str) -> _Entry:
-    """One element as a struct."""
-    try:
-        return msgspec.json.decode(raw, type=kind)
-    except msgspec.ValidationError as error:
-        raise SampleError(sample_id, *_field_and_problem(error)) from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise SampleError(sample_id, "entry", f"cannot be decoded: {error}") from error
-
-
-def _field_and_problem(error: msgspec.ValidationError) -> tuple[str, str]:
-    """The field that msgspec names at the end of its message, and the message."""
-    text = str(error)
-    where = text.rpartition("$")[2].strip(" .`") if "$" in text else ""
-    missing = text.partition("field `")[2].partition("`")[0]
-    return (where or missing or "entry"), text
-
-
-def _joints(joints: list[list[float | None]], sample_id: str) -> NDArray[np.float64]:
-    """(24, 3); null counts as missing."""
-    if len(joints) != len(VOCABULARY) or any(len(joint) != 3 for joint in joints):
-        lengths = sorted({len(joint) for joint in joints})
-        raise SampleError(sample_id, "joints", f"must be {len(VOCABULARY)} x 3 (x, y, visibility), got {len(joints)} rows of {lengths} numbers")
-    rows = [[0.0, 0.0, 0.0] if None in joint else joint for joint in joints]
-    return np.array(rows, dtype=np.float64)
 
 
 def _check_joints_in_box(joints: NDArray[np.float64], box: list[float], sample_id: str) -> None:

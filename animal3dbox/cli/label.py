@@ -13,8 +13,8 @@ from animal3dbox.datasets.bodies import BodySource, ModelBody, preset_body
 from animal3dbox.datasets.images import read_image
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.mesh_bodies import load_mesh_body
+from animal3dbox.datasets.reading import read_dataset
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
-from animal3dbox.datasets.stanfordextra import read_stanfordextra
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.run import Labelled, write_run
@@ -22,6 +22,7 @@ from animal3dbox.report.summary import Summary
 from animal3dbox.smal.model_files import load_model
 
 EXIT_OK, EXIT_FAULTY = 0, 4
+DEFAULT_BODY = "dog"
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ class LabelJob:
     out: Path
     format: str
     images: Path | None
-    body: str
+    model: Path | None
+    body: str | None
     landmarks: Path | None
     config: LabelConfig
     json: bool
@@ -41,8 +43,13 @@ class LabelJob:
 def run_label(job: LabelJob) -> int:
     """Label a dataset; returns the exit code."""
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
-    bodies = body_source(job.body, job.landmarks)
-    records = read_stanfordextra(job.path, job.images)  # the one format so far, which "auto" stands for
+    own_body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    if own_body is not None and job.model is not None:
+        raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
+    dataset = read_dataset(job.path, job.format, job.images, job.model)
+    bodies, records = own_body or dataset.bodies or body_source(DEFAULT_BODY, None), dataset.records
+    for note in records.notes:
+        print(note, file=sys.stderr)
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
     summary = write_run(job.out, str(job.path), bodies.name, job.config, _results(records, bodies, job))
@@ -69,6 +76,8 @@ def _results(records: RecordSet, bodies: BodySource, job: LabelJob) -> Iterator[
 
 def _one(record: AnimalRecord, bodies: BodySource, config: LabelConfig) -> Labelled | SampleError:
     try:
+        if record.image_path is None:
+            raise SampleError(record.sample_id, "image", "is only in memory: write the dataset first (animal3dbox synth)")
         picture = read_image(record.image_path, record.sample_id, record.image_hw)
         return Labelled(label_record(record, bodies, config), record.image_id, record.category, picture)
     except SampleError as error:

@@ -36,9 +36,13 @@ def demo(
 def label(
     path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH", help="a dataset's folder or its annotation file")],
     out: Annotated[Path, tyro.conf.arg(help="folder for labels.json, labels.csv, overlays, gallery.html and report.json")],
-    format: Annotated[Literal["auto", "stanfordextra"], tyro.conf.arg(help="the annotations' format")] = "auto",
+    format: Annotated[Literal["auto", "animal3d", "stanfordextra"], tyro.conf.arg(help="the annotations' format")] = "auto",
     images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
-    body: Annotated[str, tyro.conf.arg(help="a preset of the quadruped (dog, cat, ...), a SMAL model (.pkl, .safetensors) or a mesh file")] = "dog",
+    model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model (.pkl, .safetensors) of the dataset's own parameters (Animal3D)")] = None,
+    body: Annotated[
+        str | None,
+        tyro.conf.arg(help="one body for all: a preset of the quadruped (dog, cat, ...), a SMAL model or a mesh file; without --model, dog"),
+    ] = None,
     landmarks: Annotated[Path | None, tyro.conf.arg(help="JSON with the mesh file's landmarks (docs/formats.md)")] = None,
     method: Annotated[Literal["default", "paper", "basic"], tyro.conf.arg(help="camera pose: ours, the paper's, its baseline")] = "default",
     axes: Annotated[Literal["default", "landmarks", "pca"], tyro.conf.arg(help="body axes: ours, the paper's, its baseline")] = "default",
@@ -51,7 +55,7 @@ def label(
     from animal3dbox.labels.config import LabelConfig
 
     config = LabelConfig(method=method, axes=axes, residual=residual, min_keypoints=min_keypoints)
-    return run_label(LabelJob(path, out, format, images, body, landmarks, config, json))
+    return run_label(LabelJob(path, out, format, images, model, body, landmarks, config, json))
 
 
 def convert_model(

@@ -36,7 +36,7 @@ class Quality:
         pose_hypothesis: the start that won: "given", "epnp_ransac", "sqpnp", "view_<i>" or "hypothesis_<i>".
         bounds_source: "vertices" or "keypoints": what the box bounds.
         mask_source: "dataset", or "none" when the pose was made without one.
-        K_source: "given" or "guessed".
+        K_source: "given", "dataset" (one for all of its images) or "guessed".
         warnings: what a careful person should know, in whole sentences.
     """
 

@@ -1,0 +1,228 @@
+"""Animal3D: photographs with 26 keypoints, masks, and SMAL parameters fitted to them."""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from animal3dbox.datasets.animal3d_camera import stored_camera
+from animal3dbox.datasets.bodies import ParametersBody
+from animal3dbox.datasets.elements import decoded, image_size, read_rows
+from animal3dbox.datasets.images import resolve_inside
+from animal3dbox.datasets.json_files import decode_json
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError, ShapeError
+from animal3dbox.geometry.camera import intrinsics
+from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.model_files import load_model
+from animal3dbox.smal.parameters import SmalParameters
+from animal3dbox.smal.vocabularies import ANIMAL3D_26, VOCABULARIES
+
+FORMAT = "animal3d"
+SPLITS = ("train.json", "test.json")
+VOCABULARY = VOCABULARIES["animal3d26"]
+
+
+class _File(msgspec.Struct):
+    """A split's file; only data is required."""
+
+    data: list[msgspec.Raw]
+    flength: float | None = None
+    categories: object = None
+    keypoint_vids: list[list[int]] | None = None
+
+
+class _Named(msgspec.Struct):
+    """What names a sample, readable even where the rest is not."""
+
+    img_path: str
+
+
+class Animal3DEntry(_Named):
+    """One element of "data"; other keys are left alone. 2D-only sets have no parameters."""
+
+    height: int
+    width: int
+    keypoint_2d: list[list[float | None]]
+    mask_path: str | None = None
+    rd_mask_path: str | None = None
+    category: int | str | None = None
+    pose: list[float] | None = None
+    shape: list[float] | None = None
+    shape_extra: list[float] | None = None
+    trans: list[float] | None = None
+    keypoint_3d: list[list[float]] | None = None
+
+
+@dataclass(frozen=True)
+class Animal3D:
+    """A dataset and, if its model was given, the bodies of its animals.
+
+    Attributes:
+        records: in the files' order, train first.
+        bodies: by their parameters; None without a model.
+    """
+
+    records: RecordSet
+    bodies: ParametersBody | None
+
+
+def find_splits(path: Path) -> list[Path]:
+    """The files of a dataset given by its root or by one of its files; raises DatasetNotFoundError if there are none."""
+    if path.is_file():
+        return [path]
+    found = [path / name for name in SPLITS if (path / name).is_file()]
+    if not found:
+        raise DatasetNotFoundError(f"{path} must hold {' or '.join(SPLITS)}: download Animal3D there first (see docs/formats.md)")
+    return found
+
+
+def read_animal3d(path: Path, model: Path | None = None, images: Path | None = None) -> Animal3D:
+    """The animals of an Animal3D folder or file.
+
+    Args:
+        path: the folder, or one of its json files.
+        model: the SMAL file that the parameters belong to; without it there are keypoints and masks only.
+        images: the folder that img_path is relative to; None: the json's.
+
+    Raises:
+        DatasetNotFoundError: no such file or folder.
+        DatasetFormatError: not JSON, or without data.
+        ModelFileError: the model is refused.
+
+    """
+    found = _Found([], [], {}, {})
+    vids: list[list[int]] | None = None
+    for file in find_splits(path):
+        root = images or file.parent
+        if not root.is_dir():
+            raise DatasetNotFoundError(f"there is no folder of images {root}")
+        split: _File = decode_json(file, _File)
+        if not split.data:
+            raise DatasetFormatError(f"{file} has an empty data list")
+        vids = vids or split.keypoint_vids
+        _read_split(split, file.name, root, found)
+    records, faults = found.records, tuple(found.faults)
+    if model is None or not found.parameters:
+        return Animal3D(RecordSet(FORMAT, tuple(records), faults), None)
+    bodies = ParametersBody(_model_with_landmarks(model, vids), found.parameters)
+    pose, notes = stored_camera(records, bodies, found.keypoints_3d)
+    posed = tuple(replace(record, stored_pose=pose) if record.sample_id in found.parameters else record for record in records)
+    return Animal3D(RecordSet(FORMAT, posed, faults, notes), bodies)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What has been read so far; parameters and keypoints_3d by sample id."""
+
+    records: list[AnimalRecord]
+    faults: list[SampleError]
+    parameters: dict[str, SmalParameters]
+    keypoints_3d: dict[str, NDArray[np.float64]]
+
+
+def _read_split(split: _File, name: str, root: Path, found: _Found) -> None:
+    """Add a file's animals; several of one image are told apart by "#1", "#2"."""
+    seen: Counter[str] = Counter(record.image_id for record in found.records)
+    for i, raw in enumerate(split.data):
+        try:
+            image = decoded(raw, _Named, f"{name} entry {i}").img_path
+            sample_id = f"{image}#{seen[image]}" if seen[image] else image
+            seen[image] += 1
+            entry = decoded(raw, Animal3DEntry, sample_id)
+            record, fitted = _record(entry, sample_id, root, split), _parameters(entry, sample_id)
+        except SampleError as error:
+            found.faults.append(error)
+            continue
+        found.records.append(record)
+        if fitted is not None:
+            found.parameters[sample_id] = fitted
+        if entry.keypoint_3d is not None and {len(row) for row in entry.keypoint_3d} == {3}:
+            found.keypoints_3d[sample_id] = np.array(entry.keypoint_3d, dtype=np.float64)
+
+
+def _model_with_landmarks(path: Path, vids: list[list[int]] | None) -> SmalModel:
+    """The model; one without landmarks, as a pickle of another topology than SMAL's is, gets the dataset's."""
+    model = load_model(path)
+    if model.landmarks or not vids:
+        return model
+    if len(vids) != len(ANIMAL3D_26):
+        raise DatasetFormatError(f"keypoint_vids must be {len(ANIMAL3D_26)} lists of vertex ids, got {len(vids)}")
+    try:
+        return replace(model, landmarks={name: tuple(ids) for name, ids in zip(ANIMAL3D_26, vids, strict=True)})
+    except ShapeError as error:
+        raise DatasetFormatError(f"keypoint_vids do not belong to the model {path}: {error}") from error
+
+
+def _record(entry: Animal3DEntry, sample_id: str, root: Path, split: _File) -> AnimalRecord:
+    """One record, checked."""
+    image_hw = image_size(entry.height, entry.width, sample_id)
+    if split.flength is not None and not (np.isfinite(split.flength) and split.flength > 0):
+        raise SampleError(sample_id, "flength", f"must be a focal length in px, got {split.flength}")
+    return AnimalRecord(
+        sample_id=sample_id,
+        image_id=entry.img_path,
+        image_path=resolve_inside(root, entry.img_path, sample_id, "img_path"),
+        image_hw=image_hw,
+        vocabulary=VOCABULARY,
+        keypoints_2d=_keypoints(entry.keypoint_2d, sample_id),
+        mask_runs=None,
+        category=_category(entry.category, split),
+        mask_path=_mask_path(entry, root, sample_id),
+        K=None if split.flength is None else intrinsics(split.flength, image_hw).numpy(),
+        K_source="dataset",
+    )
+
+
+def _keypoints(rows: list[list[float | None]], sample_id: str) -> NDArray[np.float64]:
+    """(26, 3) with visibility 0 or 1: the format has 0 and 1, converted sets 2."""
+    keypoints = read_rows(rows, len(VOCABULARY), sample_id, "keypoint_2d")
+    if not np.isin(keypoints[:, 2], (0, 1, 2)).all():
+        raise SampleError(sample_id, "keypoint_2d", f"visibility must be 0, 1 or 2, got {sorted(set(keypoints[:, 2].tolist()))}")
+    return np.concatenate((keypoints[:, :2], keypoints[:, 2:] > 0), axis=1)
+
+
+def _mask_path(entry: Animal3DEntry, root: Path, sample_id: str) -> Path | None:
+    """The mask's file, or else the rendered one's."""
+    for field in ("mask_path", "rd_mask_path"):
+        path = getattr(entry, field)
+        if path:
+            try:
+                return resolve_inside(root, path, sample_id, field)
+            except SampleError:
+                if field == "rd_mask_path" or not entry.rd_mask_path:
+                    raise
+    return None
+
+
+def _category(category: int | str | None, split: _File) -> str:
+    """The animal's name by the file's list of names or of {id, name}, or its dictionary by id; else what the entry says."""
+    listed, names = split.categories, {}
+    if isinstance(listed, dict):
+        names = {str(key): value for key, value in listed.items()}
+    elif isinstance(listed, list):
+        for i, known in enumerate(listed):
+            names[str(known.get("id", i) if isinstance(known, dict) else i)] = known.get("name") if isinstance(known, dict) else known
+    name = names.get(str(category))
+    return name if isinstance(name, str) else "animal" if category is None else str(category)
+
+
+def _parameters(entry: Animal3DEntry, sample_id: str) -> SmalParameters | None:
+    """The body's parameters; None in 2D-only sets."""
+    if entry.pose is None and entry.shape is None and entry.trans is None:
+        return None
+    for field in ("pose", "shape", "trans"):
+        if getattr(entry, field) is None:
+            raise SampleError(sample_id, field, "is missing, though there are other parameters of a body")
+    values = {name: np.array(getattr(entry, name) or [], dtype=np.float64) for name in ("pose", "shape", "shape_extra", "trans")}
+    for field, array in values.items():
+        if not np.isfinite(array).all():
+            raise SampleError(sample_id, field, "must be finite")
+    if len(values["trans"]) != 3 or len(values["pose"]) not in (105, 99):
+        raise SampleError(sample_id, "pose, trans", f"must have 105 or 99 and 3 numbers, got {len(values['pose'])} and {len(values['trans'])}")
+    pose, betas, trans = (torch.from_numpy(a) for a in (values["pose"], np.concatenate((values["shape"], values["shape_extra"])), values["trans"]))
+    return SmalParameters(pose, betas, trans)
