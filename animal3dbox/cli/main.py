@@ -1,4 +1,4 @@
-"""The command line: ``animal3dbox demo``, ``label`` and ``convert-model``.
+"""The command line: ``animal3dbox demo``, ``label``, ``synth`` and ``convert-model``.
 
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 
@@ -58,6 +58,35 @@ def label(
     return run_label(LabelJob(path, out, format, images, model, body, landmarks, config, json))
 
 
+def synth(
+    out: Annotated[Path, tyro.conf.arg(help="folder for the dataset")],
+    n: Annotated[int, tyro.conf.arg(help="images")] = 100,
+    seed: Annotated[int, tyro.conf.arg(help="another seed gives another world")] = 0,
+    format: Annotated[Literal["animal3d", "stanfordextra"], tyro.conf.arg(help="the files' format")] = "animal3d",
+    model: Annotated[Path | None, tyro.conf.arg(help="where to write Animal3D's SMAL pickle; default: beside the folder, OUT-model.pkl")] = None,
+    width: Annotated[int, tyro.conf.arg(help="of the images, px")] = 640,
+    height: Annotated[int, tyro.conf.arg(help="of the images, px")] = 480,
+    mark_hidden: Annotated[bool, tyro.conf.arg(help="mark keypoints in the frame that something hides, too")] = False,
+    noise_px: Annotated[float, tyro.conf.arg(help="standard deviation of the keypoints' noise")] = 0.0,
+    outliers: Annotated[float, tyro.conf.arg(help="part of the keypoints that lie anywhere in the image")] = 0.0,
+    missing: Annotated[float, tyro.conf.arg(help="part of the keypoints that are not marked")] = 0.0,
+    zeros: Annotated[float, tyro.conf.arg(help="part of the keypoints left at (0, 0) but marked")] = 0.0,
+    wrong_flags: Annotated[float, tyro.conf.arg(help="part of the keypoints whose visibility is the opposite")] = 0.0,
+    swap: Annotated[Literal["none", "all", "legs", "fore", "hind", "head"], tyro.conf.arg(help="exchange left and right of these")] = "none",
+    swapped: Annotated[float, tyro.conf.arg(help="part of the animals to which that happens")] = 1.0,
+    focal_factor: Annotated[float, tyro.conf.arg(help="focal length told, by the true one")] = 1.0,
+    joint_deg: Annotated[float, tyro.conf.arg(help="standard deviation of the fitted joints' angles from the true ones")] = 0.0,
+    body_scale: Annotated[float, tyro.conf.arg(help="size of the fitted body, by the true one")] = 1.0,
+    mask_px: Annotated[int, tyro.conf.arg(help="grow the masks by so many px, or shrink them if negative")] = 0,
+) -> int:
+    """Write a synthetic dataset: pictures of posed quadrupeds, annotations with faults by a dial, and the truth."""
+    from animal3dbox.cli.synth import SynthJob, run_synth
+    from animal3dbox.datasets.faults import FaultConfig
+
+    faults = FaultConfig(noise_px, outliers, missing, zeros, wrong_flags, swap, swapped, focal_factor, joint_deg, body_scale, mask_px)
+    return run_synth(SynthJob(out, n, seed, format, model, (height, width), mark_hidden, faults))
+
+
 def convert_model(
     source: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="IN", help="a SMAL model, .pkl or .safetensors")],
     target: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT", help="the .safetensors file to write")],
@@ -70,7 +99,7 @@ def convert_model(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code."""
-    commands: dict[str, Callable[..., int]] = {"demo": demo, "label": label, "convert-model": convert_model}
+    commands: dict[str, Callable[..., int]] = {"demo": demo, "label": label, "synth": synth, "convert-model": convert_model}
     about = "3D boxes with named faces for animals."
     try:
         code = tyro.extras.subcommand_cli_from_dict(commands, prog="animal3dbox", description=about, args=arguments)

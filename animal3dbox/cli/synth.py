@@ -1,0 +1,51 @@
+"""``animal3dbox synth``: a synthetic dataset in the files that users have."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+
+from animal3dbox.datasets.animal3d_writer import write_animal3d
+from animal3dbox.datasets.faults import FaultConfig
+from animal3dbox.datasets.stanfordextra_writer import write_stanfordextra
+from animal3dbox.datasets.synthetic_set import SyntheticSet, animal3d_world
+from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.errors import ConfigError
+from animal3dbox.smal.vocabularies import VOCABULARIES
+
+
+@dataclass(frozen=True)
+class SynthJob:
+    """What ``synth`` was asked to do; the fields are its options."""
+
+    out: Path
+    n: int
+    seed: int
+    format: str
+    model: Path | None
+    image_hw: tuple[int, int]
+    mark_hidden: bool
+    faults: FaultConfig
+
+
+def run_synth(job: SynthJob) -> int:
+    """Write the dataset; returns the exit code."""
+    if job.out.exists() and (not job.out.is_dir() or any(job.out.iterdir())):
+        raise ConfigError(f"--out {job.out} must be a new or an empty folder: files of another dataset would stay among its own")
+    if job.format != "animal3d" and job.model is not None:
+        raise ConfigError(f"--model is for the parameters of animal3d, and {job.format} has none")
+    torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
+    world = replace(WorldConfig(), image_hw=job.image_hw)
+    is_animal3d = job.format == "animal3d"
+    world = animal3d_world(world) if is_animal3d else replace(world, vocabulary=VOCABULARIES["stanfordextra24"])
+    made = SyntheticSet(job.seed, job.n, world, job.faults, "marked" if job.mark_hidden else "unmarked")
+    if is_animal3d:
+        model = job.model or job.out.parent / f"{job.out.name}-model.pkl"
+        count = write_animal3d(made, job.out, model, progress=True)
+        print(f"{job.n} images, {count} animals in {job.out}; their model is {model}")
+        print(f"label them: animal3dbox label {job.out} --model {model} --out {job.out}-labels")
+    else:
+        count = write_stanfordextra(made, job.out, progress=True)
+        print(f"{job.n} images, {count} animals in {job.out}")
+        print(f"label them: animal3dbox label {job.out} --body dog --out {job.out}-labels")
+    return 0

@@ -1,0 +1,31 @@
+"""Twelve pictures of the synthetic world on one sheet.
+
+Run: python examples/world_sheet.py [FILE] [SEED]
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from animal3dbox.datasets.synthetic import synthetic_scene
+from animal3dbox.datasets.world.config import WorldConfig
+
+COLUMNS, ROWS, WIDTH = 4, 3, 250
+
+
+def main() -> None:
+    """Write the sheet."""
+    out = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images/world.jpg")
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 7
+    tiles = []
+    for index in range(COLUMNS * ROWS):
+        picture = Image.fromarray(synthetic_scene(seed, index, WorldConfig()).image.numpy())
+        tiles.append(np.asarray(picture.resize((WIDTH, round(WIDTH * picture.height / picture.width)), Image.Resampling.LANCZOS)))
+    rows = [np.concatenate(tiles[row * COLUMNS : (row + 1) * COLUMNS], axis=1) for row in range(ROWS)]
+    Image.fromarray(np.concatenate(rows)).save(out, quality=85, optimize=True)
+
+
+if __name__ == "__main__":
+    main()
