@@ -8,6 +8,7 @@ from torch import Tensor
 
 from animal3dbox.datasets.world.config import WORLD_POSES, WorldConfig
 from animal3dbox.geometry.rigid import axis_angle_from_rotation, rotation_from_axis_angle
+from animal3dbox.smal.model import PosedBody
 from animal3dbox.smal.quadruped import load_quadruped, measure_betas, quadruped_names
 from animal3dbox.smal.quadruped_joint_limits import joint_limits
 from animal3dbox.smal.quadruped_poses import ground_trans, named_pose, random_pose
@@ -17,6 +18,9 @@ MEASURE_SPREAD, VARIATION_SPREAD, BLEND = 0.45, 0.3, 0.25
 POSE_SPREAD = 0.05
 """Standard deviation of a joint's turn at a spread of 1, in half ranges of the joint."""
 FACE_AND_EARS = ("Mouth", "LEar", "REar")
+RAISED, TAIL_STEP, TAIL_STEPS = ("Tail1", "Tail2", "Tail3", "Tail4"), 0.2, 9
+TAIL_SINKS = 0.004
+"""A tail may reach so much lower than the rest of the body, in body lengths."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +69,26 @@ def draw_animal(rng: np.random.Generator, preset: str, config: WorldConfig) -> S
     heading = torch.tensor([0.0, 0.0, rng.uniform(-np.pi, np.pi)], dtype=torch.float64)
     root = rotation_from_axis_angle(heading) @ rotation_from_axis_angle(pose[0])
     pose = torch.cat((axis_angle_from_rotation(root)[None], pose[1:]))
-    body = load_quadruped().posed(betas[None], pose[None], torch.zeros(1, 3, dtype=torch.float64))
+    pose, body = _with_tail_off_the_ground(betas, pose)
     trans = ground_trans(body.vertices[0])
     animal = StandingAnimal(preset, pose_name, betas, pose, trans, body.vertices[0] + trans, body.R_world_joint[0])
     return animal.moved(-animal.place)
+
+
+def _with_tail_off_the_ground(betas: Tensor, pose: Tensor) -> tuple[Tensor, PosedBody]:
+    """The pose and its body, a tail that would carry the animal raised until it does not."""
+    model, (_, high) = load_quadruped(), joint_limits()
+    tail = [model.joint_names.index(joint) for joint in RAISED]
+    is_tail = torch.zeros(model.vertex_count, dtype=torch.bool)
+    is_tail[model.tail_vertices] = True
+    for _ in range(TAIL_STEPS):
+        body = model.posed(betas[None], pose[None], torch.zeros(1, 3, dtype=torch.float64))
+        z = body.vertices[0, :, 2]
+        if float(z[is_tail].amin()) > float(z[~is_tail].amin()) - TAIL_SINKS:
+            break
+        pose = pose.clone()
+        pose[tail, 1] = torch.minimum(pose[tail, 1] + TAIL_STEP, high[tail, 1])
+    return pose, body
 
 
 def _betas(rng: np.random.Generator, preset: str, spread: float) -> Tensor:

@@ -29,7 +29,7 @@ class WorldConfig:
         animals: how many an image has.
         shape_spread: 0 for the plain presets, 1 for individuals as different as breeds are.
         pose_spread: 0 for the plain poses, 1 for joints turned by some degrees more or less.
-        occluded: part of the images with something before the animal.
+        occluded: part of the images with things put before the animal; they hide some of it in fewer.
         truncated: part of the images whose animal is cut by the frame.
         uav: part of the images taken from above, the others are handheld.
         elevation_deg: of the camera over the horizontal plane at the animal; handheld ones keep below 35, those from above over 25.
@@ -46,7 +46,7 @@ class WorldConfig:
     animals: tuple[int, int] = (1, 4)
     shape_spread: float = 1.0
     pose_spread: float = 1.0
-    occluded: float = 0.35
+    occluded: float = 0.5
     truncated: float = 0.15
     uav: float = 0.35
     elevation_deg: Range = (-10.0, 85.0)

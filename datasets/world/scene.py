@@ -33,8 +33,8 @@ LEAST_SEEN = 0.4
 """Part of the first animal that nothing hides, at least."""
 COARSE = 4
 """Pixels that one pixel stands for when that is looked after."""
-STEEP = 0.8
-"""Sine of the camera's elevation from which only trees stand between it and the animal."""
+HIDING = ((0.26, OCCLUDERS), (0.6, ("trunk", "fence", "bush", "tree")), (np.inf, ("tree",)))
+"""What can hide an animal from a camera, up to a sine of its elevation."""
 EXTRAS = 0.5
 """Part of the images with further things anywhere."""
 
@@ -166,12 +166,13 @@ def _before(rng: np.random.Generator, animal: StandingAnimal, camera: PinholeCam
     eye = camera.center_world.numpy()
     towards = eye[:2] - animal.place.numpy()
     far = float(np.linalg.norm(eye - np.array([*animal.place.tolist(), 0.4])))
-    steep = eye[2] / max(far, 1e-9) > STEEP
-    kind = "tree" if steep else OCCLUDERS[int(rng.integers(len(OCCLUDERS)))]
+    sine = eye[2] / max(far, 1e-9)
+    kinds = next(kinds for limit, kinds in HIDING if sine < limit)
+    kind = kinds[int(rng.integers(len(kinds)))]
     along = towards / max(float(np.linalg.norm(towards)), 1e-9)
     aside = np.array([-along[1], along[0]])
-    apart = animal.reach + REACH[kind] + GAP + rng.uniform(0.0, 0.3)
-    spread = animal.reach * rng.uniform(-0.8, 0.8)
+    apart = animal.reach + REACH[kind] + GAP + rng.uniform(0.01, 0.15)
+    spread = animal.reach * rng.uniform(-0.6, 0.6)
     return kind, animal.place.numpy() + along * (apart**2 - min(spread**2, apart**2 / 2)) ** 0.5 + aside * spread * 1.05
 
 

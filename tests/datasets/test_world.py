@@ -234,3 +234,13 @@ IMPOSSIBLE = [
 def test_an_impossible_world_is_refused_by_the_name_of_its_field(field: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"^{field} must"):
         replace(CLEAR, **{field: value})  # type: ignore[arg-type]
+
+
+def test_no_animal_stands_on_its_tail() -> None:
+    model = load_quadruped()
+    is_tail = torch.zeros(model.vertex_count, dtype=torch.bool)
+    is_tail[model.tail_vertices] = True
+    config = replace(SMALL, poses=("lie", "sit", "curl"), animals=(1, 1), pose_spread=0.0, shape_spread=0.0)
+    for index in range(20):
+        z = plan_scene(1, index, config).animals[0].vertices[:, 2]
+        assert float(z[~is_tail].amin()) < 0.01
