@@ -56,6 +56,7 @@ class Animal3DEntry(_Named):
     shape_extra: list[float] | None = None
     trans: list[float] | None = None
     keypoint_3d: list[list[float]] | None = None
+    with_tail: int | bool = 1
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
         ModelFileError: the model is refused.
 
     """
-    found = _Found([], [], {}, {})
+    found = _Found([], [], {}, {}, set())
     vids: list[list[int]] | None = None
     for file in find_splits(path):
         root = images or file.parent
@@ -111,18 +112,28 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
         return Animal3D(RecordSet(FORMAT, tuple(records), faults), None)
     bodies = ParametersBody(_model_with_landmarks(model, vids), found.parameters)
     pose, notes = stored_camera(records, bodies, found.keypoints_3d)
+    if found.tailless:
+        notes = (*notes, _about_tails(len(found.tailless), len(found.parameters)))
     posed = tuple(replace(record, stored_pose=pose) if record.sample_id in found.parameters else record for record in records)
     return Animal3D(RecordSet(FORMAT, posed, faults, notes), bodies)
 
 
+def _about_tails(without: int, animals: int) -> str:
+    return (
+        f"{without} of {animals} bodies were fitted without their tail (with_tail 0), but have the model's straight one: "
+        "boxes that hold it are too long; label the dataset with --tail drop"
+    )
+
+
 @dataclass(frozen=True)
 class _Found:
-    """What has been read so far; parameters and keypoints_3d by sample id."""
+    """What has been read so far; parameters and keypoints_3d by sample id; tailless are those fitted without a tail."""
 
     records: list[AnimalRecord]
     faults: list[SampleError]
     parameters: dict[str, SmalParameters]
     keypoints_3d: dict[str, NDArray[np.float64]]
+    tailless: set[str]
 
 
 def _read_split(split: _File, name: str, root: Path, found: _Found) -> None:
@@ -141,6 +152,8 @@ def _read_split(split: _File, name: str, root: Path, found: _Found) -> None:
         found.records.append(record)
         if fitted is not None:
             found.parameters[sample_id] = fitted
+            if not entry.with_tail:
+                found.tailless.add(sample_id)
         if entry.keypoint_3d is not None and {len(row) for row in entry.keypoint_3d} == {3}:
             found.keypoints_3d[sample_id] = np.array(entry.keypoint_3d, dtype=np.float64)
 

@@ -47,6 +47,7 @@ def label(
     method: Annotated[Literal["default", "paper", "basic"], tyro.conf.arg(help="camera pose: ours, the paper's, its baseline")] = "default",
     axes: Annotated[Literal["default", "landmarks", "pca"], tyro.conf.arg(help="body axes: ours, the paper's, its baseline")] = "default",
     residual: Annotated[Literal["vector", "literal"], tyro.conf.arg(help="how the paper's E_total is read (method paper)")] = "vector",
+    tail: Annotated[Literal["keep", "drop"], tyro.conf.arg(help="whether the boxes hold the tail; the same for all animals")] = "keep",
     min_keypoints: Annotated[int, tyro.conf.arg(help="fewest visible keypoints")] = 6,
     json: Annotated[bool, tyro.conf.arg(help="print report.json instead of words; no progress bar")] = False,
 ) -> int:
@@ -54,7 +55,7 @@ def label(
     from animal3dbox.cli.label import LabelJob, run_label
     from animal3dbox.labels.config import LabelConfig
 
-    config = LabelConfig(method=method, axes=axes, residual=residual, min_keypoints=min_keypoints)
+    config = LabelConfig(method=method, axes=axes, residual=residual, tail=tail, min_keypoints=min_keypoints)
     return run_label(LabelJob(path, out, format, images, model, body, landmarks, config, json))
 
 

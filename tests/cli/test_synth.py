@@ -28,6 +28,10 @@ def test_a_synthetic_animal3d_folder_is_written_and_labelled_with_its_own_bodies
     assert report["faulty"] == 0
     labels = json.loads((tmp_path / "labels" / "labels.json").read_text())
     assert labels["body"].startswith("parameters:")
+    dropped = tmp_path / "dropped"
+    assert run("label", str(tmp_path / "made"), "--model", str(model), "--out", str(dropped), "--tail", "drop", "--json") == 0
+    without = {animal["sample_id"]: animal for animal in json.loads((dropped / "labels.json").read_text())["animals"]}
+    assert any(without[animal["sample_id"]]["size"][0] < 0.95 * animal["size"][0] for animal in labels["animals"] if animal["sample_id"] in without)
     assert {animal["quality"]["K_source"] for animal in labels["animals"]} == {"dataset"}
     truth = {told["sample_id"]: told for told in json.loads((tmp_path / "made" / "truth.json").read_text())["animals"]}
     sizes = [(animal["size"], truth[animal["sample_id"]]["size"]) for animal in labels["animals"]]

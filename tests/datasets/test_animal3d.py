@@ -183,6 +183,13 @@ def test_a_camera_that_agrees_with_nothing_is_not_used(home: Path, tmp_path: Pat
     assert any("no focal length" in note for note in found.records.notes)
 
 
+def test_bodies_fitted_without_their_tail_are_told_of(home: Path, read: Animal3D, tmp_path: Path) -> None:
+    found = read_animal3d(copy_with(home, tmp_path / "tails", lambda c: c["data"][0].update(with_tail=0)), home / "body.pkl")
+    count = len(found.records.records)
+    assert any(note.startswith(f"1 of {count} bodies") and "--tail drop" in note for note in found.records.notes)
+    assert not any("tail" in note for note in read.records.notes)
+
+
 def test_sets_of_keypoints_alone_are_read_without_bodies(home: Path, tmp_path: Path) -> None:
     def flat(content: dict[str, Any]) -> None:
         for key in list(content):
