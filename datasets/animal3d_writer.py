@@ -46,13 +46,15 @@ def write_animal3d(made: SyntheticSet, root: Path, model: Path, progress: bool =
         How many animals.
 
     Raises:
-        ConfigError: the cameras cannot be told in this format, or the model lies inside root.
+        ConfigError: the cameras cannot be told in this format, or the model lies inside root or is there already.
 
     """
     if made.config.vocabulary.keypoints != ANIMAL3D_26 or made.config.focal_px[0] != made.config.focal_px[1] or made.config.principal_offset:
         raise ConfigError("Animal3D tells one focal length, a centred principal point and its 26 keypoints: make the config with animal3d_world")
     if model.resolve().is_relative_to(root.resolve()):
         raise ConfigError(f"the model {model} must lie beside {root}, not in it, as SMAL does not come with the dataset")
+    if model.exists():
+        raise ConfigError(f"the model {model} is there already and may be a real one: it is written, so give another path or remove it")
     entries: dict[str, list[dict[str, Any]]] = {"train": [], "test": []}
     truths = []
     focal = made.config.focal_px[0] * made.faults.focal_factor

@@ -124,6 +124,11 @@ def test_the_truth_stands_beside_it_and_is_not_the_annotation(home: Path, made: 
 def test_a_model_inside_the_folder_and_cameras_that_cannot_be_told_are_refused(made: SyntheticSet, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="must lie beside"):
         write_animal3d(made, tmp_path / "animals", tmp_path / "animals" / "body.pkl")
+    (tmp_path / "smal.pkl").write_bytes(b"somebody's own")
+    with pytest.raises(ConfigError, match="is there already"):
+        write_animal3d(made, tmp_path / "animals", tmp_path / "smal.pkl")
+    assert (tmp_path / "smal.pkl").read_bytes() == b"somebody's own"
+    assert not (tmp_path / "animals").exists()
     with pytest.raises(ConfigError, match="animal3d_world"):
         write_animal3d(SyntheticSet(0, 1), tmp_path / "animals", tmp_path / "body.pkl")
     with pytest.raises(ConfigError, match="at least one image"):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from rays import nearest_triangles
+from scipy.spatial.transform import Rotation
 
 from animal3dbox.datasets.synthetic import SyntheticScene, synthetic_scene
 from animal3dbox.datasets.world.coats import KINDS, coat_colors, draw_coat, template_features
@@ -16,7 +17,7 @@ from animal3dbox.datasets.world.config import CLEAR, WorldConfig, world_generato
 from animal3dbox.datasets.world.scene import ScenePlan, plan_scene
 from animal3dbox.datasets.world.things import OCCLUDERS, REACH, make_ledge, make_thing
 from animal3dbox.errors import ConfigError
-from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.camera import PinholeCamera, project
 from animal3dbox.smal.quadruped import load_quadruped
 
 SMALL = WorldConfig(image_hw=(96, 128), focal_px=(100.0, 1000.0))
@@ -129,9 +130,20 @@ def test_seeds_and_indices_are_not_mixed_up_and_cannot_be_negative() -> None:
 # What is drawn --------------------------------------------------------------------------------------------------------
 
 
+def roll_deg(camera: PinholeCamera, target: torch.Tensor) -> float:
+    """How far the vertical through a point is turned in the picture of a camera that points straight at it."""
+    R, t = camera.T_cam_world[:3, :3].numpy(), camera.T_cam_world[:3, 3].numpy()
+    ahead = R @ target.numpy() + t
+    ahead /= np.linalg.norm(ahead)
+    axis = np.cross([0.0, 0.0, 1.0], ahead)
+    turn = Rotation.from_rotvec(axis / np.linalg.norm(axis) * np.arccos(ahead[2])).as_matrix()
+    up = turn.T @ R @ [0.0, 0.0, 1.0]
+    return float(np.degrees(np.arctan2(up[0], -up[1])))
+
+
 def test_cameras_keep_to_their_ranges_and_use_them(plans: list[ScenePlan]) -> None:
     config = WorldConfig()
-    elevations, fills, cut = [], [], 0
+    elevations, fills, rolls, cut = [], [], [], 0
     for plan in plans:
         K, eye, body = plan.camera.K, plan.camera.center_world, plan.animals[0].vertices
         away = eye - (body.amax(0) + body.amin(0)) / 2
@@ -140,10 +152,7 @@ def test_cameras_keep_to_their_ranges_and_use_them(plans: list[ScenePlan]) -> No
         assert float(K[0, 0]) == float(K[1, 1])
         assert abs(float(K[0, 2]) - 319.5) <= 0.12 * 640
         assert abs(float(K[1, 2]) - 239.5) <= 0.12 * 480
-        right = plan.camera.T_cam_world[0, :3]
-        level = torch.nn.functional.normalize(torch.tensor([-away[1], away[0], 0.0], dtype=F64), dim=0)  # to the right of who looks at the animal
-        # The camera is turned towards the animal's place in the frame too, which tips its horizon by some degrees more
-        assert float(torch.rad2deg(torch.acos((right @ level).clamp(-1, 1)))) < 75
+        rolls.append(roll_deg(plan.camera, (body.amax(0) + body.amin(0)) / 2))
         px, depth = plan.camera.project(body)
         assert float(depth.amin()) > 0.09
         size = (px.amax(0) - px.amin(0)) / torch.tensor([640.0, 480.0])
@@ -154,6 +163,10 @@ def test_cameras_keep_to_their_ranges_and_use_them(plans: list[ScenePlan]) -> No
     assert max(elevations) <= config.elevation_deg[1] + 0.1
     assert min(elevations) < 2
     assert max(elevations) > 55
+    assert max(rolls) <= config.roll_deg + 1e-6
+    assert min(rolls) >= -config.roll_deg - 1e-6
+    assert max(rolls) > 8
+    assert min(rolls) < -8
     assert min(fills) >= 0.08 * 0.97
     assert max(fills) <= 0.95 * 1.03
     assert min(fills) < 0.25
