@@ -84,7 +84,19 @@ def synth(
     from animal3dbox.cli.synth import SynthJob, run_synth
     from animal3dbox.datasets.faults import FaultConfig
 
-    faults = FaultConfig(noise_px, outliers, missing, zeros, wrong_flags, swap, swapped, focal_factor, joint_deg, body_scale, mask_px)
+    faults = FaultConfig(
+        noise_px=noise_px,
+        outliers=outliers,
+        missing=missing,
+        zeros=zeros,
+        wrong_flags=wrong_flags,
+        swap=swap,
+        swapped=swapped,
+        focal_factor=focal_factor,
+        joint_deg=joint_deg,
+        body_scale=body_scale,
+        mask_px=mask_px,
+    )
     return run_synth(SynthJob(out, n, seed, format, model, (height, width), mark_hidden, faults))
 
 

@@ -12,7 +12,7 @@ from animal3dbox.datasets.world.coats import Coat, coat_colors, template_feature
 from animal3dbox.datasets.world.config import world_generator
 from animal3dbox.datasets.world.ground import background
 from animal3dbox.datasets.world.scene import ScenePlan
-from animal3dbox.datasets.world.things import Thing
+from animal3dbox.datasets.world.things import CROWN_BOTTOM, Thing
 from animal3dbox.smal.quadruped import load_quadruped
 
 Values = NDArray[np.float32]
@@ -44,12 +44,12 @@ def _coat(coat: Coat) -> Callable[[Values], Values]:
 def _grained(thing: Thing) -> Callable[[Values], Values]:
     """Colours of a thing: its own, darker and lighter in grains."""
     amount, cycles = thing.grain
-    color = np.array(thing.color, dtype=np.float32)
+    color, stem = (np.array(c, dtype=np.float32) for c in (thing.color, thing.stem or thing.color))
 
     def colors(places: Values) -> Values:
         x, y, z = cycles * places.T
         grain = np.sin(x + 1.7 * np.sin(0.8 * y)) * np.sin(y + 1.3 * np.sin(0.9 * z)) + 0.7 * np.sin(2.3 * z + 2.1 * np.sin(x)) * np.sin(2.7 * x - y)
-        return np.asarray(color * (1 + amount * 0.6 * grain[:, None]), dtype=np.float32)
+        return np.asarray(np.where(places[:, 2:] < CROWN_BOTTOM, stem, color) * (1 + amount * 0.6 * grain[:, None]), dtype=np.float32)
 
     return colors
 

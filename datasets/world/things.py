@@ -27,6 +27,7 @@ class Thing:
         faces: (F, 3), counter-clockwise seen from outside.
         color: its mean colour, 0 to 1.
         grain: how much the colour varies over it, and how finely: amount and cycles a unit.
+        stem: its colour below CROWN_BOTTOM, if that is another.
     """
 
     kind: str
@@ -34,12 +35,14 @@ class Thing:
     faces: torch.Tensor
     color: Color
     grain: tuple[float, float]
+    stem: Color | None = None
 
 
 OCCLUDERS = ("trunk", "bush", "rock", "fence", "tuft")
 REACH = {"trunk": 0.15, "bush": 0.45, "rock": 0.35, "fence": 0.7, "tuft": 0.25, "tree": 0.15}
 """Radius on the ground that a thing of each kind keeps within; a tree's crown is above the animals."""
 CROWN_BOTTOM = 1.15
+BARK = (0.36, 0.28, 0.21)
 STEEPNESS = 1.0
 """Run of a ledge's sides for their rise: less than a camera from below needs to see over its rim."""
 
@@ -52,7 +55,9 @@ def make_thing(rng: np.random.Generator, kind: str, place: Points) -> Thing:
     turned = vertices @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     shade = float(rng.uniform(0.8, 1.15))
     tone = (color[0] * shade, color[1] * shade, color[2] * shade)
-    return Thing(kind, torch.from_numpy(turned + np.array([place[0], place[1], 0.0])), torch.from_numpy(faces), tone, grain)
+    return Thing(
+        kind, torch.from_numpy(turned + np.array([place[0], place[1], 0.0])), torch.from_numpy(faces), tone, grain, BARK if kind == "tree" else None
+    )
 
 
 def make_ledge(rng: np.random.Generator, place: Points, reach: float, bottom: float, color: Color) -> Thing:
@@ -72,7 +77,7 @@ def _trunk(rng: np.random.Generator, height: float = 0.0) -> Made:
     levels = np.linspace(0, height, 8)[::-1]
     spread = radius * (1 - 0.3 * levels / height + 0.5 * np.exp(-levels / 0.08))
     vertices, faces = _rings(rng, levels, np.minimum(spread, REACH["trunk"] - 0.02), 14, 0.008)
-    return vertices, faces, (0.36, 0.28, 0.21), (0.35, 14.0)
+    return vertices, faces, BARK, (0.35, 14.0)
 
 
 def _bush(rng: np.random.Generator) -> Made:

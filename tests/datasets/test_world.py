@@ -11,14 +11,18 @@ import torch
 from rays import nearest_triangles
 from scipy.spatial.transform import Rotation
 
+from animal3dbox.datasets.shading import Light, Surface, render
 from animal3dbox.datasets.synthetic import SyntheticScene, synthetic_scene
 from animal3dbox.datasets.world.coats import KINDS, coat_colors, draw_coat, template_features
 from animal3dbox.datasets.world.config import CLEAR, WorldConfig, world_generator
 from animal3dbox.datasets.world.scene import ScenePlan, plan_scene
 from animal3dbox.datasets.world.things import OCCLUDERS, REACH, make_ledge, make_thing
 from animal3dbox.errors import ConfigError
-from animal3dbox.geometry.camera import PinholeCamera, project
-from animal3dbox.smal.quadruped import load_quadruped
+from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at, project
+from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.labels.seen_surface import visible_vertices
+from animal3dbox.smal.quadruped import load_quadruped, preset_betas
+from animal3dbox.smal.quadruped_poses import named_pose
 
 SMALL = WorldConfig(image_hw=(96, 128), focal_px=(100.0, 1000.0))
 CROWDED = replace(SMALL, occluded=1.0, animals=(2, 3), fill=(0.4, 0.9), uav=0.2)
@@ -215,6 +219,26 @@ def test_things_are_closed_point_outwards_and_keep_within_their_reach(kind: str)
     if kind in OCCLUDERS:
         reach = float((thing.vertices[:, :2] - torch.from_numpy(place)).norm(dim=1).amax())
         assert reach <= REACH[kind] + 1e-9
+
+
+def test_a_coat_sticks_to_the_body_in_every_pose() -> None:
+    model, coat = load_quadruped(), draw_coat(np.random.default_rng(3), "zebra")
+    K, hw = intrinsics(700.0, (240, 320)), (240, 320)
+    T = look_at(*(torch.tensor(v, dtype=F64) for v in ([0.3, 3.0, 0.6], [0.0, 0.0, 0.4], [0.0, 0.0, 1.0])))
+    shown = []
+    for pose in ("stand", "run"):
+        body = model.posed(preset_betas("zebra")[None], named_pose(pose)[None], torch.zeros(1, 3, dtype=F64)).vertices[0]
+        surface = Surface(body, model.faces, template_features(), lambda features: coat_colors(coat, features))
+        made = render([surface], PinholeCamera(K, T, hw), np.zeros((*hw, 3), np.float32), Light(sunny=0.0))
+        px, _ = project(K, transform_points(T, body))
+        column, row = px.round().long().unbind(1)
+        seen = visible_vertices(transform_points(T, body), model.faces, K, hw)
+        shown.append((seen, made.image[row.clamp(0, 239), column.clamp(0, 319)].double().mean(1), column))
+    both = shown[0][0] & shown[1][0]
+    moved = both & ((shown[0][2] - shown[1][2]).abs() > 8)
+    a, b = shown[0][1][moved], shown[1][1][moved]
+    assert int(moved.sum()) > 100
+    assert float(torch.corrcoef(torch.stack((a, b)))[0, 1]) > 0.8  # stripes have moved with the skin; pixels and shade differ a little
 
 
 def test_coats_are_colours_and_differ_by_kind() -> None:
