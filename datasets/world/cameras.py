@@ -57,10 +57,7 @@ def draw_camera(rng: np.random.Generator, vertices: Tensor, config: WorldConfig)
             distance += NEAREST - nearest + 0.05
             continue
         size = high - low
-        cut = (view.corner < 0) | (view.corner > 1)
-        room = torch.where(cut, size, 2 * half - size)
-        inner = torch.where(cut, torch.where(view.corner < 0, view.corner * size, 2 * half - size + (view.corner - 1) * size), view.corner * room)
-        error = inner + size / 2 - 0.5 - (low + high) / 2
+        error = _corner_px(view.corner, size, 2 * half) + size / 2 - 0.5 - (low + high) / 2
         growth = float((size / (2 * half)).amax()) / view.fill
         if float(error.abs().amax()) < 0.5 and abs(growth - 1) < 1e-3:
             break
@@ -69,6 +66,12 @@ def draw_camera(rng: np.random.Generator, vertices: Tensor, config: WorldConfig)
     moved = T.clone()
     moved[:3, 3] = T[:3, 3] - R @ middle
     return PinholeCamera(view.K, moved, config.image_hw)
+
+
+def _corner_px(corner: Tensor, size: Tensor, frame: Tensor) -> Tensor:
+    """Where the box of an animal begins, (2,) px from the frame's border: within the room it has, or cut by part of its size."""
+    before, after = corner * size, frame - size + (corner - 1) * size
+    return torch.where(corner < 0, before, torch.where(corner > 1, after, corner * (frame - size)))
 
 
 def _draw_view(rng: np.random.Generator, config: WorldConfig) -> _View:

@@ -32,7 +32,8 @@ class WorldConfig:
         occluded: part of the images with things put before the animal; they hide some of it in fewer.
         truncated: part of the images whose animal is cut by the frame.
         uav: part of the images taken from above, the others are handheld.
-        elevation_deg: of the camera over the horizontal plane at the animal; handheld ones keep below 35, those from above over 25.
+        elevation_deg: of the camera over the horizontal plane at the animal, 10 being the most common for handheld ones; those keep
+            below 35, and the ones from above over 25, where low ones are more common.
         roll_deg: greatest roll of the camera, to either side.
         focal_px: focal length in pixels, drawn evenly over its logarithm.
         principal_offset: greatest offset of the principal point from the centre, as part of the image's sides.
