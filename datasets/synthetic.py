@@ -142,7 +142,7 @@ class SyntheticAnimal:
         return self.cuboid_world.transformed(self.camera.T_cam_world)
 
     @cached_property
-    def faces_seen(self) -> FaceVisibility:
+    def faces_seen(self) -> FaceVisibility[Tensor]:
         """What the camera sees of the box."""
         return face_visibility(self.cuboid, self.K, self.image_hw)
 
