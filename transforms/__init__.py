@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from animal3dbox.transforms.flips import RandomHorizontalFlip as RandomHorizontalFlip
     from animal3dbox.transforms.flips import RandomVerticalFlip as RandomVerticalFlip
     from animal3dbox.transforms.kornia_ops import KorniaTransform as KorniaTransform
+    from animal3dbox.transforms.kornia_sequential import CameraAugmentationSequential as CameraAugmentationSequential
     from animal3dbox.transforms.noise import RandomGaussianBlur as RandomGaussianBlur
     from animal3dbox.transforms.noise import RandomGaussianNoise as RandomGaussianNoise
     from animal3dbox.transforms.perspective import RandomPerspective as RandomPerspective
@@ -35,11 +36,12 @@ if TYPE_CHECKING:
     from animal3dbox.transforms.virtual_camera import RandomVirtualCamera as RandomVirtualCamera
 
 _HOMES = {
-    "CenterCrop": "resizing", "ColorJitter": "colour", "Compose": "compose", "KorniaTransform": "kornia_ops", "LetterBox": "resizing",
-    "Normalize": "colour", "PadTo": "resizing", "PerspectiveCrop": "virtual_camera", "Plan": "steps", "RandomAffine": "affine",
-    "RandomErasing": "erasing", "RandomGaussianBlur": "noise", "RandomGaussianNoise": "noise", "RandomGrayscale": "colour",
-    "RandomHorizontalFlip": "flips", "RandomPerspective": "perspective", "RandomResizedCrop": "crops", "RandomRotation": "affine",
-    "RandomVerticalFlip": "flips", "RandomVirtualCamera": "virtual_camera", "Resize": "resizing", "Transform": "transform",
+    "CameraAugmentationSequential": "kornia_sequential", "CenterCrop": "resizing", "ColorJitter": "colour", "Compose": "compose",
+    "KorniaTransform": "kornia_ops", "LetterBox": "resizing", "Normalize": "colour", "PadTo": "resizing", "PerspectiveCrop": "virtual_camera",
+    "Plan": "steps", "RandomAffine": "affine", "RandomErasing": "erasing", "RandomGaussianBlur": "noise", "RandomGaussianNoise": "noise",
+    "RandomGrayscale": "colour", "RandomHorizontalFlip": "flips", "RandomPerspective": "perspective", "RandomResizedCrop": "crops",
+    "RandomRotation": "affine", "RandomVerticalFlip": "flips", "RandomVirtualCamera": "virtual_camera", "Resize": "resizing",
+    "Transform": "transform",
 }  # fmt: skip
 
 __all__ = sorted(_HOMES)

@@ -181,16 +181,8 @@ class KorniaTransform(Transform):
         self.geometric = is_geometric(op)
         if op.device.type != "cpu":
             raise ConfigError(f"{type(op).__name__} draws on {op.device}, which no sample's key can seed; draw on the CPU: op.to('cpu')")
-        may_mirror = isinstance(op, FLIPS) and op.p > 0 and op.p_batch > 0
-        if self.geometric and not _is_kornias_own(op):
-            from animal3dbox.transforms.kornia_probe import PROBE_HW, check_matrix  # it measures with this module's matrices
-
-            may_mirror |= check_matrix(op, PROBE_HW if probe_hw is None else probe_hw)
+        may_mirror = measured_mirror(op, probe_hw)
         self.mirrors = may_mirror if mirrors is None else mirrors
-        if isinstance(op, BLURS):
-            from animal3dbox.transforms.kornia_probe import check_blur
-
-            check_blur(op)
         if not self.geometric:
             _check_colours(op)
 
@@ -221,8 +213,21 @@ class KorniaTransform(Transform):
             raise ConfigError(f"{self.op!r} mirrored the picture unexpectedly; if it may, say so: KorniaTransform(op, mirrors=True)")
 
 
-def _is_kornias_own(op: Any) -> bool:
-    return type(op).__module__.startswith("kornia.")
+def measured_mirror(op: Any, probe_hw: tuple[tuple[int, int], ...] | None = None) -> bool:
+    """Whether a kornia augmentation may mirror; what is not known of it is measured.
+
+    Raises:
+        ConfigError: its pixels do not follow its matrix, or it moves pixels without one (see kornia_probe).
+
+    """
+    from animal3dbox.transforms.kornia_probe import PROBE_HW, check_blur, check_matrix  # it measures with this module's matrices
+
+    if isinstance(op, BLURS):
+        check_blur(op)
+    may_mirror = isinstance(op, FLIPS) and op.p > 0 and op.p_batch > 0
+    if is_geometric(op) and not type(op).__module__.startswith("kornia."):
+        may_mirror |= check_matrix(op, PROBE_HW if probe_hw is None else probe_hw)
+    return may_mirror
 
 
 def _check_colours(op: Any) -> None:
