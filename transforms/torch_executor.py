@@ -75,7 +75,8 @@ def _read(images: Tensor, readings: list[Reading], interpolation: str, fill: tup
     """Read pictures that are all shrunken alike."""
     background = images.new_tensor(fill if len(fill) > 1 else fill * images.shape[1])[: images.shape[1], None, None]
     # A constant border is a border of zeros round the picture less the constant.
-    source = images - background
+    filled = any(fill)
+    source = images - background if filled else images
     across, down = readings[0].shrink_xy
     if (across, down) != (1, 1):
         padded = torch.nn.functional.pad(source, (0, -images.shape[-1] % across, 0, -images.shape[-2] % down))
@@ -88,7 +89,7 @@ def _read(images: Tensor, readings: list[Reading], interpolation: str, fill: tup
     if any(reading.horizon for reading in readings):
         beyond = torch.from_numpy(np.stack([reading.beyond() for reading in readings])).to(images.device)
         warped = torch.where(beyond[:, None], torch.zeros_like(warped), warped)
-    warped = warped + background
+    warped = warped + background if filled else warped
     return warped.round().clamp(0, 255) if rounded else warped
 
 
@@ -108,13 +109,18 @@ def sampling_grid(H_in_out: np.ndarray, image_hw: tuple[int, int], source: Tenso
     """
     height, width = source.shape[-2:]
     units = np.array([[2 / width, 0, 1 / width - 1], [0, 2 / height, 1 / height - 1], [0, 0, 1.0]])
-    matrices = torch.from_numpy(units @ H_in_out).to(source)
+    affine = bool((H_in_out[:, 2, :2] == 0).all())
+    matrices = torch.from_numpy(units @ (H_in_out / H_in_out[:, 2:, 2:] if affine else H_in_out)).to(source)
     x = torch.arange(image_hw[1], dtype=source.dtype, device=source.device)
     y = torch.arange(image_hw[0], dtype=source.dtype, device=source.device)
-    affine = bool((H_in_out[:, 2, :2] == 0).all())
-    lines = [matrices[:, row, 0, None, None] * x + (matrices[:, row, 1, None] * y + matrices[:, row, 2, None])[:, :, None] for row in (0, 1)]
+    across = [matrices[:, row, 0, None] * x for row in (0, 1)]
+    down = [matrices[:, row, 1, None] * y + matrices[:, row, 2, None] for row in (0, 1)]
     if affine:
-        return torch.stack(lines, dim=-1) / matrices[:, 2, 2, None, None, None]
+        grid = source.new_empty((len(matrices), *image_hw, 2))
+        for axis in (0, 1):
+            torch.add(across[axis][:, None], down[axis][:, :, None], out=grid[..., axis])
+        return grid
+    lines = [across[axis][:, None] + down[axis][:, :, None] for axis in (0, 1)]
     w = matrices[:, 2, 0, None, None] * x + (matrices[:, 2, 1, None] * y + matrices[:, 2, 2, None])[:, :, None]
     safe = torch.where(w.abs() < 1e-12, torch.full_like(w, 1e-12), w)
     return torch.stack(lines, dim=-1) / safe[..., None]
