@@ -54,8 +54,11 @@ def drawn_stages(pipeline: Any, params: Sequence[Any], shape: tuple[int, int, in
     image_hw = (shape[2], shape[3])
     for item in params:
         op = pipeline.get_submodule(item.name)
-        if not is_geometric(op):
-            stages += [Coloured(op, item.data)] if gates(op, item.data).any() else []
+        geometric = is_geometric(op)
+        if not gates(op, item.data).any():
+            continue
+        if not geometric:
+            stages.append(Coloured(op, item.data))
             continue
         H = matrices(op, item.data, (shape[0], shape[1], *image_hw))
         after_hw = output_hw(op, item.data, image_hw)

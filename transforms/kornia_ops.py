@@ -117,21 +117,24 @@ def matrices(op: Any, params: Mapping[str, Any], shape: tuple[int, int, int, int
     H = op.generate_transformation_matrix(without_pixels, precise, op.flags).detach().double().cpu().numpy()
     if H.ndim != 3 or H.shape[1:] != (3, 3) or H.shape[0] not in (1, shape[0]):
         raise ConfigError(f"{type(op).__name__} must give matrices ({shape[0]}, 3, 3), got {H.shape}")
-    if not np.isfinite(H).all() or (np.linalg.matrix_rank(H) < 3).any():
+    rows = np.sqrt((H * H).sum(axis=2)).prod(axis=1)
+    if not np.isfinite(rows).all() or (np.abs(np.linalg.det(H)) <= 1e-12 * rows).any():
         raise ConfigError(f"{type(op).__name__} drew a map of pixels that cannot be inverted; narrow its ranges")
-    return np.stack([oriented(matrix, (shape[2], shape[3])) for matrix in np.broadcast_to(H, (shape[0], 3, 3))])
+    return oriented(np.broadcast_to(H, (shape[0], 3, 3)), (shape[2], shape[3]))
 
 
 def oriented(H_out_in: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
-    """The same map (3, 3) with w = 1 in the middle of the picture, and without rounding where there should be zeros."""
+    """The same maps (B, 3, 3) with w = 1 in the middle of the picture, and without rounding where there should be zeros."""
     height, width = image_hw
-    w = H_out_in[2] @ np.array([(width - 1) / 2, (height - 1) / 2, 1])
-    if abs(w) < 1e-12 * np.abs(H_out_in[2]).max():
+    w = H_out_in[:, 2] @ np.array([(width - 1) / 2, (height - 1) / 2, 1])
+    if (np.abs(w) < 1e-12 * np.abs(H_out_in[:, 2]).max(axis=1)).any():
         raise ConfigError("a kornia operation drew a map that sends the middle of the picture to infinity; narrow its ranges")
-    H = H_out_in / w
+    H = H_out_in / w[:, None, None]
     moved_px = np.abs(H) * np.array([width, height, 1]) * np.array([[1.0], [1.0], [max(height, width)]])
     H = np.where(moved_px < NOTHING_PX, 0.0, H)
-    return H / H[2, 2] if not H[2, :2].any() else H
+    if not H[:, 2, :2].any():
+        H[:, 2, 2] = 1.0  # w is the same everywhere, so it was 1 but for rounding
+    return H
 
 
 def mirrored(H_out_in: np.ndarray) -> bool:
