@@ -156,6 +156,8 @@ def test_affine_operations_stay_affine() -> None:
     for name in ("Resize", "RandomResizedCrop", "RandomAffine"):
         _, target = Compose([{**SAMPLED, **CROPS}[name]()], allow_skew=True)(photo(), {}, key=(0, 2))
         assert target["H_out_in"][2].tolist() == [0, 0, 1]
+    _, target = Compose([kornia.RandomRotation90((1, 1), p=1.0)])(photo(), {}, key=(0, 2))
+    assert target["H_out_in"][[0, 1], [0, 1]].tolist() == [0, 0]  # upright boxes stay upright boxes
 
 
 def test_mirror_forbid_refuses_kornias_flips() -> None:

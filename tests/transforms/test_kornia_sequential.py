@@ -180,6 +180,7 @@ def test_neighbouring_maps_are_one_reading_of_the_pixels(monkeypatch: pytest.Mon
         ([flip, kornia.Normalize(0.5, 0.5), turn, kornia.RandomGrayscale(p=1.0), crop], 1),
         ([flip, kornia.RandomEqualize(p=1.0), turn, crop], 2),
         ([kornia.RandomEqualize(p=1.0), kornia.RandomRotation(8.0, p=0.0)], 0),
+        ([kornia.CenterCrop(HW)], 0),
     ):
         readings.clear()
         CameraAugmentationSequential(*ops)(batch()["image"])
@@ -272,3 +273,12 @@ def test_gradients_reach_the_images_and_dtypes_stay() -> None:
     assert image.grad is not None
     assert float(image.grad.abs().sum()) > 0
     assert (result.dtype, K.dtype) == (torch.float64, torch.float32)
+
+
+def test_the_fill_lies_outside_the_picture_and_the_scale_of_a_map_does_not_matter() -> None:
+    image = batch(1)["image"]
+    filled = CameraAugmentationSequential(kornia.PadTo((130, 170)), fill=0.25)(image)
+    assert_close(filled[..., 120:, :], torch.full_like(filled[..., 120:, :], 0.25), atol=1e-5, rtol=0)
+    assert_close(filled[..., :120, :160], image, atol=1e-5, rtol=0)
+    H = torch.tensor([[[0.9, 0.1, 3], [-0.1, 0.9, 5], [0, 0, 1]]], dtype=torch.float64).numpy()
+    assert_close(warp(image, 2 * H, HW, "bilinear", (0.0,)), warp(image, H, HW, "bilinear", (0.0,)), atol=1e-6, rtol=0)
