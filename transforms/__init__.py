@@ -41,7 +41,7 @@ _HOMES = {
     "Plan": "steps", "RandomAffine": "affine", "RandomErasing": "erasing", "RandomGaussianBlur": "noise", "RandomGaussianNoise": "noise",
     "RandomGrayscale": "colour", "RandomHorizontalFlip": "flips", "RandomPerspective": "perspective", "RandomResizedCrop": "crops",
     "RandomRotation": "affine", "RandomVerticalFlip": "flips", "RandomVirtualCamera": "virtual_camera", "Resize": "resizing",
-    "Transform": "transform",
+    "Transform": "transform", "inverse": "undo",
 }  # fmt: skip
 
 __all__ = sorted(_HOMES)

@@ -144,7 +144,7 @@ class CameraAugmentationSequential(torch.nn.Module):
             if self.check:
                 check_consistent(fields)
             if moved.image_hw != image_hw or not torch.equal(H[row], still):
-                fields = map_fields(fields, H[row], image_hw, moved.image_hw, allow_skew=self.allow_skew)
+                fields = map_fields(fields, moved.H_out_in[row], image_hw, moved.image_hw, allow_skew=self.allow_skew)
             rows.append(write_target(fields))
         return {name: torch.stack([torch.as_tensor(target[name]) for target in rows]) for name in named}
 
