@@ -2,9 +2,10 @@ import math
 
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import cameras, cuboids_in_front, rotations, vector
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -46,14 +47,14 @@ def test_the_camera_center_projects_nowhere_and_is_where_it_was_put() -> None:
     assert px[1, 1] < 4.5  # up in the world is up in the picture: less v
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(rotations(), vector(-5, 5), vector(-5, 5, 9))
 def test_a_transform_and_its_inverse_undo_each_other(R: Tensor, t: Tensor, values: Tensor) -> None:
     T, points = rigid(R, t), values.reshape(3, 3)
     assert_close(transform_points(invert_rigid(T), transform_points(T, points)), points, atol=1e-12, rtol=0)
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(vector(-1, 1).filter(lambda v: float(v.norm()) > 0.01), st.floats(0, math.pi))
 def test_rotation_angles_are_exact_at_both_ends(axis: Tensor, angle: float) -> None:
     R = rotation_from_axis_angle(axis / axis.norm() * angle)
@@ -87,7 +88,7 @@ def test_the_nearest_rotation_to_a_mirror_is_a_rotation() -> None:
     assert_close(R, torch.eye(3, dtype=F64))
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(vector(-2, 2, 9).filter(lambda v: abs(float(torch.linalg.det(v.reshape(3, 3)))) > 1e-3))
 def test_rq_gives_back_its_matrix_from_a_triangle_and_a_rotation(values: Tensor) -> None:
     A = values.reshape(3, 3)
@@ -99,7 +100,7 @@ def test_rq_gives_back_its_matrix_from_a_triangle_and_a_rotation(values: Tensor)
     assert float(torch.linalg.det(Q)) * float(torch.linalg.det(A)) > 0
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(cuboids_in_front(), cameras(), vector(-0.3, 0.3, 9), st.booleans())
 def test_the_updated_camera_sees_the_mapped_picture(box: Cuboid, camera: tuple[Tensor, tuple[int, int]], wobble: Tensor, mirror: bool) -> None:
     K, (_, width) = camera
@@ -144,7 +145,7 @@ def test_impossible_intrinsics_are_refused(K: Tensor, says: str) -> None:
         PinholeCamera(K, torch.eye(4), (10, 10))
 
 
-@settings(max_examples=300)
+@thorough(300)
 @given(rotations(), vector(-5, 5), cameras(), st.booleans())
 def test_a_mirrored_world_is_seen_by_a_proper_camera(R: Tensor, t: Tensor, camera: tuple[Tensor, tuple[int, int]], mirror: bool) -> None:
     K, (_, width) = camera

@@ -2,9 +2,10 @@ import itertools
 
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import cuboids_anywhere, rotations, vector
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -55,7 +56,7 @@ def test_normals_of_the_unit_box_are_its_axes() -> None:
     assert face_normals(UNIT.corners()).tolist() == [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(cuboids_anywhere(), rotations())
 def test_mirroring_permutes_corners_and_faces_as_documented_and_twice_is_identity(box: Cuboid, R: Tensor) -> None:
     Q = R @ torch.diag(torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64))
@@ -69,7 +70,7 @@ def test_mirroring_permutes_corners_and_faces_as_documented_and_twice_is_identit
     )
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(cuboids_anywhere(), rotations(), vector(-5, 5), st.floats(0.01, 100))
 def test_corners_move_with_the_box(box: Cuboid, R: Tensor, t: Tensor, factor: float) -> None:
     assert_close(box.transformed(rigid(R, t)).corners(), box.corners() @ R.mT + t, atol=1e-12, rtol=0)

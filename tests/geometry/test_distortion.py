@@ -2,9 +2,10 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import cameras, cuboids_in_front, vector
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -18,7 +19,7 @@ F64 = torch.float64
 SIZES = {4: 0.05, 5: 0.05, 8: 0.05, 12: 0.02}
 
 
-@settings(max_examples=200)
+@thorough(200)
 @given(cuboids_in_front(), cameras(), st.sampled_from([4, 5, 8, 12]), st.data())
 def test_lenses_bend_as_opencv_bends_them(box: Cuboid, camera: tuple[Tensor, tuple[int, int]], count: int, data: st.DataObject) -> None:
     coefficients = data.draw(vector(-SIZES[count], SIZES[count], count))
@@ -28,7 +29,7 @@ def test_lenses_bend_as_opencv_bends_them(box: Cuboid, camera: tuple[Tensor, tup
     assert_close(px, torch.from_numpy(expected[:, 0]), atol=1e-6, rtol=1e-9)
 
 
-@settings(max_examples=300)
+@thorough(300)
 @given(cuboids_in_front(), cameras(), st.sampled_from([4, 5, 8, 12]), st.floats(-3, 3), st.booleans(), st.floats(0.3, 3), st.data())
 def test_a_lens_turns_with_flips_rolls_crops_and_resizes(
     box: Cuboid, camera: tuple[Tensor, tuple[int, int]], count: int, angle: float, mirror: bool, zoom: float, data: st.DataObject

@@ -2,9 +2,10 @@
 
 import numpy as np
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from rays import face_hit_by_rays, faces_entered
 from strategies import cameras, cuboids_anywhere, cuboids_in_front
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -33,7 +34,7 @@ def hull_area(points: np.ndarray) -> float:
     return float(0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(cuboids_in_front(), cameras())
 def test_the_visible_faces_tile_the_hull_of_the_projected_corners(box: Cuboid, camera: Camera) -> None:
     K, image_hw = camera
@@ -43,7 +44,7 @@ def test_the_visible_faces_tile_the_hull_of_the_projected_corners(box: Cuboid, c
     assert abs(float(seen.area.sum()) - hull) <= 1e-6 * hull
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(cuboids_anywhere(), cameras())
 def test_shares_add_to_one_and_opposite_faces_are_never_both_seen(box: Cuboid, camera: Camera) -> None:
     seen = face_visibility(box, *camera)
@@ -54,7 +55,7 @@ def test_shares_add_to_one_and_opposite_faces_are_never_both_seen(box: Cuboid, c
     assert 0 <= float(seen.truncation) <= 1
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(cuboids_in_front())
 def test_visible_faces_are_those_that_rays_enter_by(box: Cuboid) -> None:
     center, rotation, size = (x.numpy() for x in (box.center, box.rotation, box.size))
@@ -98,7 +99,7 @@ def test_a_box_behind_the_camera_has_no_area() -> None:
     assert not corners_in_front(box).any()
 
 
-@settings(max_examples=100)
+@thorough(100)
 @given(cuboids_anywhere())
 def test_shares_in_the_image_are_those_of_rays_through_it_even_around_the_camera(box: Cuboid) -> None:
     K, (height, width) = torch.tensor([[60.0, 0, 31.5], [0, 50, 23.5], [0, 0, 1]], dtype=torch.float64), (48, 64)

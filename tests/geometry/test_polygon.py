@@ -2,9 +2,10 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import vector
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -67,7 +68,7 @@ def test_points_that_are_no_pixels_are_refused(wrong: Tensor) -> None:
         area_in_frame(wrong, (5, 5))
 
 
-@settings(max_examples=500)
+@thorough(500)
 @given(vector(-30, 60, 10), vector(-10, 50, 4))
 def test_the_area_in_a_box_is_that_of_the_clipped_polygon(values: Tensor, bounds: Tensor) -> None:
     hull = cv2.convexHull(values.reshape(5, 2).numpy().astype(np.float32))[:, 0].astype(float)

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scenes import KEYPOINT_MIRROR, scene, scenes
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -111,7 +112,7 @@ def check_from_scratch(before: dict[str, Any], after: dict[str, Any], plan: Plan
     assert (depth[shown] > 0).all()
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(scenes(), st.lists(st.sampled_from(EXACT), min_size=5, max_size=5), st.integers(0, 10**6))
 def test_any_chain_of_five_transforms_keeps_the_camera_true(given_scene: Scene, chain: list[Transform], index: int) -> None:
     target, image_hw = given_scene
@@ -119,7 +120,7 @@ def test_any_chain_of_five_transforms_keeps_the_camera_true(given_scene: Scene, 
     check_from_scratch(target, after, plan)
 
 
-@settings(max_examples=300)
+@thorough(1000)
 @given(scenes(anywhere=True), st.lists(st.sampled_from([*EXACT, *SKEWED]), min_size=1, max_size=3), st.integers(0, 10**6))
 def test_boxes_behind_and_around_the_camera_follow_skewed_maps_too(given_scene: Scene, chain: list[Transform], index: int) -> None:
     target, image_hw = given_scene
@@ -127,7 +128,7 @@ def test_boxes_behind_and_around_the_camera_follow_skewed_maps_too(given_scene: 
     check_from_scratch(target, after, plan, skew=True)
 
 
-@settings(max_examples=300)
+@thorough(1000)
 @given(scenes(), st.sampled_from(AFFINE), st.integers(0, 10**6))
 def test_shares_stay_and_areas_scale_under_affine_maps(given_scene: Scene, transform: Transform, index: int) -> None:
     target, image_hw = given_scene
@@ -139,7 +140,7 @@ def test_shares_stay_and_areas_scale_under_affine_maps(given_scene: Scene, trans
     assert_close(after["face_area"], target["face_area"][:, order] * scale, atol=1e-6, rtol=1e-7)
 
 
-@settings(max_examples=300)
+@thorough(1000)
 @given(scenes(), st.sampled_from([RandomHorizontalFlip(p=1), RandomVerticalFlip(p=1)]))
 def test_two_flips_are_none(given_scene: Scene, flip: Transform) -> None:
     target, image_hw = given_scene
@@ -152,7 +153,7 @@ def test_two_flips_are_none(given_scene: Scene, flip: Transform) -> None:
     assert_close(after["keypoints"][..., :2], target["keypoints"][..., :2], atol=1e-9, rtol=1e-9)
 
 
-@settings(max_examples=300)
+@thorough(1000)
 @given(scenes(), st.lists(st.sampled_from([*EXACT, *SKEWED]), min_size=1, max_size=3), st.integers(0, 10**6))
 def test_a_map_and_its_inverse_are_none(given_scene: Scene, chain: list[Transform], index: int) -> None:
     target, image_hw = given_scene

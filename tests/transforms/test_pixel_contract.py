@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from opencv_version import LEVELS, RAMP_PX
 from scenes import F64, target_of
 from torch import Tensor
 
@@ -31,9 +32,6 @@ from animal3dbox.transforms import (
 )
 
 HW = (240, 320)
-OPENCV_5 = int(cv2.__version__.split(".")[0]) >= 5
-RAMP_PX = 1e-3 if OPENCV_5 else 0.03
-"""OpenCV 4.x rounds where it reads to 1/32 px; 5.0 does not."""
 TRANSFORMS: list[Transform] = [
     RandomHorizontalFlip(p=1),
     RandomVerticalFlip(p=1),
@@ -165,4 +163,4 @@ def test_both_executors_agree_within_a_grey_level_away_from_borders(pipeline: li
     if interpolation == "nearest":  # where a pixel's edge is hit, float32 decides
         assert (difference > 1).mean() < 2e-3
     else:
-        assert difference.max() <= 1 + 1e-3
+        assert difference.max() <= LEVELS + 1e-3
