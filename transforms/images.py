@@ -95,9 +95,14 @@ def image_from_hwc(array: np.ndarray, form: ImageForm, standardise: Standardise 
     """The (H, W, C) result, perhaps with a spare channel, in the form in which the image came, and standardised if asked."""
     planes = [array[..., 0]] if array.shape[-1] == 1 else list(cv2.split(array))[: form.channels]
     if standardise is not None:
-        planes = [_standardised(plane, mean, std) for plane, mean, std in zip(planes, standardise.mean, standardise.std, strict=True)]
+        floats = np.empty((form.channels, *array.shape[:2]), dtype=np.float32)
+        unit = 255.0 if array.dtype == np.uint8 else 1.0
+        for plane, mean, std, out in zip(planes, standardise.mean, standardise.std, floats, strict=True):
+            np.multiply(plane, np.float32(1 / (unit * std)), out=out, dtype=np.float32)
+            out -= np.float32(mean / std)
+        planes = list(floats)
     if form.layout == "chw":
-        array = np.stack(planes)
+        array = np.stack(planes) if standardise is None else floats
     elif form.layout == "hw":
         array = np.ascontiguousarray(planes[0])
     elif standardise is not None or array.shape[-1] != form.channels:
@@ -106,14 +111,6 @@ def image_from_hwc(array: np.ndarray, form: ImageForm, standardise: Standardise 
         array = array.astype(np.float64)
     array = np.ascontiguousarray(array)
     return torch.from_numpy(array) if form.tensor else array
-
-
-def _standardised(plane: np.ndarray, mean: float, std: float) -> np.ndarray:
-    """(x - mean) / std of colours in [0, 1], as float32 in one pass and a half."""
-    unit = 255.0 if plane.dtype == np.uint8 else 1.0
-    scaled: np.ndarray = np.multiply(plane, np.float32(1 / (unit * std)), dtype=np.float32)
-    scaled -= np.float32(mean / std)
-    return scaled
 
 
 def image_to_bchw(image: Image, form: ImageForm) -> Tensor:

@@ -130,10 +130,10 @@ def recolour(image: np.ndarray, matrix: np.ndarray, channels: int) -> np.ndarray
     """Colours under a (3, 4) map, clipped; a spare channel is dropped."""
     if channels != 3:
         raise ShapeError(f"image must have 3 channels (RGB) for colour transforms, got {channels}")
-    if image.shape[2] == 4:
-        matrix = np.insert(matrix, 3, 0, axis=1)
+    if image.shape[2] == 4:  # OpenCV's colour maps are fast for three channels only
+        image = cv2.cvtColor(image, cv2.COLOR_RGBA2RGB)
     if image.dtype == np.uint8:
-        return cv2.transform(image, matrix * np.array([*[1.0] * (matrix.shape[1] - 1), 255.0]))
+        return cv2.transform(image, matrix * np.array([1, 1, 1, 255.0]))
     return np.clip(cv2.transform(image, matrix), 0, 1)
 
 

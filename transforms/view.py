@@ -1,5 +1,6 @@
 """What a transform may look at when it draws: the picture's size, its camera and its boxes as they are by then."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -50,9 +51,16 @@ class View:
         """What the steps did to the camera; None without K."""
         return update_camera(self.H_out_in, self.values["K"]) if "K" in self.values else None
 
-    @property
+    @cached_property
     def K(self) -> np.ndarray | None:
         """Intrinsics (3, 3) by now, or None."""
+        if "K" not in self.values:
+            return None
+        (a, b, _), (c, d, _), (e, f, _) = self.H_out_in.tolist()
+        if b == c == e == f == 0:  # flips, crops and resizes keep the camera's axes but for their signs
+            K: np.ndarray = self.H_out_in @ self.values["K"] * np.array([math.copysign(1, a), math.copysign(1, d), 1])
+            K /= K[2, 2]
+            return K
         return None if self.camera is None else self.camera.K
 
     @cached_property
@@ -76,13 +84,20 @@ class View:
     @cached_property
     def _outlines(self) -> np.ndarray | None:
         """The hidden faces of the boxes in px (N, 6, P, 2), the visible ones collapsed: together they tile the silhouettes."""
-        if self.corners_cam is None or self.camera is None:
+        affine = not self.H_out_in[2, :2].any()  # such maps move outlines as they move pixels
+        corners = corners_of(dict(self.values)) if affine and "K" in self.values else self.corners_cam
+        K = self.values.get("K") if affine or self.camera is None else self.camera.K
+        if corners is None or K is None:
             return None
+        corners = corners[list(self.alive)] if affine else corners
         if "face_visible" in self.values:  # the camera centre does not move
             visible = self.values["face_visible"][list(self.alive)] != 0
         else:
-            visible = visible_faces(self.corners_cam, np.zeros_like(self.corners_cam[:, 0]))
-        quads = projected_faces(self.corners_cam, self.camera.K)
+            visible = visible_faces(corners, np.zeros_like(corners[:, 0]))
+        quads = projected_faces(corners, K)
+        if affine:
+            H = self.H_out_in / self.H_out_in[2, 2]
+            quads = quads @ H[:2, :2].T + H[:2, 2]
         return np.where(visible[..., None, None], quads[..., :1, :], quads)
 
     @property
