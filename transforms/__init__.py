@@ -10,6 +10,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from animal3dbox.geometry.camera import project_in_front as project_in_front
+    from animal3dbox.geometry.homography import update_camera as update_camera
     from animal3dbox.transforms.affine import RandomAffine as RandomAffine
     from animal3dbox.transforms.affine import RandomRotation as RandomRotation
     from animal3dbox.transforms.colour import ColorJitter as ColorJitter
@@ -25,13 +27,15 @@ if TYPE_CHECKING:
     from animal3dbox.transforms.noise import RandomGaussianBlur as RandomGaussianBlur
     from animal3dbox.transforms.noise import RandomGaussianNoise as RandomGaussianNoise
     from animal3dbox.transforms.perspective import RandomPerspective as RandomPerspective
+    from animal3dbox.transforms.relabel import Relabelling as Relabelling
     from animal3dbox.transforms.resizing import CenterCrop as CenterCrop
     from animal3dbox.transforms.resizing import LetterBox as LetterBox
     from animal3dbox.transforms.resizing import PadTo as PadTo
     from animal3dbox.transforms.resizing import Resize as Resize
     from animal3dbox.transforms.steps import Plan as Plan
+    from animal3dbox.transforms.target import inverse as inverse
+    from animal3dbox.transforms.target import transform_target as transform_target
     from animal3dbox.transforms.transform import Transform as Transform
-    from animal3dbox.transforms.undo import inverse as inverse
     from animal3dbox.transforms.virtual_camera import PerspectiveCrop as PerspectiveCrop
     from animal3dbox.transforms.virtual_camera import RandomVirtualCamera as RandomVirtualCamera
 
@@ -41,7 +45,8 @@ _HOMES = {
     "Plan": "steps", "RandomAffine": "affine", "RandomErasing": "erasing", "RandomGaussianBlur": "noise", "RandomGaussianNoise": "noise",
     "RandomGrayscale": "colour", "RandomHorizontalFlip": "flips", "RandomPerspective": "perspective", "RandomResizedCrop": "crops",
     "RandomRotation": "affine", "RandomVerticalFlip": "flips", "RandomVirtualCamera": "virtual_camera", "Resize": "resizing",
-    "Transform": "transform", "inverse": "undo",
+    "Transform": "transform", "inverse": "target", "transform_target": "target", "Relabelling": "relabel",
+    "project_in_front": "animal3dbox.geometry.camera", "update_camera": "animal3dbox.geometry.homography",
 }  # fmt: skip
 
 __all__ = sorted(_HOMES)
@@ -50,7 +55,8 @@ __all__ = sorted(_HOMES)
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'animal3dbox.transforms' has no attribute {name!r}")
-    return getattr(import_module(f"animal3dbox.transforms.{_HOMES[name]}"), name)
+    home = _HOMES[name]
+    return getattr(import_module(home if "." in home else f"animal3dbox.transforms.{home}"), name)
 
 
 def __dir__() -> list[str]:

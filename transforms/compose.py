@@ -11,14 +11,12 @@ from torch import Tensor
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.transforms import opencv_executor
 from animal3dbox.transforms.batch import run_batch
-from animal3dbox.transforms.boxes import boxes_of_masks
 from animal3dbox.transforms.consistency import check_consistent
 from animal3dbox.transforms.erasing import hide_fields
 from animal3dbox.transforms.fields import Fields, read_target, write_target
 from animal3dbox.transforms.images import AnyImage, ImageForm, image_form, image_from_bchw, image_to_bchw
 from animal3dbox.transforms.kornia_door import as_transform
-from animal3dbox.transforms.law import map_fields
-from animal3dbox.transforms.pixel_fields import warp_pixel_fields
+from animal3dbox.transforms.pixel_fields import mapped_with_pixels
 from animal3dbox.transforms.randomness import SampleKey, sample_generator
 from animal3dbox.transforms.relabel import check_keypoint_mirror
 from animal3dbox.transforms.sampling import check_interpolation
@@ -152,13 +150,9 @@ class Compose(Transform):
         image_hw = plan.image_hw
         for stage in plan.stages() if stages is None else stages:
             if isinstance(stage, Pass) and stage.H_out_in is not None:
-                before = fields
-                fields = map_fields(
+                fields = mapped_with_pixels(
                     fields, stage.H_out_in, image_hw, stage.image_hw, keypoint_mirror=self.keypoint_mirror, allow_skew=self.allow_skew
                 )
-                fields = fields.updated(**warp_pixel_fields(before, stage.H_out_in, image_hw, stage.image_hw))
-                if "masks" in fields.values and "boxes" in fields.values:
-                    fields = fields.updated(boxes=boxes_of_masks(fields.values["masks"], fields.values["boxes"]))
                 image_hw = stage.image_hw
             elif isinstance(stage, Erase):
                 fields = hide_fields(fields, stage, image_hw)

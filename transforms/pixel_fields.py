@@ -7,8 +7,27 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError
+from animal3dbox.transforms.boxes import boxes_of_masks
 from animal3dbox.transforms.fields import Fields
+from animal3dbox.transforms.law import map_fields
 from animal3dbox.transforms.opencv_executor import warp
+
+
+def mapped_with_pixels(
+    fields: Fields,
+    H_out_in: np.ndarray,
+    image_hw_in: tuple[int, int],
+    image_hw_out: tuple[int, int],
+    *,
+    keypoint_mirror: np.ndarray | None,
+    allow_skew: bool,
+) -> Fields:
+    """The law (law.map_fields, same arguments) with masks and depth; 2D boxes come from the mapped masks where there are any."""
+    mapped = map_fields(fields, H_out_in, image_hw_in, image_hw_out, keypoint_mirror=keypoint_mirror, allow_skew=allow_skew)
+    mapped = mapped.updated(**warp_pixel_fields(fields, H_out_in, image_hw_in, image_hw_out))
+    if "masks" in mapped.values and "boxes" in mapped.values:
+        return mapped.updated(boxes=boxes_of_masks(mapped.values["masks"], mapped.values["boxes"]))
+    return mapped
 
 
 def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int]) -> dict[str, Any]:

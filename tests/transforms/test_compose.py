@@ -11,6 +11,7 @@ from scenes import F64, KEYPOINT_MIRROR, scene
 from torch import Tensor
 from torch.testing import assert_close
 
+from animal3dbox import transforms
 from animal3dbox.errors import ConfigError, SampleError, ShapeError
 from animal3dbox.transforms import (
     CenterCrop,
@@ -31,6 +32,7 @@ from animal3dbox.transforms import (
     RandomVirtualCamera,
     Resize,
     inverse,
+    transform_target,
 )
 from animal3dbox.transforms.steps import Keep, Pass, Plan
 
@@ -136,6 +138,29 @@ def test_a_plan_replays_on_another_picture() -> None:
         compose.apply(picture(0, (60, 60)), {}, plan)
     with pytest.raises(SampleError, match="keeps animals"):
         compose.apply(image, scene(1), Plan(HW, (Keep((0, 2)),)))
+
+
+def test_a_target_follows_pixels_that_another_library_moved() -> None:
+    target = {**scene(2), "masks": torch.ones(2, *HW, dtype=torch.uint8)}
+    compose = Compose([RandomHorizontalFlip(1), RandomAffine(20, scale=(0.8, 1.2)), Resize(77)])
+    plan = compose.sample_params(HW, target, key=(0, 2))
+    _, expected = compose.apply(picture(), target, plan)
+    hw = tuple(expected["masks"].shape[1:])
+    for sign in (1, -1):  # the same map
+        moved = transform_target(target, sign * plan.H_out_in, HW, (hw[0], hw[1]))
+        assert same(moved, expected)
+    for H, says in ((np.diag([1.0, 0, 1]), "invertible"), (np.eye(2), r"\(3, 3\)"), (np.full((3, 3), np.nan), "finite")):
+        with pytest.raises(SampleError, match=f"scene: H_out_in: .*{says}"):
+            transform_target(target, H, HW, HW)
+    with pytest.raises(SampleError, match="masks: cannot go back"):
+        inverse(target, np.eye(3), HW)
+
+
+def test_every_public_name_can_be_had() -> None:
+    for name in transforms.__all__:
+        assert getattr(transforms, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'RandomNothing'"):
+        transforms.RandomNothing  # noqa: B018
 
 
 def test_predictions_go_back_to_the_picture_that_was_augmented() -> None:
