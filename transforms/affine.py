@@ -43,7 +43,7 @@ class RandomAffine(Transform):
         self.translate = (0.0, 0.0) if translate is None else translate
         for part in self.translate:
             check_range("translate", (0.0, part))
-        self.scale = (1.0, 1.0) if scale is None else check_range("scale", scale, least=1e-3)
+        self.scale = (1.0, 1.0) if scale is None else check_range("scale", scale, about=None, least=1e-3)
         self.shear = (0.0, 0.0) if shear is None else check_range("shear", shear)
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
@@ -52,6 +52,7 @@ class RandomAffine(Transform):
         shift = rng.uniform(-1, 1, 2) * self.translate
         lean = math.tan(math.radians(rng.uniform(*self.shear)))
         linear = rolling(view.K, turn) @ np.array([[1.0, lean], [0, 1]]) * zoom
+        linear[np.abs(linear) < 1e-15 * np.abs(linear).max()] = 0  # a quarter turn keeps the axes
         H = shifting(shift[0] * view.image_hw[1], shift[1] * view.image_hw[0]) @ about(linear, center_of(view.image_hw))
         return (Warp(H, view.image_hw),)
 

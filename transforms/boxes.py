@@ -35,7 +35,8 @@ def mapped_boxes(boxes: AnyArray, H_out_in: AnyArray, image_hw: tuple[int, int],
     if px.shape[0] == 0:
         return boxes
     start, end = xp.stack((least(x), least(y)), -1), xp.stack((-least(-x), -least(-y)), -1)
-    start, end = xp.where(known, start, low), xp.where(known, end, high)
+    gone = ~(w > 0).any(-1)[:, None]
+    start, end = xp.where(known, start, low), xp.where(known, end, xp.where(gone, low + 0 * start, high + 0 * start))
     if outline is not None:
         tight_start, tight_end = xp.maximum(start, outline[0][:, :2]), xp.minimum(end, outline[0][:, 2:])
         tightens = (outline[1] & (tight_end > tight_start).all(-1))[:, None]

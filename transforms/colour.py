@@ -62,7 +62,7 @@ class RandomGrayscale(Transform):
 
 
 class Normalize(Transform):
-    """(x - mean) / std of colours in [0, 1]; the image leaves as float32. Put it last.
+    """(x - mean) / std of colours in [0, 1]; the image leaves as float32 (float64 if it came so). Put it last.
 
     Args:
         mean: per channel, of colours in [0, 1].

@@ -13,16 +13,21 @@ from animal3dbox.transforms import opencv_executor
 from animal3dbox.transforms.batch import run_batch
 from animal3dbox.transforms.consistency import check_consistent
 from animal3dbox.transforms.erasing import hide_fields
-from animal3dbox.transforms.fields import Fields, read_target, write_target
-from animal3dbox.transforms.images import AnyImage, ImageForm, image_form, image_from_bchw, image_to_bchw
+from animal3dbox.transforms.fields import Declared, Fields, read_target, write_target
+from animal3dbox.transforms.images import AnyImage, ImageForm, image_form, image_from_bchw, image_to_bchw, owned
 from animal3dbox.transforms.kornia_door import as_transform
 from animal3dbox.transforms.pixel_fields import mapped_with_pixels
 from animal3dbox.transforms.randomness import SampleKey, sample_generator
 from animal3dbox.transforms.relabel import check_keypoint_mirror
 from animal3dbox.transforms.sampling import check_interpolation
-from animal3dbox.transforms.steps import Erase, Pass, Plan, Standardise
+from animal3dbox.transforms.steps import Erase, Keep, Pass, Plan, Standardise
 from animal3dbox.transforms.transform import Transform
 from animal3dbox.transforms.view import View
+
+DEFAULTS: dict[str, Any] = {
+    "interpolation": "bilinear", "fill": 0.0, "keypoint_mirror": None, "mirror": "relabel", "allow_skew": False, "seed": 0, "check": True,
+}  # fmt: skip
+"""Options of a pipeline that did not ask for any."""
 
 
 class Compose(Transform):
@@ -41,6 +46,8 @@ class Compose(Transform):
         allow_skew: let the camera get a skew K[0, 1].
         check: compare the target's fields with each other before anything is done, so that a camera left stale by another
             library is found.
+        per_animal: further fields of the user's own with one entry an animal, which follow when animals are dropped.
+        per_image: further fields of the user's own that have nothing to do with pixels, cameras or single animals.
 
     """
 
@@ -55,10 +62,15 @@ class Compose(Transform):
         mirror: str = "relabel",
         allow_skew: bool = False,
         check: bool = True,
+        per_animal: Sequence[str] = (),
+        per_image: Sequence[str] = (),
     ) -> None:
         super().__init__()
+        self.declared = Declared(tuple(per_animal), tuple(per_image))
         if mirror not in ("relabel", "forbid"):
             raise ConfigError(f"mirror must be 'relabel' or 'forbid', got {mirror!r}")
+        options = {"interpolation": interpolation, "fill": fill, "keypoint_mirror": keypoint_mirror, "mirror": mirror, "allow_skew": allow_skew}
+        self._options = {**options, "seed": seed, "check": check}
         self.transforms = tuple(self._flat(transforms))
         mirrors = [repr(transform) for transform in self.transforms if transform.mirrors]
         if mirror == "forbid" and mirrors:
@@ -70,11 +82,16 @@ class Compose(Transform):
             check_keypoint_mirror(self.keypoint_mirror, len(self.keypoint_mirror))
         self.allow_skew = allow_skew or any(getattr(transform, "allow_skew", False) for transform in self.transforms)
 
-    @staticmethod
-    def _flat(transforms: Iterable[Any]) -> list[Transform]:
+    def _flat(self, transforms: Iterable[Any]) -> list[Transform]:
         flat: list[Transform] = []
         for transform in transforms:
-            flat += transform.transforms if isinstance(transform, Compose) else [as_transform(transform)]
+            if not isinstance(transform, Compose):
+                flat.append(as_transform(transform))
+                continue
+            lost = [name for name, value in transform._options.items() if value not in (DEFAULTS[name], self._options[name])]
+            if lost:
+                raise ConfigError(f"a Compose inside a Compose is fused with it, so its {', '.join(lost)} would be lost: give them to the outer one")
+            flat += transform.transforms
         return flat
 
     def sample(self, rng: np.random.Generator, view: View) -> tuple[Any, ...]:
@@ -84,7 +101,7 @@ class Compose(Transform):
             for step in transform.sample(rng, view):
                 steps.append(step)
                 view = view.after(step)
-        return tuple(steps)
+        return (*steps, *shown_again(steps, view))
 
     def sample_params(self, image_hw: tuple[int, int], target: Mapping[str, Any], key: SampleKey | None = None) -> Plan:
         """Draw everything for one sample; apply it with apply.
@@ -95,7 +112,7 @@ class Compose(Transform):
             key: (epoch, index) of the sample; without it target["sample_key"], and without that torch's default generator.
 
         """
-        return self._plan(read_target(target, image_hw), image_hw, key)
+        return self._plan(read_target(target, image_hw, self.declared), image_hw, key)
 
     def _plan(self, fields: Fields, image_hw: tuple[int, int], key: SampleKey | None) -> Plan:
         if key is None and "sample_key" in fields.others:
@@ -119,7 +136,7 @@ class Compose(Transform):
 
         """
         form = image_form(image)
-        fields = read_target(target, form.image_hw)
+        fields = read_target(target, form.image_hw, self.declared)
         if self.check:
             check_consistent(fields)
         return self._apply(image, form, fields, self._plan(fields, form.image_hw, key))
@@ -129,7 +146,7 @@ class Compose(Transform):
         form = image_form(image)
         if form.image_hw != tuple(plan.image_hw):
             raise ConfigError(f"the plan was drawn for an image of {tuple(plan.image_hw)} (height, width), this one has {form.image_hw}")
-        fields = read_target(target, form.image_hw)
+        fields = read_target(target, form.image_hw, self.declared)
         if plan.keep is not None and any(index >= fields.count for index in plan.keep):
             raise SampleError(fields.sample_id, "labels", f"the plan keeps animals {plan.keep}, the target has {fields.count}")
         return self._apply(image, form, fields, plan)
@@ -140,8 +157,8 @@ class Compose(Transform):
         if isinstance(image, Tensor) and (image.requires_grad or image.device.type != "cpu"):
             batch = run_batch([image_to_bchw(image, form)[0]], [stages], self.interpolation, self.fill, uint8=form.is_uint8)[0][None]
             normalised = any(isinstance(step, Standardise) for step in plan.steps)
-            return image_from_bchw(batch, form, normalised=normalised), moved
-        return opencv_executor.run_stages(image, form, stages, self.interpolation, self.fill), moved
+            return owned(image_from_bchw(batch, form, normalised=normalised), image), moved
+        return owned(opencv_executor.run_stages(image, form, stages, self.interpolation, self.fill), image), moved
 
     def map_target(self, fields: Fields, plan: Plan, stages: Sequence[Any] | None = None) -> Fields:
         """The target's fields after a plan, masks and depth included."""
@@ -150,9 +167,7 @@ class Compose(Transform):
         image_hw = plan.image_hw
         for stage in plan.stages() if stages is None else stages:
             if isinstance(stage, Pass) and stage.H_out_in is not None:
-                fields = mapped_with_pixels(
-                    fields, stage.H_out_in, image_hw, stage.image_hw, keypoint_mirror=self.keypoint_mirror, allow_skew=self.allow_skew
-                )
+                fields = mapped_with_pixels(fields, stage.H_out_in, stage.image_hw, keypoint_mirror=self.keypoint_mirror, allow_skew=self.allow_skew)
                 image_hw = stage.image_hw
             elif isinstance(stage, Erase):
                 fields = hide_fields(fields, stage, image_hw)
@@ -181,7 +196,7 @@ class Compose(Transform):
             raise ConfigError("batch must hold (C, H, W) tensors of one dtype; single images of any kind go through compose(image, target)")
         plans, moved = [], []
         for row, (form, target) in enumerate(zip(forms, targets, strict=True)):
-            fields = read_target(target, form.image_hw)
+            fields = read_target(target, form.image_hw, self.declared)
             if self.check:
                 check_consistent(fields)
             plans.append(self._plan(fields, form.image_hw, None if keys is None else keys[row]))
@@ -193,11 +208,27 @@ class Compose(Transform):
         done: list[Any] = []
         for result, form, plan in zip(results, forms, plans, strict=True):
             normalised = any(isinstance(step, Standardise) for step in plan.steps)
-            done.append(image_from_bchw(result[None], form, normalised=normalised))
+            done.append(owned(image_from_bchw(result[None], form, normalised=normalised), images[len(done)]))
         return torch.stack(done) if len({tuple(image.shape) for image in done}) == 1 else done, moved
+
+
+def shown_again(steps: Sequence[Any], final: View) -> tuple[Keep, ...]:
+    """The step that takes dropped animals back which a later map shows again: a picture never shows an animal without its label."""
+    dropped = [step for step in steps if isinstance(step, Keep)]
+    if not dropped or isinstance(steps[-1], Keep):
+        return ()
+    everyone = replace(final, alive=tuple(range(final.count)))
+    parts, before = everyone.parts_in_picture(), everyone.before().parts_in_picture()
+    if parts is None or before is None:
+        return ()
+    enough = parts >= min(step.min_visible for step in dropped) * before
+    kept = tuple(index for index in everyone.alive if index in final.alive or (enough[index] and parts[index] > 0))
+    return (Keep(kept),) if kept != final.alive else ()
 
 
 def _untouched(fields: Fields) -> Fields:
     """The target of a picture whose pixels did not move."""
     others = {**fields.others, "mirrored": bool(fields.others.get("mirrored", False))}
-    return replace(fields.updated(H_out_in=np.eye(3)), others=others)
+    devices = [value.device for value in fields.values.values() if isinstance(value, Tensor)]
+    fields = fields.updated(**{name: fields.values[name] + 0 for name in ("masks", "depth") if name in fields.values})  # copies
+    return replace(fields.updated(H_out_in=torch.eye(3, dtype=torch.float64, device=devices[0]) if devices else np.eye(3)), others=others)

@@ -47,10 +47,10 @@ class RandomResizedCrop(Transform):
         super().__init__(1.0)
         self.random_p = check_probability("p", p)
         self.size = check_size("size", size)
-        self.scale = check_range("scale", scale, least=0)
+        self.scale = check_range("scale", scale, about=None, least=0)
         if self.scale[0] <= 0 or self.scale[1] > 1:
             raise ConfigError(f"scale must lie in (0, 1], got {scale!r}")
-        self.ratio = None if ratio is None else check_range("ratio", ratio, least=1e-3)
+        self.ratio = None if ratio is None else check_range("ratio", ratio, about=None, least=1e-3)
         self.keep_part = check_probability("keep_part", keep_part)
         self.min_visible = None if min_visible is None else check_probability("min_visible", min_visible)
 
@@ -61,7 +61,7 @@ class RandomResizedCrop(Transform):
         parts = view.visible_parts(boxes) if asked else None
         best = 0
         if parts is not None:
-            most = parts.max(axis=1)
+            most = np.where(np.isnan(parts), 0, parts).max(axis=1)
             enough = np.flatnonzero(most >= self.keep_part)
             best = int(enough[0]) if len(enough) else int(most.argmax())
         box = boxes[best]

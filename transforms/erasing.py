@@ -40,8 +40,8 @@ class RandomErasing(Transform):
         value: float | tuple[float, ...] | str = 0.0,
     ) -> None:
         super().__init__(p)
-        self.scale = check_range("scale", scale, least=0)
-        self.ratio = check_range("ratio", ratio, least=1e-3)
+        self.scale = check_range("scale", scale, about=None, least=0)
+        self.ratio = check_range("ratio", ratio, about=None, least=1e-3)
         if self.scale[1] > 1:
             raise ConfigError(f"scale must lie in [0, 1], got {scale!r}")
         if isinstance(value, str) and value != "random":

@@ -113,6 +113,15 @@ def image_from_hwc(array: np.ndarray, form: ImageForm, standardise: Standardise 
     return torch.from_numpy(array) if form.tensor else array
 
 
+def owned(result: Any, image: Image) -> Any:
+    """The result, copied if it is still the caller's memory: writing to it must not change the image that came."""
+    if isinstance(result, Tensor) and isinstance(image, Tensor):
+        return result.clone() if result.untyped_storage().data_ptr() == image.untyped_storage().data_ptr() else result
+    if isinstance(result, np.ndarray) and isinstance(image, np.ndarray):
+        return result.copy() if np.may_share_memory(result, image) else result
+    return result
+
+
 def image_to_bchw(image: Image, form: ImageForm) -> Tensor:
     """The image as a floating-point batch of one, (1, C, H, W), in its own grey levels; differentiable."""
     tensor = image if isinstance(image, Tensor) else torch.from_numpy(np.ascontiguousarray(image))

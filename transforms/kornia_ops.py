@@ -3,6 +3,7 @@
 Tested with kornia 0.9, the first whose matrices agree with its pixels; importing this module imports kornia.
 """
 
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,6 +27,9 @@ CHANNELS = 3
 NOTHING_PX = 1e-9
 """What moves no pixel of the picture by more than this is rounding, and is set to 0: an affine map stays affine."""
 
+ONE_AT_A_TIME = threading.RLock()
+"""Held while kornia draws: threads share torch's generator."""
+
 FLIPS = (kornia.RandomHorizontalFlip, kornia.RandomVerticalFlip)
 BLURS = (kornia.RandomBoxBlur, kornia.RandomGaussianBlur, kornia.RandomMedianBlur, kornia.RandomMotionBlur)
 REFUSED: tuple[tuple[type, str], ...] = (
@@ -42,7 +46,7 @@ REFUSED: tuple[tuple[type, str], ...] = (
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
     """Let torch's CPU generator, from which kornia draws, depend on the seed alone, and leave it as it was afterwards."""
-    with torch.random.fork_rng(devices=[]):
+    with ONE_AT_A_TIME, torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(seed)
         yield
 

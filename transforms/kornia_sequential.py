@@ -25,7 +25,9 @@ SHAPES = {
     "behind_camera": "(B, N)",
 }  # fmt: skip
 KORNIAS = ("input", "mask", "keypoints", "bbox_xyxy", "class")
-"""Keys with kornia's own meaning; the others are fields of a target (fields.py), of N boxes in the camera frame, and follow the law."""
+"""Keys with kornia's own meaning, but that bbox_xyxy is clipped to the frame.
+
+The others are fields of a target (fields.py), of N boxes in the camera frame, and follow the law."""
 
 
 class CameraAugmentationSequential(torch.nn.Module):
@@ -144,7 +146,7 @@ class CameraAugmentationSequential(torch.nn.Module):
             if self.check:
                 check_consistent(fields)
             if moved.image_hw != image_hw or not torch.equal(H[row], still):
-                fields = map_fields(fields, moved.H_out_in[row], image_hw, moved.image_hw, allow_skew=self.allow_skew)
+                fields = map_fields(fields, moved.H_out_in[row], moved.image_hw, allow_skew=self.allow_skew)
             rows.append(write_target(fields))
         return {name: torch.stack([torch.as_tensor(target[name]) for target in rows]) for name in named}
 

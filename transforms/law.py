@@ -4,6 +4,7 @@ With H K = k K' Q (RQ decomposition), the mapped image is what the camera K' see
 points' = Q points. Where det Q = -1 the scene is mirrored, and what is called left or right is renamed (relabel.py).
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,14 @@ from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.arrays import like, namespace
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
-from animal3dbox.geometry.distortion import turned_distortion
+from animal3dbox.geometry.distortion import check_field_of_view, turned_distortion
 from animal3dbox.geometry.face_visibility import corners_visibility, near_depth_of_corners, visible_faces
-from animal3dbox.geometry.homography import CameraUpdate, apply_homography, handedness, oriented_homography, update_camera
+from animal3dbox.geometry.homography import CameraUpdate, apply_homography, handedness, update_camera
 from animal3dbox.transforms.boxes import keeps_axes, least, mapped_boxes
 from animal3dbox.transforms.fields import Fields
 from animal3dbox.transforms.relabel import Relabelling
 
+UNMOVED = ("size", "labels", "scores", "iscrowd", "track_ids", "occlusion", "keypoint_mirror")
 SKEW_TOLERANCE = 1e-6
 """Skew below this fraction of the focal length counts as none: it is rounding."""
 
@@ -28,7 +30,6 @@ SKEW_TOLERANCE = 1e-6
 def map_fields(
     fields: Fields,
     H_out_in: np.ndarray,
-    image_hw_in: tuple[int, int],
     image_hw_out: tuple[int, int],
     *,
     keypoint_mirror: np.ndarray | None = None,
@@ -38,8 +39,7 @@ def map_fields(
 
     Args:
         fields: the target before.
-        H_out_in: (3, 3) float64.
-        image_hw_in: of the image before.
+        H_out_in: (3, 3) float64, of the sign that makes w > 0 on what stays in the picture: -H would be the camera looking backwards.
         image_hw_out: of the image after.
         keypoint_mirror: (J,) each keypoint's counterpart on the other side; the target's own field goes before.
         allow_skew: let K'[0, 1] become non-zero.
@@ -52,23 +52,20 @@ def map_fields(
 
     """
     values = fields.values
-    oriented = oriented_homography(H_out_in, np.array([(image_hw_in[1] - 1) / 2, (image_hw_in[0] - 1) / 2]))
-    H: Any = next((torch.from_numpy(oriented).to(value.device) for value in values.values() if isinstance(value, Tensor)), oriented)
+    H: Any = next((torch.from_numpy(H_out_in).to(value.device) for value in values.values() if isinstance(value, Tensor)), H_out_in)
     relabel = Relabelling(handedness(H) < 0)
-    out = {name: value for name, value in values.items() if name in ("size", "labels", "occlusion", "keypoint_mirror")}
+    out = {name: value for name, value in values.items() if name in UNMOVED}
     out["H_out_in"] = H @ values["H_out_in"] if "H_out_in" in values else H
     update = _updated_camera(fields, H, allow_skew) if "K" in values else None
     if update is not None:
         out |= _moved(fields, update, relabel)
-    if "face_visible" in values:  # the camera centre does not move, so no face appears or disappears
-        out["face_visible"] = relabel.faces(values["face_visible"])
-    if "surface_share" in values and not bool(H[2, :2].any()):  # a projective map changes it, and only the posed mesh could tell how
-        out["surface_share"] = relabel.faces(values["surface_share"])
     corners = corners_of(out) if update is not None else None
+    out |= _faces(values, H, relabel, known=corners is not None)
     if corners is not None:
-        out |= _seen(values, out, corners, image_hw_out)
-    else:
-        out |= {name: relabel.faces(values[name]) for name in ("face_area", "face_share", "face_share_in_image") if name in values}
+        try:
+            out |= _seen(values, out, corners, image_hw_out)
+        except ShapeError as error:
+            raise SampleError(fields.sample_id, "distortion", str(error)) from error
     if update is None and "corners_2d" in values:
         out["corners_2d"] = relabel.corners(apply_homography(H, values["corners_2d"]))
     if "keypoints" in values:
@@ -80,7 +77,19 @@ def map_fields(
         out["boxes"] = mapped_boxes(values["boxes"], H, image_hw_out, outline)
     mirrored = bool(fields.others.get("mirrored", False)) ^ bool(relabel.mirrored)
     kept = {name: value for name, value in values.items() if name in ("masks", "depth")}
-    return Fields({**kept, **out}, fields.forms, {**fields.others, "mirrored": mirrored}, fields.per_animal, fields.count, fields.sample_id)
+    return replace(fields, values={**kept, **out}, others={**fields.others, "mirrored": mirrored})
+
+
+def _faces(values: dict[str, Any], H: Any, relabel: Relabelling, *, known: bool) -> dict[str, Any]:
+    """What is said of faces, as far as a map of pixels tells it without the cuboids; the rest is left out, not left stale."""
+    out: dict[str, Any] = {}
+    if "face_visible" in values:  # the camera centre does not move, so no face appears or disappears
+        out["face_visible"] = relabel.faces(values["face_visible"])
+    if bool(H[2, :2].any()):
+        return out
+    grows = abs(H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]) / H[2, 2] ** 2
+    scales = {"surface_share": 1} if known else {"surface_share": 1, "face_area": grows, "face_share": 1}
+    return out | {name: relabel.faces(values[name] * by) for name, by in scales.items() if name in values}
 
 
 def _updated_camera(fields: Fields, H: Any, allow_skew: bool) -> CameraUpdate[Any]:
@@ -140,6 +149,8 @@ def corners_of_boxes(values: dict[str, Any]) -> Any:
 def _seen(values: dict[str, Any], out: dict[str, Any], corners: Any, image_hw: tuple[int, int]) -> dict[str, Any]:
     """Projections, areas, shares and truncation under the new camera, of the fields that were there."""
     seen: dict[str, Any] = {}
+    if "distortion" in out:
+        check_field_of_view(out["distortion"], corners)
     if "corners_2d" in values:
         seen["corners_2d"] = project(out["K"], corners, out.get("distortion"))[0]
     in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]

@@ -21,7 +21,7 @@ class RandomGaussianBlur(Transform):
 
     def __init__(self, sigma: tuple[float, float] = (0.1, 2.0), p: float = 0.5) -> None:
         super().__init__(p)
-        self.sigma = check_range("sigma", sigma, least=0)
+        self.sigma = check_range("sigma", sigma, about=None, least=0)
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The one blur; none below a twentieth of a pixel, which changes no grey level."""
@@ -40,7 +40,7 @@ class RandomGaussianNoise(Transform):
 
     def __init__(self, sigma: tuple[float, float] = (0.0, 0.05), p: float = 0.5) -> None:
         super().__init__(p)
-        self.sigma = check_range("sigma", sigma, least=0)
+        self.sigma = check_range("sigma", sigma, about=None, least=0)
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The strength and the seed of the noise."""

@@ -9,7 +9,7 @@ import torch
 
 from animal3dbox.errors import ShapeError
 from animal3dbox.transforms.images import Image, ImageForm, image_from_hwc, image_to_hwc
-from animal3dbox.transforms.sampling import Reading, gaussian_kernel, plan_reading
+from animal3dbox.transforms.sampling import Reading, check_erase, gaussian_kernel, plan_reading
 from animal3dbox.transforms.steps import Blur, Erase, KorniaPixels, Local, Noise, Pass
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC}
@@ -139,6 +139,7 @@ def recolour(image: np.ndarray, matrix: np.ndarray, channels: int) -> np.ndarray
 
 def erased(image: np.ndarray, step: Erase) -> np.ndarray:
     """The image with rectangles painted over."""
+    check_erase(step, image.shape[2])
     result = image.copy()
     unit = 255 if image.dtype == np.uint8 else 1
     rng = np.random.default_rng(step.seed)

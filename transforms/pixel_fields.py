@@ -7,30 +7,39 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError
+from animal3dbox.geometry.arrays import namespace
 from animal3dbox.transforms.boxes import boxes_of_masks
 from animal3dbox.transforms.fields import Fields
 from animal3dbox.transforms.law import map_fields
 from animal3dbox.transforms.opencv_executor import warp
 
+SAME_BOX_PX = 1.0
+"""A 2D box within this of its mask's box was made from it."""
+
 
 def mapped_with_pixels(
     fields: Fields,
     H_out_in: np.ndarray,
-    image_hw_in: tuple[int, int],
     image_hw_out: tuple[int, int],
     *,
     keypoint_mirror: np.ndarray | None,
     allow_skew: bool,
 ) -> Fields:
-    """The law (law.map_fields, same arguments) with masks and depth; 2D boxes come from the mapped masks where there are any."""
-    mapped = map_fields(fields, H_out_in, image_hw_in, image_hw_out, keypoint_mirror=keypoint_mirror, allow_skew=allow_skew)
-    mapped = mapped.updated(**warp_pixel_fields(fields, H_out_in, image_hw_in, image_hw_out))
+    """The law (law.map_fields, same arguments) with masks and depth.
+
+    A 2D box that was its mask's box becomes the mapped mask's box; any other (amodal, or of a mask that was painted over) is mapped.
+    """
+    mapped = map_fields(fields, H_out_in, image_hw_out, keypoint_mirror=keypoint_mirror, allow_skew=allow_skew)
+    mapped = mapped.updated(**warp_pixel_fields(fields, H_out_in, image_hw_out))
     if "masks" in mapped.values and "boxes" in mapped.values:
-        return mapped.updated(boxes=boxes_of_masks(mapped.values["masks"], mapped.values["boxes"]))
+        before, boxes = fields.values["boxes"], mapped.values["boxes"]
+        off = abs(boxes_of_masks(fields.values["masks"], before + SAME_BOX_PX + 1) - before)
+        of_mask = (off <= SAME_BOX_PX).all(-1)[:, None]
+        return mapped.updated(boxes=namespace(boxes).where(of_mask, boxes_of_masks(mapped.values["masks"], boxes), boxes))
     return mapped
 
 
-def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int]) -> dict[str, Any]:
+def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_out: tuple[int, int]) -> dict[str, Any]:
     """The masks and the depth of the mapped image, read at the nearest pixel.
 
     Depth changes by the law depth' = w depth / k with k the norm of row 3 of H K: the optical axis turns.
@@ -38,7 +47,6 @@ def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_in: tuple[i
     Args:
         before: the target before the map.
         H_out_in: (3, 3), w > 0 on what stays in the picture.
-        image_hw_in: of the image before.
         image_hw_out: of the image after.
 
     Returns:

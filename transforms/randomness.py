@@ -1,5 +1,7 @@
 """Where randomness comes from: one generator a sample, a function of (seed, epoch, index) alone."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 
@@ -27,15 +29,19 @@ def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
     return np.random.default_rng([int(n) for n in (seed, *numbers)])
 
 
-def check_range(name: str, value: float | tuple[float, float], *, about: float = 0.0, least: float | None = None) -> tuple[float, float]:
-    """A range of draws: a number x means [about - x, about + x].
+def check_range(name: str, value: float | Sequence[float], *, about: float | None = 0.0, least: float | None = None) -> tuple[float, float]:
+    """A range of draws: a number x means [about - x, about + x]; without about it must be a pair.
 
     Raises:
         ConfigError: the range is reversed, not finite, or reaches below least.
 
     """
-    low, high = value if isinstance(value, tuple) else (about - value, about + value)
-    if not isinstance(value, tuple) and least is not None:
+    pair = tuple(value) if isinstance(value, tuple | list) else None
+    if (pair is None and (about is None or isinstance(value, str | bool))) or (pair is not None and len(pair) != 2):
+        raise ConfigError(f"{name} must be a (low, high) pair{'' if about is None else ' or a number'}, got {value!r}")
+    middle, reach = about or 0.0, float(value) if pair is None else 0.0  # type: ignore[arg-type]
+    low, high = pair or (middle - reach, middle + reach)
+    if pair is None and least is not None:
         low = max(low, least)
     if not (np.isfinite(low) and np.isfinite(high)) or low > high or (least is not None and low < least):
         wanted = "finite and in order" + (f", not below {least}" if least is not None else "")

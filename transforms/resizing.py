@@ -132,5 +132,5 @@ def keep_visible(view: View, parts: np.ndarray | None, min_visible: float | None
     """The step that keeps the animals of which at least a given part is left, of parts (N,)."""
     if parts is None or min_visible is None:
         return ()
-    kept = tuple(index for index, part in zip(view.alive, parts, strict=True) if part >= min_visible)
-    return (Keep(kept),) if kept != view.alive else ()
+    kept = tuple(index for index, part in zip(view.alive, parts, strict=True) if not part < min_visible)
+    return (Keep(kept, min_visible),) if kept != view.alive else ()

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from animal3dbox.errors import ConfigError
+from animal3dbox.errors import ConfigError, ShapeError
 from animal3dbox.transforms.maps import scaling, shifting
+from animal3dbox.transforms.steps import Erase
 
 INTERPOLATIONS = ("nearest", "bilinear", "bicubic")
 TIE_PX = 1e-3
@@ -101,3 +102,9 @@ def gaussian_kernel(sigma_px: float, image_hw: tuple[int, int]) -> np.ndarray:
     weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma_px) ** 2)
     kernel: np.ndarray = (weights / weights.sum()).astype(np.float32)
     return kernel
+
+
+def check_erase(step: Erase, channels: int) -> None:
+    """Raise a ShapeError unless the erasing colour has one value, or one a channel."""
+    if step.value is not None and len(step.value) not in (1, channels):
+        raise ShapeError(f"image has {channels} channels, but RandomErasing's value has {len(step.value)}: give one number, or one a channel")

@@ -57,9 +57,11 @@ class Keep:
 
     Attributes:
         indices: into the animals of the target that came in.
+        min_visible: the part that decided; Compose asks again of the final picture, since a later map may show more.
     """
 
     indices: tuple[int, ...]
+    min_visible: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ def transform_target(
 
     Args:
         target: see Compose.
-        H_out_in: (3, 3), px_out ~ H_out_in px_in; pixel centres sit at whole numbers.
+        H_out_in: (3, 3), px_out ~ H_out_in px_in; pixel centres sit at whole numbers. Of H and -H the one with
+            w > 0 in the middle of the picture before is taken.
         image_hw_in: height and width before.
         image_hw_out: height and width after.
         keypoint_mirror: (J,) each keypoint's counterpart on the other side, if the target does not hold its own.
@@ -44,7 +45,7 @@ def transform_target(
     check_consistent(fields)
     H = oriented_homography(checked_map(H_out_in, fields), np.array([(image_hw_in[1] - 1) / 2, (image_hw_in[0] - 1) / 2]))
     permutation = None if keypoint_mirror is None else np.array(list(keypoint_mirror))
-    return write_target(mapped_with_pixels(fields, H, image_hw_in, image_hw_out, keypoint_mirror=permutation, allow_skew=allow_skew))
+    return write_target(mapped_with_pixels(fields, H, image_hw_out, keypoint_mirror=permutation, allow_skew=allow_skew))
 
 
 def inverse(
@@ -71,11 +72,8 @@ def inverse(
         if name in predicted:
             raise SampleError(fields.sample_id, name, "cannot go back without loss: warp it yourself by the inverse of H_out_in")
     H = checked_map(H_out_in, fields)
-    # The sign that makes w > 0 in the augmented picture is that of the original's middle.
-    x, y, w = H @ np.array([(image_hw[1] - 1) / 2, (image_hw[0] - 1) / 2, 1.0])
-    about_hw = (round(2 * y / w + 1), round(2 * x / w + 1))
     permutation = None if keypoint_mirror is None else np.array(list(keypoint_mirror))
-    back = write_target(map_fields(fields, np.linalg.inv(H), about_hw, image_hw, keypoint_mirror=permutation, allow_skew=True))
+    back = write_target(map_fields(fields, np.linalg.inv(H), image_hw, keypoint_mirror=permutation, allow_skew=True))
     return {name: value for name, value in back.items() if name not in ("H_out_in", "mirrored")}
 
 

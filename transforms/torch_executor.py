@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.transforms.sampling import Reading, gaussian_kernel, plan_reading
+from animal3dbox.transforms.sampling import Reading, check_erase, gaussian_kernel, plan_reading
 from animal3dbox.transforms.steps import Blur, KorniaPixels, Local, Noise, Pass, Standardise
 
 
@@ -73,7 +73,8 @@ def warp(
 
 def _read(images: Tensor, readings: list[Reading], interpolation: str, fill: tuple[float, ...], *, rounded: bool) -> Tensor:
     """Read pictures that are all shrunken alike."""
-    background = images.new_tensor(fill if len(fill) > 1 else fill * images.shape[1])[: images.shape[1], None, None]
+    channels = images.shape[1]
+    background = images.new_tensor((*fill, *[0.0] * channels)[:channels] if len(fill) > 1 else fill * channels)[:, None, None]
     # A constant border is a border of zeros round the picture less the constant.
     filled = any(fill)
     source = images - background if filled else images
@@ -153,17 +154,19 @@ def _local(image: Tensor, step: Local, unit: float) -> Tensor:
         reach, channels = len(kernel) // 2, image.shape[1]
         padded = torch.nn.functional.pad(image, (reach, reach, reach, reach), mode="reflect")
         rows = torch.nn.functional.conv2d(padded, kernel.reshape(1, 1, 1, -1).expand(channels, 1, 1, -1), groups=channels)
-        return _kept(torch.nn.functional.conv2d(rows, kernel.reshape(1, 1, -1, 1).expand(channels, 1, -1, 1), groups=channels), unit)
+        blurred = torch.nn.functional.conv2d(rows, kernel.reshape(1, 1, -1, 1).expand(channels, 1, -1, 1), groups=channels)
+        return _kept(blurred, unit) if unit == 255 else blurred
     rng = np.random.default_rng(step.seed)
     if isinstance(step, Noise):
         noise = rng.standard_normal((height, width, image.shape[1]), dtype=np.float32)
         return _kept(image + torch.from_numpy(noise).permute(2, 0, 1).to(image) * (step.sigma * unit), unit)
+    check_erase(step, image.shape[1])
     result = image.clone()
     for x_least, y_least, x_past, y_past in step.boxes:
         shape = (y_past - y_least, x_past - x_least, image.shape[1])
         colours = rng.random(shape, dtype=np.float32) if step.value is None else np.broadcast_to(np.array(step.value), shape)
         result[..., y_least:y_past, x_least:x_past] = torch.from_numpy(np.ascontiguousarray(colours)).permute(2, 0, 1).to(image) * unit
-    return _kept(result, unit)
+    return _kept(result, unit) if unit == 255 else result
 
 
 def _kept(image: Tensor, unit: float) -> Tensor:

@@ -25,12 +25,16 @@ class View:
         H_out_in: (3, 3) all maps so far.
         values: the target's camera and boxes as they came.
         alive: indices of the animals that no step has dropped.
+        count: of all animals.
+        first_hw: height and width of the picture before any step.
     """
 
     image_hw: tuple[int, int]
     H_out_in: np.ndarray
     values: Mapping[str, np.ndarray]
     alive: tuple[int, ...]
+    count: int
+    first_hw: tuple[int, int]
 
     @staticmethod
     def of(image_hw: tuple[int, int], fields: Fields) -> "View":
@@ -38,7 +42,11 @@ class View:
         names = ("K", "corners_3d", "center", "rotation", "size", "corners_2d", "corner_in_front", "face_visible")
         values = {name: fields.values[name] for name in names if name in fields.values}
         arrays = {name: value.detach().cpu().numpy() if isinstance(value, Tensor) else value for name, value in values.items()}
-        return View(image_hw, IDENTITY, arrays, tuple(range(fields.count)))
+        return View(image_hw, IDENTITY, arrays, tuple(range(fields.count)), fields.count, image_hw)
+
+    def before(self) -> "View":
+        """The picture before any step, of the animals that are alive."""
+        return replace(self, image_hw=self.first_hw, H_out_in=IDENTITY)
 
     def after(self, step: Step) -> "View":
         """The picture after one more step."""
@@ -128,5 +136,5 @@ class View:
         frame = self._frame
         shown = np.concatenate((np.maximum(boxes[:, :2], frame[:2]), np.minimum(boxes[:, 2:], frame[2:])), axis=1)
         areas = area_in_box(self._outlines, np.concatenate((frame[None], shown))[:, None, None]).sum(-1)
-        parts: np.ndarray = np.where(areas[0] > 0, areas[1:] / (areas[0] + (areas[0] <= 0)), 1.0)
+        parts: np.ndarray = np.where(areas[0] > 0, areas[1:] / (areas[0] + (areas[0] <= 0)), np.nan)
         return parts

@@ -43,7 +43,7 @@ class RandomVirtualCamera(Transform):
         for name, (low, high) in (("yaw", self.yaw), ("pitch", self.pitch)):
             if low <= -90 or high >= 90:
                 raise ConfigError(f"{name} must lie within (-90, 90) degrees: nothing of the picture would be left, got {(low, high)}")
-        self.zoom = check_range("zoom", zoom, least=1e-3)
+        self.zoom = check_range("zoom", zoom, about=None, least=1e-3)
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The one map."""
@@ -75,7 +75,7 @@ class PerspectiveCrop(Transform):
     def __init__(self, size: Size, margin: tuple[float, float] = (0.05, 0.2), jitter_deg: float = 0.0, min_visible: float | None = 0.1) -> None:
         super().__init__()
         self.size = check_size("size", size)
-        self.margin = check_range("margin", margin, least=0)
+        self.margin = check_range("margin", margin, about=None, least=0)
         if self.margin[1] >= 1:
             raise ConfigError(f"margin must lie in [0, 1), got {margin!r}")
         self.jitter_deg = check_range("jitter_deg", jitter_deg)
@@ -99,7 +99,7 @@ class PerspectiveCrop(Transform):
         parts = None if self.min_visible is None else view.parts_in_picture()
         if parts is None or self.min_visible is None:
             return ()
-        return (Keep(tuple(index for row, index in enumerate(view.alive) if row == chosen or parts[row] >= self.min_visible)),)
+        return (Keep(tuple(index for row, index in enumerate(view.alive) if row == chosen or parts[row] >= self.min_visible), self.min_visible),)
 
 
 def look_along(direction: np.ndarray) -> np.ndarray:

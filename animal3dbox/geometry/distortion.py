@@ -3,11 +3,13 @@
 Order of the coefficients: k1, k2, p1, p2 [, k3 [, k4, k5, k6 [, s1, s2, s3, s4]]].
 """
 
+from typing import Any
+
 import numpy as np
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.arrays import AnyArray, namespace
+from animal3dbox.geometry.arrays import AnyArray, namespace, norm
 
 COUNTS = (4, 5, 8, 12)
 
@@ -43,6 +45,37 @@ def distort(points: AnyArray, coefficients: AnyArray) -> AnyArray:
     along = 2 * (points * tangent).sum(-1)[..., None]
     bent: AnyArray = points * (radial + along) + r2 * (tangent + xp.stack((s1, s3)) + r2 * xp.stack((s2, s4)))
     return bent
+
+
+def field_of_view(coefficients: Tensor | np.ndarray) -> float:
+    """The radius x / z up to which the radial polynomial grows: beyond it the lens would fold the scene back into the picture.
+
+    Args:
+        coefficients: (4,), (5,), (8,) or (12,).
+
+    Returns:
+        The radius at depth 1; infinite if it grows all the way to 10 (84 degrees off the axis).
+
+    """
+    k1, k2, _, _, k3, k4, k5, k6 = [float(value) for value in coefficients[:8]] + [0.0] * (8 - min(len(coefficients), 8))
+    radius = np.linspace(0, 10, 4001)
+    r2 = radius * radius
+    bent = radius * (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+    falls = np.flatnonzero(~(np.diff(bent) > 0))
+    return float(radius[falls[0]]) if len(falls) else float("inf")
+
+
+def check_field_of_view(coefficients: AnyArray, corners_cam: AnyArray) -> None:
+    """Raise a ShapeError if boxes (N, 8, 3) reach behind the camera or to where the lens folds: their projection means nothing there."""
+    depth = corners_cam[..., 2]
+    off_axis = norm(corners_cam[..., :2])
+    outside: Any = ((depth <= 0) | (off_axis > field_of_view(coefficients) * depth)).any(-1)
+    beyond = [bool(outside[animal]) for animal in range(corners_cam.shape[0])]
+    if any(beyond):
+        raise ShapeError(
+            f"animal {beyond.index(True)} reaches beyond the lens's field of view, where its polynomial folds: "
+            "undistort the image first and drop the field, or leave the animal out"
+        )
 
 
 def turned_distortion(coefficients: AnyArray, Q: AnyArray) -> AnyArray:

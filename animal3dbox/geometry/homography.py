@@ -128,11 +128,12 @@ def update_camera(H_out_in: AnyArray, K: AnyArray, R: AnyArray | None = None, t:
     check_shape("H_out_in", H_out_in, "... 3 3")
     check_shape("K", K, "... 3 3")
     check_finite("H_out_in", H_out_in)
-    scale = at_least(abs(H_out_in).reshape(*H_out_in.shape[:-2], 9).sum(-1), 1e-300)
-    if bool((abs(handedness(H_out_in / scale[..., None, None])) < 1e-15).any()):
-        raise ShapeError("H_out_in must be invertible, but its determinant is zero: it flattens the image")
     xp = namespace(H_out_in)
-    U, Q = rq(H_out_in @ K)
+    HK = H_out_in @ K
+    lengths = norm(HK)
+    if bool((abs(handedness(HK / at_least(lengths, 1e-300)[..., None])) < 1e-14).any()):
+        raise ShapeError("H_out_in must be invertible, but its determinant is zero: it flattens the image")
+    U, Q = rq(HK)
     k = U[..., 2, 2]
     if R is not None:
         side = xp.ones_like(Q[..., 0, :])

@@ -1,18 +1,22 @@
 """Pipelines: forms of images, randomness, replay, inverse, batches, local operations."""
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import cv2
+import kornia.augmentation as kornia
 import numpy as np
 import pytest
 import torch
+from opencv_version import LEVELS
 from scenes import F64, KEYPOINT_MIRROR, scene
 from torch import Tensor
 from torch.testing import assert_close
 
 from animal3dbox import transforms
 from animal3dbox.errors import ConfigError, SampleError, ShapeError
+from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.transforms import (
     CenterCrop,
     ColorJitter,
@@ -20,6 +24,7 @@ from animal3dbox.transforms import (
     LetterBox,
     Normalize,
     PadTo,
+    PerspectiveCrop,
     RandomAffine,
     RandomErasing,
     RandomGaussianBlur,
@@ -31,6 +36,7 @@ from animal3dbox.transforms import (
     RandomRotation,
     RandomVirtualCamera,
     Resize,
+    Transform,
     inverse,
     transform_target,
 )
@@ -266,29 +272,45 @@ def test_masks_and_their_boxes_follow_the_pixels() -> None:
     target = scene(2)
     masks = torch.zeros(2, *HW, dtype=torch.uint8)
     masks[0, 20:50, 30:70] = 1
-    _, after = Compose([RandomHorizontalFlip(1), Resize((60, 80))])(picture(), {**target, "masks": masks})
+    boxes = target["boxes"].clone()
+    boxes[0] = torch.tensor([29.5, 19.5, 69.5, 49.5])
+    _, after = Compose([RandomHorizontalFlip(1), Resize((60, 80))])(picture(), {**target, "masks": masks, "boxes": boxes})
     expected = torch.zeros(60, 80, dtype=torch.uint8)
     expected[10:25, 45:65] = 1
     assert torch.equal(after["masks"][0], expected)
     assert after["boxes"][0].tolist() == [44.5, 9.5, 64.5, 24.5]
     assert int(after["masks"][1].sum()) == 0
+    amodal = torch.tensor([[10.0, 10, 100, 100], [0, 0, 0, 0]], dtype=F64)  # was not made from the mask: mapped as it is
+    _, after = Compose([RandomHorizontalFlip(1), Resize((60, 80))])(picture(), {"masks": masks, "boxes": amodal})
+    assert after["boxes"][0].tolist() == [29.25, 4.75, 74.25, 49.75]
 
 
-def test_depth_follows_the_law_at_every_pixel() -> None:
+def test_painting_over_does_not_shrink_the_box_however_the_picture_moves_later() -> None:
+    masks = torch.zeros(1, *HW, dtype=torch.uint8)
+    masks[0, 20:100, 20:140] = 1
+    target = {"masks": masks, "boxes": torch.tensor([[19.5, 19.5, 139.5, 99.5]], dtype=F64)}
+    hide = RandomErasing(1, scale=(0.5, 0.5), ratio=(1.0, 1.0))
+    _, after = Compose([hide, Resize((60, 80))])(picture(), target, key=(0,))
+    assert after["boxes"][0].tolist() == [9.5, 9.5, 69.5, 49.5]
+    assert 0 < float(after["occlusion"][0]) < 1
+
+
+@pytest.mark.parametrize("transform", [RandomVirtualCamera((4, 4), (3, 3), (10, 10), (1.1, 1.1)), RandomPerspective(0.2, p=1, allow_skew=True)])
+def test_depth_follows_the_law_at_every_pixel(transform: Transform) -> None:
     """A slanted plane: its depth in the new camera is known in closed form."""
     K = torch.tensor([[150.0, 0, 85], [0, 140, 55], [0, 0, 1]], dtype=F64)
     normal = torch.tensor([0.2, -0.1, 1.0], dtype=F64)
     y, x = torch.meshgrid(torch.arange(HW[0], dtype=F64), torch.arange(HW[1], dtype=F64), indexing="ij")
     rays = torch.stack((x, y, torch.ones_like(x)), dim=-1) @ torch.linalg.inv(K).mT
     depth = 4 / (rays @ normal)  # normal . X = 4
-    _, after = Compose([RandomVirtualCamera((4, 4), (3, 3), (10, 10), (1.1, 1.1))])(picture(), {"K": K, "depth": depth})
+    _, after = Compose([transform])(picture(), {"K": K, "depth": depth}, key=(0, 1))
     H, K_new = after["H_out_in"], after["K"]
     Q = torch.linalg.inv(K_new) @ H @ K
     Q = Q / Q[2].norm()
     rays = torch.stack((x, y, torch.ones_like(x)), dim=-1) @ torch.linalg.inv(K_new).mT
     expected = 4 / (rays @ (Q @ normal))
     known = after["depth"] > 0
-    assert float(known.double().mean()) > 0.7
+    assert float(known.double().mean()) > 0.5
     assert float(((after["depth"] - expected).abs() / expected)[known].max()) < 5e-3  # half a pixel of the slope
 
 
@@ -384,9 +406,14 @@ def singular(target: dict[str, Any]) -> dict[str, Any]:
         ({"distortion": torch.zeros(3, dtype=F64)}, "distortion", "OpenCV's order"),
         ({"intrinsics": torch.eye(3)}, "intrinsics", "could hold a camera"),
         ({"P2": np.zeros((3, 4))}, "P2", "could hold a camera"),
-        ({"calib": {"P2": np.zeros((3, 4))}}, "calib", "arrays inside"),
-        ({"cam2img": [torch.eye(3)]}, "cam2img", "arrays inside"),
+        ({"calib": {"P2": np.zeros((3, 4))}}, "calib", "could hold a camera"),
+        ({"cam2img": [torch.eye(3)]}, "cam2img", "could hold a camera"),
         ({"area": torch.ones(2)}, "area", "unknown field"),
+        ({"P2": [[1.0, 0, 0, 0]]}, "P2", "could hold a camera"),
+        ({"annotations": [{"bbox": [1.0, 2.0, 3.0, 4.0]}, {}]}, "annotations", "could hold a camera"),
+        ({"intrinsics": {"fx": 500.0}}, "intrinsics", "could hold a camera"),
+        ({"camera": object()}, "camera", "could hold a camera"),
+        ({"masks": torch.zeros(2, *HW, dtype=torch.float16)}, "masks", "convert it to uint8"),
         ({"keypoint_mirror": torch.tensor([0, 1, 2])}, "keypoint_mirror", "permutation of 0 to 4"),
         ({"keypoint_mirror": torch.tensor([1, 2, 0, 3, 4])}, "keypoint_mirror", "swap keypoints in pairs"),
         ({"corners_2d": torch.zeros(2, 8, 2, dtype=F64)}, "K", "stale"),
@@ -431,6 +458,9 @@ def test_a_lens_is_carried_or_the_error_says_to_undistort() -> None:
         (lambda: RandomAffine((3, -3)), "degrees must be"),
         (lambda: RandomAffine(3, scale=(0, 1)), "scale must be"),
         (lambda: RandomVirtualCamera(95), "yaw must lie"),
+        (lambda: RandomVirtualCamera(zoom=1.2), r"zoom must be a \(low, high\) pair"),  # type: ignore[arg-type]
+        (lambda: RandomAffine(3, scale=1.2), "scale must be a"),  # type: ignore[arg-type]
+        (lambda: RandomAffine("3"), "degrees must be"),  # type: ignore[arg-type]
         (lambda: RandomPerspective(), "allow_skew=True .*RandomVirtualCamera"),
         (lambda: ColorJitter(brightness=(-1, 1)), "brightness must be"),
         (lambda: Normalize((0, 0), (1, 0)), "std > 0"),
@@ -450,6 +480,169 @@ def test_a_lens_is_carried_or_the_error_says_to_undistort() -> None:
 def test_options_that_cannot_be_are_refused(make: Any, says: str) -> None:
     with pytest.raises((ConfigError, ShapeError), match=says):
         make()
+
+
+def test_the_side_of_the_camera_is_kept_when_the_old_middle_falls_behind_it() -> None:
+    """From the review: labels took -H when the middle of the old picture was no longer in front of the new camera."""
+    K = torch.tensor([[200.0, 0, 100], [0, 200, 60], [0, 0, 1]], dtype=F64)
+    center, eye = torch.tensor([[3.8, 0, 1.0]], dtype=F64), torch.eye(3, dtype=F64)[None]
+    target = {"K": K, "center": center, "rotation": eye, "size": torch.full((1, 3), 0.2, dtype=F64)}
+    image = picture(0, (120, 1200))
+    for compose in (
+        Compose([PerspectiveCrop(64)]),
+        Compose([RandomVirtualCamera((75, 75), 0.0, 0.0)]),
+        Compose([RandomVirtualCamera((40, 40), 0.0, 0.0)] * 2),
+    ):
+        _, after = compose(image, target)
+        assert after["mirrored"] is False
+        assert float(after["center"][0, 2]) > 0
+        back = inverse({name: after[name] for name in target}, after["H_out_in"], (120, 1200))
+        for name, value in target.items():
+            assert_close(back[name], value, atol=1e-9, rtol=1e-9)
+
+
+def test_what_is_added_to_a_target_is_a_float_whatever_comes_first() -> None:
+    _, after = Compose([RandomRotation((10, 10))])(picture(), {"labels": torch.tensor([1]), "boxes": torch.ones(1, 4)})
+    assert after["H_out_in"].dtype == torch.float32
+    masks = np.ones((1, *HW), dtype=np.uint8)
+    _, after = Compose([RandomErasing(1, scale=(0.3, 0.3))])(picture(), {"masks": masks})
+    assert after["occlusion"].dtype == np.float32
+    assert 0 < after["occlusion"][0] < 1
+
+
+def test_a_box_beyond_the_horizon_has_no_area() -> None:
+    target = {"K": torch.tensor([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]], dtype=F64), "boxes": torch.tensor([[0.0, 40, 20, 80]], dtype=F64)}
+    _, after = Compose([RandomVirtualCamera((80, 80), 0.0, 0.0)])(picture(), target)
+    x_least, y_least, x_most, y_most = after["boxes"][0].tolist()
+    assert (x_most - x_least) * (y_most - y_least) == 0
+
+
+def test_crops_do_not_count_animals_that_are_not_in_the_picture() -> None:
+    whole = scene(2, seed=4)
+    center = whole["center"].clone()
+    center[1] = torch.tensor([0.0, 0, -5])
+    target = {"K": whole["K"], "center": center, "rotation": whole["rotation"], "size": whole["size"]}
+    crop = Compose([RandomResizedCrop(64, (0.05, 0.3), keep_part=0.9, min_visible=None)])
+    alone = {"K": target["K"], **{name: target[name][:1] for name in ("center", "rotation", "size")}}
+    for index in range(20):
+        assert crop.sample_params(HW, target, (index,)).H_out_in.tolist() == crop.sample_params(HW, alone, (index,)).H_out_in.tolist()
+
+
+def test_faces_without_cuboids_are_scaled_or_left_out_but_never_stale() -> None:
+    target = {name: scene()[name] for name in ("K", "face_area", "face_share", "face_share_in_image", "face_visible")}
+    _, after = Compose([Resize((60, 80))])(picture(), target)
+    assert_close(after["face_area"], target["face_area"] / 4)
+    assert "face_share_in_image" not in after
+    _, after = Compose([RandomVirtualCamera((5, 5))])(picture(), target)
+    assert "face_share" not in after
+    assert "face_area" not in after
+
+
+def test_cuboids_beyond_a_lens_s_field_of_view_are_refused() -> None:
+    target = scene(1)
+    narrow = torch.tensor([-0.4, 0.0, 0.0, 0.0], dtype=F64)  # folds at 42 degrees off the axis
+    wide = {"K": target["K"], "center": target["center"] + torch.tensor([7.0, 0, 0]), "rotation": target["rotation"], "size": target["size"]}
+    with pytest.raises(SampleError, match="distortion: animal 0 reaches beyond the lens's field of view"):
+        Compose([Resize(50)])(picture(), {**wide, "distortion": narrow})
+    Compose([Resize(50)])(picture(), {**{name: target[name] for name in wide}, "distortion": narrow})
+
+
+def test_strong_zooms_of_large_pictures_are_no_singular_maps() -> None:
+    _, after = Compose([RandomAffine(0, scale=(0.005, 0.005))])(np.zeros((1000, 6000), dtype=np.uint8), {"K": scene()["K"]})
+    assert float(after["K"][0, 0]) == pytest.approx(0.005 * float(scene()["K"][0, 0]))
+
+
+def test_rgba_and_grey_images_go_through_both_executors_alike() -> None:
+    for channels in (1, 4):
+        image = torch.from_numpy(np.random.default_rng(0).integers(0, 256, (channels, 40, 50)).astype(np.uint8))
+        compose = Compose([RandomRotation((20, 20))], fill=(9.0, 9.0, 9.0) if channels == 4 else 9.0)
+        one, _ = compose(image, {})
+        batched, _ = compose.batch((image[None], [{}]))
+        assert int((batched[0].int() - one.int()).abs().max()) <= LEVELS
+    with pytest.raises(ShapeError, match="image has 1 channels, but RandomErasing's value has 3"):
+        Compose([RandomErasing(1, value=(0.0, 0.5, 1.0))])(image[:1], {})
+
+
+def test_floats_outside_their_range_are_treated_alike_by_both_executors() -> None:
+    image = torch.randn(3, 30, 40)
+    compose = Compose([RandomGaussianBlur((1, 1), p=1), RandomErasing(1)])
+    one, _ = compose(image, {}, key=(0,))
+    batched, _ = compose.batch((image[None], [{}]), keys=[(0,)])
+    assert_close(batched[0], one, atol=1e-5, rtol=0)
+    assert float(one.min()) < 0
+
+
+def test_a_quarter_turn_maps_boxes_exactly() -> None:
+    square = torch.tensor([[200.0, 0, 80], [0, 200, 60], [0, 0, 1]], dtype=F64)
+    box = Cuboid(torch.tensor([[0.0, 0, 5]], dtype=F64), torch.eye(3, dtype=F64)[None], torch.ones(1, 3, dtype=F64))
+    cuboid = {"center": box.center, "rotation": box.rotation, "size": box.size}
+    target = {"K": square, "boxes": torch.tensor([[30.0, 20, 80, 90]], dtype=F64), **cuboid}
+    _, after = Compose([RandomRotation((90, 90))])(picture(), target)
+    assert_close(after["boxes"], torch.tensor([[49.0, 10, 119, 60]], dtype=F64))  # x' = 139 - y, y' = x - 20
+
+
+def test_a_dropped_animal_that_a_later_map_shows_again_has_its_label() -> None:
+    """From the review: maps are fused, so what a crop cut off is there again when a later map makes room for it."""
+    target = {name: scene(6, seed=1)[name] for name in ("K", "corners_3d", "labels")}
+    cropped = Compose([CenterCrop(40, min_visible=0.9)]).sample_params(HW, target)
+    assert cropped.keep is not None
+    assert len(cropped.keep) < 6
+    again = Compose([CenterCrop(40, min_visible=0.9), PadTo(HW)])
+    _, after = again(picture(), target)
+    assert after["labels"].tolist() == list(range(6))
+    _, after = Compose([CenterCrop(40, min_visible=0.9), RandomRotation((5, 5))])(picture(), target)
+    assert after["labels"].tolist() == list(cropped.keep)
+
+
+def test_the_user_says_which_fields_of_his_own_follow_dropped_animals() -> None:
+    target = {**scene(6, seed=1), "herd": list("abcdef"), "orig_size": torch.tensor([1, 2, 3, 4, 5, 6]), "site": "north", "scores": torch.rand(6)}
+    crop = [CenterCrop(40, min_visible=0.9)]
+    with pytest.raises(SampleError, match=r"scene: herd: has 6 entries.*per_animal=\['herd'\]"):
+        Compose(crop)(picture(), target)
+    _, after = Compose(crop, per_animal=["herd"], per_image=["orig_size"])(picture(), target)
+    kept = after["labels"].tolist()
+    assert after["herd"] == [list("abcdef")[index] for index in kept]
+    assert torch.equal(after["scores"], target["scores"][kept])
+    assert after["orig_size"].tolist() == [1, 2, 3, 4, 5, 6]
+    assert after["site"] == "north"
+    with pytest.raises(SampleError, match="herd: holds 2 records for 6 animals"):
+        Compose(crop, per_animal=["herd"])(picture(), {**target, "herd": ["a", "b"]})
+
+
+@pytest.mark.parametrize("pipeline", [[], [RandomHorizontalFlip(0)], [CenterCrop(HW)], [Resize(HW)], [RandomRotation((5, 5))]])
+@pytest.mark.parametrize("array", [True, False])
+def test_writing_to_what_came_out_changes_nothing_of_what_came_in(pipeline: list[Transform], array: bool) -> None:
+    target: dict[str, Any] = {**scene(2), "masks": torch.ones(2, *HW, dtype=torch.uint8)}
+    image: Any = picture().permute(1, 2, 0).contiguous().numpy() if array else picture()
+    if array:
+        target = {name: value.numpy() if isinstance(value, Tensor) else value for name, value in target.items()}
+    kept, image_kept = pickle.loads(pickle.dumps(target)), pickle.loads(pickle.dumps(image))  # noqa: S301
+    made, after = Compose(pipeline)(image, target)
+    made[:] = 0
+    for value in after.values():
+        if isinstance(value, Tensor | np.ndarray):
+            value[...] = 0
+    assert (np.asarray(image) == np.asarray(image_kept)).all()
+    for name, value in kept.items():
+        assert np.array_equal(np.asarray(target[name]), np.asarray(value)), name
+
+
+def test_a_pipeline_in_a_pipeline_keeps_its_options_or_says_that_they_would_be_lost() -> None:
+    inner = Compose([RandomRotation((10, 10))], fill=114.0)
+    with pytest.raises(ConfigError, match="its fill would be lost"):
+        Compose([inner, Resize(50)])
+    one, _ = Compose([inner, Resize(50)], fill=114.0)(picture(), {})
+    other, _ = Compose([RandomRotation((10, 10)), Resize(50)], fill=114.0)(picture(), {})
+    assert torch.equal(one, other)
+
+
+def test_threads_that_share_a_pipeline_draw_what_one_alone_draws() -> None:
+    compose = Compose([kornia.RandomAffine(20.0, p=0.5), kornia.RandomHue((-0.2, 0.2), p=0.5), RandomHorizontalFlip()])
+    image = picture()
+    alone = [compose(image, {}, key=(0, index))[0] for index in range(40)]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda index: compose(image, {}, key=(0, index))[0], range(40)))
+    assert all(torch.equal(a, b) for a, b in zip(alone, together, strict=True))
 
 
 def test_a_forbidden_mirror_never_happens() -> None:

@@ -159,7 +159,7 @@ def test_a_map_and_its_inverse_are_none(given_scene: Scene, chain: list[Transfor
     target, image_hw = given_scene
     compose = Compose(chain, allow_skew=True)
     after, plan = mapped(compose, target, image_hw, (0, index))
-    back = map_fields(read_target(after, final_hw(plan)), np.linalg.inv(after["H_out_in"].numpy()), final_hw(plan), image_hw, allow_skew=True)
+    back = map_fields(read_target(after, final_hw(plan)), np.linalg.inv(after["H_out_in"].numpy()), image_hw, allow_skew=True)
     for name in ("K", "R", "t", "corners_3d", "center", "rotation", "vertices", "keypoints_3d", "face_visible"):
         assert_close(torch.from_numpy(back.values[name]), target[name], atol=1e-7, rtol=1e-7, msg=f"{name} differs")
     assert back.others["mirrored"] is False
@@ -199,8 +199,8 @@ def test_a_plain_turn_of_a_camera_with_unequal_focal_lengths_is_refused_for_its_
     angle = math.radians(20)
     H = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
     with pytest.raises(SampleError, match=r"scene: K: .*skew .* RandomRotation"):
-        map_fields(read_target(target, (120, 160)), H, (120, 160), (120, 160))
-    assert abs(float(map_fields(read_target(target, (120, 160)), H, (120, 160), (120, 160), allow_skew=True).values["K"][0, 1])) > 1
+        map_fields(read_target(target, (120, 160)), H, (120, 160))
+    assert abs(float(map_fields(read_target(target, (120, 160)), H, (120, 160), allow_skew=True).values["K"][0, 1])) > 1
 
 
 def test_a_perspective_crop_looks_at_the_box_and_fills_the_picture() -> None:
