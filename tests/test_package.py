@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-LAYERS = ["geometry", "smal", "labels", "datasets", "report", "cli"]
+LAYERS = ["geometry", "smal", "labels", "datasets", "report", "evaluate", "cli"]
 
 
 def modules() -> list[tuple[str, Path]]:

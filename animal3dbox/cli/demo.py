@@ -14,6 +14,7 @@ from animal3dbox.datasets.bodies import model_mobility, standing_vertices
 from animal3dbox.datasets.faults import FaultConfig, faulty
 from animal3dbox.datasets.synthetic import SyntheticAnimal, synthetic_animal
 from animal3dbox.errors import ConfigError
+from animal3dbox.evaluate.config import METHODS
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import FACE_NAMES
@@ -24,13 +25,6 @@ from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.smal.quadruped import preset_betas
 from animal3dbox.smal.vocabularies import VOCABULARIES
-
-METHODS = {
-    "basic": LabelConfig(method="basic"),
-    "paper (vector)": LabelConfig(method="paper", residual="vector"),
-    "paper (literal)": LabelConfig(method="paper", residual="literal"),
-    "default": LabelConfig(),
-}
 
 
 @dataclass(frozen=True)

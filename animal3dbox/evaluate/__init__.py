@@ -1,0 +1,1 @@
+"""The paper's evaluation on a world whose truth is known, and what of it any dataset allows."""

@@ -1,0 +1,133 @@
+"""The paper's baseline as it fails: keypoints left at (0, 0) are fed to RANSAC (section 3.2).
+
+label_animal takes such keypoints for missing, so this goes to labels/pose_basic.py and labels/pose_refine.py directly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+
+from animal3dbox.datasets.faults import FaultConfig
+from animal3dbox.evaluate.config import METHODS
+from animal3dbox.evaluate.subject import Annotated, Subject
+from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, percent, quantile
+from animal3dbox.geometry.face_visibility import face_visibility
+from animal3dbox.geometry.rigid import rigid
+from animal3dbox.labels.assemble import mask_box
+from animal3dbox.labels.bounds import tight_cuboid
+from animal3dbox.labels.pose_basic import basic_pose
+from animal3dbox.labels.pose_problem import PoseEstimate, PoseFailure, PoseProblem, degenerate_points, in_unit_scale, reprojection_errors
+from animal3dbox.labels.pose_refine import refined_pose
+from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.labels.uncertainty import keypoint_sigma
+
+PARTS = (0.1, 0.2, 0.3)
+"""Parts of the marked keypoints that are left at (0, 0)."""
+NOISE_PX = 2.0
+FED = ("basic", "paper (vector)", "paper (literal)")
+"""Methods that get the keypoints at (0, 0) as if they were there."""
+DROPPED = ("basic", "default")
+"""Methods through the door, which drops those keypoints."""
+DEGENERATE = 0.01
+"""A projected box with less than this part of the mask's area is degenerate; so is an animal without any pose."""
+PUBLISHED: tuple[tuple[Cell, ...], ...] = (
+    (f"({PAPER}, Animal3D)", "basic", None, 75.28, None, None, None, 13.81),
+    (f"({PAPER}, Animal3D)", "theirs", None, 7.56, None, None, None, 0.0),
+)
+
+
+@dataclass(frozen=True)
+class ReproductionRow:
+    """One animal with part of its keypoints at (0, 0), by one method.
+
+    Attributes:
+        index: of the animal.
+        part: of PARTS.
+        method: of METHODS.
+        fed: whether the keypoints at (0, 0) were given to the method and counted in its error.
+        error_px: mean distance of the landmarks from all keypoints given; None without a pose.
+        placed_px: from those that are not at (0, 0).
+        degenerate: see DEGENERATE.
+    """
+
+    index: int
+    part: float
+    method: str
+    fed: bool
+    error_px: float | None
+    placed_px: float | None
+    degenerate: bool
+
+
+def reproduction_rows(subject: Subject) -> list[ReproductionRow]:
+    """One animal, for every part and method; none where fewer than six keypoints are marked."""
+    rows = []
+    for part in PARTS:
+        given = subject.annotated(FaultConfig(noise_px=NOISE_PX, zeros=part))
+        problem = _problem_with_zeros(given)
+        if degenerate_points(problem, METHODS["basic"].min_keypoints) is not None:
+            continue
+        rows += [_fed(subject.index, part, method, given, problem) for method in FED]
+        rows += [_dropped(subject.index, part, method, given) for method in DROPPED]
+    return rows
+
+
+def _problem_with_zeros(given: Annotated) -> PoseProblem:
+    """The pose problem of all marked keypoints, those at (0, 0) too."""
+    said, landmarks = given.said, given.landmarks
+    used = (said.keypoints_2d[:, 2] > 0) & torch.isfinite(landmarks).all(1)
+    keypoints = said.keypoints_2d[used]
+    sigma = keypoint_sigma(keypoints, said.image_hw, METHODS["basic"])
+    R_box = given.animal.cuboid.rotation
+    return PoseProblem(landmarks[used], keypoints[:, :2], sigma, said.K, said.image_hw, R_box, given.vertices, mask_box(said.mask))
+
+
+def _fed(index: int, part: float, method: str, given: Annotated, problem: PoseProblem) -> ReproductionRow:
+    config = METHODS[method]
+
+    def solve(scaled: PoseProblem) -> PoseEstimate | PoseFailure:
+        start = basic_pose(scaled, config)
+        return start if method == "basic" or isinstance(start, PoseFailure) else refined_pose(scaled, start, config)
+
+    found = in_unit_scale(problem, solve)
+    if isinstance(found, PoseFailure):
+        return ReproductionRow(index, part, method, True, None, None, True)
+    errors, _ = reprojection_errors(problem, found.R, found.t)
+    placed = problem.points_px.any(1)
+    box = tight_cuboid(given.vertices, problem.R_box).transformed(rigid(found.R, found.t))
+    area = float(face_visibility(box, problem.K, problem.image_hw).area.sum())
+    degenerate = area < DEGENERATE * float(given.said.mask.sum())
+    placed_px = float(errors[placed].mean()) if bool(placed.any()) else None
+    return ReproductionRow(index, part, method, True, float(errors.mean()), placed_px, degenerate)
+
+
+def _dropped(index: int, part: float, method: str, given: Annotated) -> ReproductionRow:
+    label = given.labelled(METHODS[method])
+    if not isinstance(label, CuboidLabel):
+        return ReproductionRow(index, part, method, False, None, None, label.reason != "too_few_keypoints")
+    error = label.quality.reprojection_error_px
+    return ReproductionRow(index, part, method, False, error, error, False)
+
+
+def reproduction_table(rows: Sequence[ReproductionRow]) -> Table:
+    """Every part and method, beside the paper's figures."""
+    lines: list[tuple[Cell, ...]] = []
+    for part in PARTS:
+        for fed, methods in ((True, FED), (False, DROPPED)):
+            for method in methods:
+                found = [row for row in rows if (row.part, row.method, row.fed) == (part, method, fed)]
+                errors, placed = [r.error_px for r in found], mean(r.placed_px for r in found)
+                name = method if fed else f"{method}, (0, 0) dropped"
+                degenerate = percent([r.degenerate for r in found])
+                lines.append(
+                    (f"{part:.0%} at (0, 0)", name, len(found), mean(errors), quantile(errors, 0.5), quantile(errors, 0.95), placed, degenerate)
+                )
+    columns = ("keypoints", "method", "animals", "mean px", "median px", "p95 px", "mean px of placed ones", "degenerate %")
+    notes = (
+        f"Keypoints with {NOISE_PX:g} px of noise, part of them left at (0, 0) and marked as visible. mean px is over all keypoints that the method"
+        " was given, those at (0, 0) too; placed ones are the others. Animals with too few keypoints for a pose are left out of the errors.",
+        "degenerate: no pose is found, or the projected box has less than 1 % of the mask's area.",
+        f"{PAPER}: published figures, not computed here.",
+    )
+    return Table("reproduction", "The paper's camera-pose figures: keypoints at (0, 0) fed to RANSAC", notes, columns, (*lines, *PUBLISHED))

@@ -1,0 +1,87 @@
+"""An evaluation from its config to its tables, on one or several processes with the same result."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+
+import torch
+
+from animal3dbox.evaluate.accuracy import AccuracyRow, accuracy_rows, accuracy_table
+from animal3dbox.evaluate.config import EvaluateConfig
+from animal3dbox.evaluate.face_study import FaceRow, face_rows, face_table
+from animal3dbox.evaluate.orientation import StabilityRow, stability_rows, stability_table
+from animal3dbox.evaluate.pose_study import DIAL, EVERYWHERE, PoseRow, pose_rows, pose_table
+from animal3dbox.evaluate.reproduction import ReproductionRow, reproduction_rows, reproduction_table
+from animal3dbox.evaluate.subject import subject
+from animal3dbox.evaluate.tables import Table
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What every study found, a row a sample.
+
+    Attributes:
+        stability: orientation under noise.
+        accuracy: orientation against the truth.
+        pose: camera poses.
+        reproduction: the paper's baseline as it fails.
+        faces: against ray-casting.
+    """
+
+    stability: tuple[StabilityRow, ...]
+    accuracy: tuple[AccuracyRow, ...]
+    pose: tuple[PoseRow, ...]
+    reproduction: tuple[ReproductionRow, ...]
+    faces: tuple[FaceRow, ...]
+
+
+def animal_rows(config: EvaluateConfig, index: int) -> Rows:
+    """Everything about one animal; a pure function of the config and the index."""
+    torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
+    who, in_full = subject(config, index), index % config.every == 0
+    return Rows(
+        stability=tuple(stability_rows(who)) if in_full else (),
+        accuracy=tuple(accuracy_rows(who)),
+        pose=tuple(pose_rows(who, {**EVERYWHERE, **DIAL} if in_full else EVERYWHERE)),
+        reproduction=tuple(reproduction_rows(who)) if in_full else (),
+        faces=tuple(face_rows(who)),
+    )
+
+
+def evaluate_world(config: EvaluateConfig, workers: int = 1, progress: Callable[[Iterable[Rows]], Iterable[Rows]] = iter) -> Rows:
+    """Everything about all animals, in their order whatever the number of workers.
+
+    Args:
+        config: what is evaluated.
+        workers: processes.
+        progress: wraps the iterator over animals, to show a bar.
+
+    """
+    found = list(progress(_each_animal(config, workers)))
+    return Rows(
+        stability=tuple(row for rows in found for row in rows.stability),
+        accuracy=tuple(row for rows in found for row in rows.accuracy),
+        pose=tuple(row for rows in found for row in rows.pose),
+        reproduction=tuple(row for rows in found for row in rows.reproduction),
+        faces=tuple(row for rows in found for row in rows.faces),
+    )
+
+
+def world_tables(rows: Rows) -> tuple[Table, ...]:
+    """The tables of an evaluation."""
+    return (
+        stability_table(rows.stability),
+        accuracy_table(rows.accuracy),
+        pose_table(rows.pose),
+        reproduction_table(rows.reproduction),
+        face_table(rows.faces),
+    )
+
+
+def _each_animal(config: EvaluateConfig, workers: int) -> Iterator[Rows]:
+    if workers == 1:
+        yield from map(partial(animal_rows, config), range(config.animals))
+        return
+    with get_context("spawn").Pool(workers) as pool:
+        yield from pool.imap(partial(animal_rows, config), range(config.animals))

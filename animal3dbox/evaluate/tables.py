@@ -1,0 +1,85 @@
+"""Tables of results: what the text, the JSON and the page are made of."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Cell = str | int | float | None
+PAPER = "PAPER"
+"""Marks the rows that are the paper's published figures, which nothing here computes."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table.
+
+    Attributes:
+        name: its key in the JSON.
+        title: one line.
+        notes: whole sentences below it: what was measured, in which unit.
+        columns: names, the unit last.
+        rows: a cell a column; None is unknown or does not apply.
+    """
+
+    name: str
+    title: str
+    notes: tuple[str, ...]
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    def records(self) -> list[dict[str, Any]]:
+        """A dictionary a row, numbers rounded to ten digits; anything not finite is None."""
+        return [{column: _plain(cell) for column, cell in zip(self.columns, row, strict=True)} for row in self.rows]
+
+    def text(self) -> str:
+        """The table as aligned text."""
+        lines = [self.columns, *(tuple(shown(cell) for cell in row) for row in self.rows)]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
+        words = [all(isinstance(row[i], str | None) for row in self.rows) for i in range(len(self.columns))]
+        drawn = [
+            "  ".join(cell.ljust(width) if word else cell.rjust(width) for cell, width, word in zip(line, widths, words, strict=True)).rstrip()
+            for line in lines
+        ]
+        return "\n".join([self.title, "=" * len(self.title), *drawn, *(f"  {note}" for note in self.notes)])
+
+
+def shown(cell: Cell) -> str:
+    """A cell as text: about four digits of a number, a dash for the unknown."""
+    if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
+        return "-"
+    if isinstance(cell, str | int):
+        return str(cell)
+    size = abs(cell)
+    if size != 0 and (size < 1e-4 or size >= 1e5):
+        return f"{cell:.1e}"
+    return f"{cell:.1f}" if size >= 100 else f"{cell:.2f}" if size >= 1 else f"{cell:.4f}"
+
+
+def mean(values: Iterable[float | None]) -> float | None:
+    """The mean of those that are known; None if there is none."""
+    known = _known(values)
+    return float(np.mean(known)) if known else None
+
+
+def quantile(values: Iterable[float | None], q: float) -> float | None:
+    """A quantile of those that are known; None if there is none."""
+    known = _known(values)
+    return float(np.quantile(known, q)) if known else None
+
+
+def percent(flags: Sequence[bool]) -> float | None:
+    """How many of a hundred are true; None without any."""
+    return 100.0 * sum(flags) / len(flags) if flags else None
+
+
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [value for value in values if value is not None]
+
+
+def _plain(cell: Cell) -> Cell:
+    if not isinstance(cell, float):
+        return cell
+    return float(f"{cell:.10g}") if math.isfinite(cell) else None
