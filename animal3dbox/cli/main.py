@@ -1,4 +1,4 @@
-"""The command line: ``animal3dbox demo``, ``label``, ``synth`` and ``convert-model``.
+"""The command line: ``animal3dbox demo``, ``label``, ``synth``, ``evaluate`` and ``convert-model``.
 
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 
@@ -100,6 +100,26 @@ def synth(
     return run_synth(SynthJob(out, n, seed, format, model, (height, width), mark_hidden, faults))
 
 
+def evaluate(
+    path: Annotated[
+        tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[PATH]", help="a dataset's folder or annotation file; without: our world")
+    ] = None,
+    out: Annotated[Path, tyro.conf.arg(help="folder for evaluation.json, .txt and .html")] = Path("evaluation"),
+    n: Annotated[int, tyro.conf.arg(help="animals of our world")] = 500,
+    seed: Annotated[int, tyro.conf.arg(help="another seed gives another world")] = 0,
+    workers: Annotated[int, tyro.conf.arg(help="processes; the results are the same")] = 2,
+    format: Annotated[Literal["auto", "animal3d", "stanfordextra"], tyro.conf.arg(help="the annotations' format")] = "auto",
+    images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
+    model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model of the dataset's own parameters (Animal3D)")] = None,
+    body: Annotated[str | None, tyro.conf.arg(help="one body for all: a preset, a SMAL model or a mesh file; without --model, dog")] = None,
+    landmarks: Annotated[Path | None, tyro.conf.arg(help="JSON with the mesh file's landmarks (docs/formats.md)")] = None,
+) -> int:
+    """Repeat the paper's evaluation on a world whose truth is known, or what of it a dataset allows."""
+    from animal3dbox.cli.evaluate import EvaluateJob, run_evaluate
+
+    return run_evaluate(EvaluateJob(path, out, n, seed, workers, format, images, model, body, landmarks))
+
+
 def convert_model(
     source: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="IN", help="a SMAL model, .pkl or .safetensors")],
     target: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT", help="the .safetensors file to write")],
@@ -112,7 +132,7 @@ def convert_model(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code."""
-    commands: dict[str, Callable[..., int]] = {"demo": demo, "label": label, "synth": synth, "convert-model": convert_model}
+    commands: dict[str, Callable[..., int]] = {"demo": demo, "label": label, "synth": synth, "evaluate": evaluate, "convert-model": convert_model}
     about = "3D boxes with named faces for animals."
     try:
         code = tyro.extras.subcommand_cli_from_dict(commands, prog="animal3dbox", description=about, args=arguments)

@@ -1,0 +1,74 @@
+"""``animal3dbox evaluate``: the paper's evaluation on the synthetic world, and what of it any dataset allows."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from tqdm import tqdm
+
+from animal3dbox.cli.label import DEFAULT_BODY, EXIT_FAULTY, EXIT_OK, body_source
+from animal3dbox.datasets.reading import read_dataset
+from animal3dbox.errors import ConfigError
+from animal3dbox.evaluate.config import EvaluateConfig
+from animal3dbox.evaluate.dataset_study import dataset_rows, dataset_table, true_boxes
+from animal3dbox.evaluate.files import Evaluation, as_text, write_json, write_text
+from animal3dbox.evaluate.page import write_page
+from animal3dbox.evaluate.plots import plots_of
+from animal3dbox.evaluate.run import evaluate_world, world_tables
+
+
+@dataclass(frozen=True)
+class EvaluateJob:
+    """What ``evaluate`` was asked to do; the fields are its options."""
+
+    path: Path | None
+    out: Path
+    n: int
+    seed: int
+    workers: int
+    format: str
+    images: Path | None
+    model: Path | None
+    body: str | None
+    landmarks: Path | None
+
+
+def run_evaluate(job: EvaluateJob) -> int:
+    """Evaluate and write the files; returns the exit code."""
+    if job.workers < 1:
+        raise ConfigError(f"--workers must be at least 1, got {job.workers}")
+    if job.out.exists() and not job.out.is_dir():
+        raise ConfigError(f"--out {job.out} is a file: give a folder")
+    if job.path is None and (job.model is not None or job.body is not None or job.landmarks is not None or job.images is not None):
+        raise ConfigError("--model, --body, --landmarks and --images belong to a dataset: give its PATH")
+    torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
+    evaluation = _world(job) if job.path is None else _dataset(job, job.path)
+    write_json(job.out / "evaluation.json", evaluation)
+    write_text(job.out / "evaluation.txt", evaluation)
+    write_page(job.out / "evaluation.html", evaluation, plots_of(evaluation.tables))
+    sys.stdout.write(as_text(evaluation))
+    print(f"look at {job.out / 'evaluation.html'}")
+    return EXIT_FAULTY if evaluation.about.get("faulty") else EXIT_OK
+
+
+def _world(job: EvaluateJob) -> Evaluation:
+    config = EvaluateConfig(animals=job.n, seed=job.seed)
+    rows = evaluate_world(config, job.workers, lambda each: tqdm(each, desc="evaluating", unit="animal", total=job.n, disable=None))
+    about = {"animals": config.animals, "seed": config.seed, "every": config.every, "image_hw": list(config.world.image_hw)}
+    return Evaluation(f"animal3dbox on {job.n} synthetic animals, seed {job.seed}", about, world_tables(rows))
+
+
+def _dataset(job: EvaluateJob, path: Path) -> Evaluation:
+    own_body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    if own_body is not None and job.model is not None:
+        raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
+    dataset = read_dataset(path, job.format, job.images, job.model)
+    bodies = own_body or dataset.bodies or body_source(DEFAULT_BODY, None)
+    for note in dataset.records.notes:
+        print(note, file=sys.stderr)
+    truths = true_boxes(path)
+    rows = dataset_rows(dataset.records, bodies, truths, lambda each: tqdm(each, desc="evaluating", unit="animal", disable=None))
+    faulty = len({row.sample_id for row in rows if row.reason == "faulty"})
+    about = {"dataset": path.name, "format": dataset.records.name, "body": bodies.name, "truth": truths is not None, "faulty": faulty}
+    return Evaluation(f"animal3dbox on {path.name}", about, (dataset_table(rows),))

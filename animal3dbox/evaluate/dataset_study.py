@@ -1,0 +1,141 @@
+"""Any dataset: how well labels fit what is annotated, which needs no truth; and against the truth where it lies beside."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import msgspec
+import torch
+
+from animal3dbox.datasets.bodies import BodySource
+from animal3dbox.datasets.json_files import decode_json
+from animal3dbox.datasets.labelling import label_record
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.errors import DatasetFormatError, SampleError
+from animal3dbox.evaluate.config import METHODS
+from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
+from animal3dbox.geometry.box_iou import box_iou
+from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.labels.types import CuboidLabel, Rejection
+
+TRUTH = "truth.json"
+
+
+class TrueBox(msgspec.Struct):
+    """What is needed of one animal in truth.json; camera frame."""
+
+    sample_id: str
+    center: tuple[float, float, float]
+    rotation: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+    size: tuple[float, float, float]
+
+
+class TruthFile(msgspec.Struct):
+    """What is needed of truth.json."""
+
+    animals: list[TrueBox]
+
+
+@dataclass(frozen=True)
+class DatasetRow:
+    """One animal by one method.
+
+    Attributes:
+        sample_id: the animal.
+        method: of METHODS.
+        reason: why there is no label ("faulty" if the record is unusable), or None.
+        annotated_px: mean distance of the projected landmarks from the annotated keypoints.
+        mask_iou: of the projected body with the mask.
+        rotation_deg: of the box from the true one; None without truth.
+        corner_percent: mean distance of corners from the true ones, in % of the true diagonal; None without truth.
+        iou3d: with the true box; None without truth.
+    """
+
+    sample_id: str
+    method: str
+    reason: str | None
+    annotated_px: float | None = None
+    mask_iou: float | None = None
+    rotation_deg: float | None = None
+    corner_percent: float | None = None
+    iou3d: float | None = None
+
+
+def true_boxes(path: Path) -> dict[str, Cuboid] | None:
+    """sample_id -> the true box, of truth.json in a dataset's folder or beside its file; None if there is none.
+
+    Raises:
+        DatasetFormatError: it is not as docs/formats.md says.
+
+    """
+    file = (path if path.is_dir() else path.parent) / TRUTH
+    if not file.is_file():
+        return None
+    found = {}
+    for animal in decode_json(file, TruthFile).animals:
+        center, rotation, size = (torch.tensor(value, dtype=torch.float64) for value in (animal.center, animal.rotation, animal.size))
+        try:
+            found[animal.sample_id] = Cuboid(center, rotation, size)
+        except ValueError as error:
+            raise DatasetFormatError(f"{file}: {animal.sample_id}: {error}") from error
+    return found
+
+
+def dataset_rows(
+    records: RecordSet,
+    bodies: BodySource,
+    truths: Mapping[str, Cuboid] | None,
+    progress: Callable[[Iterable[AnimalRecord]], Iterable[AnimalRecord]] = iter,
+) -> list[DatasetRow]:
+    """Every record by every method. Poses that come with the dataset are not given to any method."""
+    rows = [DatasetRow(fault.sample_id or "", method, "faulty") for fault in records.faults for method in METHODS]
+    for record in progress(records.records):
+        for method, config in METHODS.items():
+            try:
+                outcome = label_record(replace(record, stored_pose=None), bodies, config)
+            except SampleError:
+                rows.append(DatasetRow(record.sample_id, method, "faulty"))
+                continue
+            rows.append(_row(record.sample_id, method, outcome, (truths or {}).get(record.sample_id)))
+    return rows
+
+
+def _row(sample_id: str, method: str, outcome: CuboidLabel | Rejection, truth: Cuboid | None) -> DatasetRow:
+    if isinstance(outcome, Rejection):
+        return DatasetRow(sample_id, method, outcome.reason)
+    row = DatasetRow(sample_id, method, None, outcome.quality.reprojection_error_px, outcome.quality.mask_iou)
+    if truth is None:
+        return row
+    apart = torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean() / truth.diagonal
+    return replace(
+        row,
+        rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
+        corner_percent=100 * float(apart),
+        iou3d=float(box_iou(outcome.center, outcome.rotation, outcome.size, truth.center, truth.rotation, truth.size)),
+    )
+
+
+def dataset_table(rows: Sequence[DatasetRow]) -> Table:
+    """Every method over the dataset."""
+    lines: list[tuple[Cell, ...]] = []
+    for method in METHODS:
+        found = [row for row in rows if row.method == method]
+        px, iou = [r.annotated_px for r in found], [r.mask_iou for r in found]
+        rotation, corners = [r.rotation_deg for r in found], [r.corner_percent for r in found]
+        lines.append((
+            method, len(found), sum(r.reason is None for r in found), mean(px), quantile(px, 0.5), quantile(px, 0.95),
+            quantile(iou, 0.5), quantile(iou, 0.05), percent([r.reason not in (None, "faulty") for r in found]),
+            percent([r.reason == "degenerate_box" for r in found]), percent([r.reason == "behind_camera" for r in found]),
+            sum(r.reason == "faulty" for r in found), quantile(rotation, 0.5), quantile(corners, 0.5), quantile([r.iou3d for r in found], 0.5),
+        ))  # fmt: skip
+    columns = (
+        "method", "animals", "labelled", "annotated mean px", "annotated median px", "annotated p95 px", "mask IoU median", "mask IoU p5",
+        "rejected %", "degenerate %", "behind camera %", "faulty", "rotation median deg", "corners median % diag", "IoU3D median",
+    )  # fmt: skip
+    notes = (
+        "annotated: distance to the keypoints given: a fit, not an accuracy. mask IoU: of the projected body with the dataset's mask.",
+        "degenerate: the projected box has less than 1 % of the mask's area. faulty: records that cannot be used.",
+        f"rotation, corners, IoU3D: against {TRUTH} beside the annotations, where there is one. Stored poses are given to no method.",
+    )
+    return Table("dataset", "Labels against what is annotated", notes, columns, tuple(lines))

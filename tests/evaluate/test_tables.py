@@ -1,0 +1,60 @@
+"""Tables: what is shown, what is unknown."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from animal3dbox.evaluate.files import Evaluation, as_text, write_json
+from animal3dbox.evaluate.page import write_page
+from animal3dbox.evaluate.plots import plots_of
+from animal3dbox.evaluate.tables import PAPER, Table, mean, percent, quantile, shown
+
+TABLE = Table("t", "A table", ("A note.",), ("method", "px", "n"), (("ours", 1.25, 3), ("theirs", None, 0), (f"({PAPER})", 75.28, 1)))
+
+
+def test_numbers_are_shown_with_about_four_digits_and_the_unknown_as_a_dash() -> None:
+    assert [shown(cell) for cell in (1.234567, 0.01234567, 123.456, 1e-7, 0.0, 12, None, float("nan"), "word")] == [
+        "1.23", "0.0123", "123.5", "1.0e-07", "0.0000", "12", "-", "-", "word",
+    ]  # fmt: skip
+
+
+def test_statistics_leave_out_what_is_unknown() -> None:
+    assert mean([1.0, None, 3.0]) == 2.0
+    assert quantile([None, 1.0, 2.0, 9.0], 0.5) == 2.0
+    assert percent([True, False, False, False]) == 25.0
+    assert mean([None]) is None
+    assert quantile([], 0.5) is None
+    assert percent([]) is None
+
+
+def test_the_text_is_aligned_under_its_title() -> None:
+    assert as_text(Evaluation("Title", {}, (TABLE,))).splitlines() == [
+        "Title", "", "A table", "=======", "method      px  n", "ours      1.25  3", "theirs       -  0", "(PAPER)  75.28  1", "  A note.",
+    ]  # fmt: skip
+
+
+def test_the_json_has_a_row_by_its_columns_and_null_for_the_unknown(tmp_path: Path) -> None:
+    write_json(tmp_path / "e.json", Evaluation("Title", {"seed": 0}, (TABLE,)))
+    content = json.loads((tmp_path / "e.json").read_text())
+    assert content["schema"] == "animal3dbox.evaluation"
+    assert content["tables"]["t"]["rows"][1] == {"method": "theirs", "px": None, "n": 0}
+
+
+def test_the_page_without_matplotlib_says_how_to_get_the_plots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert plots_of((TABLE,)) is None
+    write_page(tmp_path / "e.html", Evaluation("Title", {}, (TABLE,)), plots_of((TABLE,)))
+    page = (tmp_path / "e.html").read_text()
+    assert "animal3dbox[plots]" in page
+    assert "75.28" in page
+    assert '<tr class="paper">' in page
+
+
+def test_with_plots_the_page_does_not_ask_for_matplotlib(tmp_path: Path) -> None:
+    write_page(tmp_path / "e.html", Evaluation("Title", {}, (TABLE,)), {"t": b"png"})
+    page = (tmp_path / "e.html").read_text()
+    assert "animal3dbox[plots]" not in page
+    assert "data:image/png;base64,cG5n" in page
