@@ -14,8 +14,10 @@ from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.dataset_study import dataset_rows, dataset_table, true_boxes
 from animal3dbox.evaluate.files import Evaluation, as_text, write_json, write_text
 from animal3dbox.evaluate.page import write_page
+from animal3dbox.evaluate.pictures import pictures_of
 from animal3dbox.evaluate.plots import plots_of
 from animal3dbox.evaluate.run import evaluate_world, world_tables
+from animal3dbox.files import write_whole
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class EvaluateJob:
     model: Path | None
     body: str | None
     landmarks: Path | None
+    pictures: bool
 
 
 def run_evaluate(job: EvaluateJob) -> int:
@@ -46,7 +49,10 @@ def run_evaluate(job: EvaluateJob) -> int:
     evaluation = _world(job) if job.path is None else _dataset(job, job.path)
     write_json(job.out / "evaluation.json", evaluation)
     write_text(job.out / "evaluation.txt", evaluation)
-    write_page(job.out / "evaluation.html", evaluation, plots_of(evaluation.tables))
+    pictures = pictures_of(job.seed) if job.path is None and job.pictures else None
+    for number, picture in enumerate((pictures or {}).values()):
+        write_whole(job.out / f"picture-{number + 1}.png", picture)
+    write_page(job.out / "evaluation.html", evaluation, plots_of(evaluation.tables), pictures)
     sys.stdout.write(as_text(evaluation))
     print(f"look at {job.out / 'evaluation.html'}")
     return EXIT_FAULTY if evaluation.about.get("faulty") else EXIT_OK

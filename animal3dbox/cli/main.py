@@ -113,11 +113,12 @@ def evaluate(
     model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model of the dataset's own parameters (Animal3D)")] = None,
     body: Annotated[str | None, tyro.conf.arg(help="one body for all: a preset, a SMAL model or a mesh file; without --model, dog")] = None,
     landmarks: Annotated[Path | None, tyro.conf.arg(help="JSON with the mesh file's landmarks (docs/formats.md)")] = None,
+    pictures: Annotated[bool, tyro.conf.arg(help="draw the paper's figures of our world too (extra plots)")] = True,
 ) -> int:
     """Repeat the paper's evaluation on a world whose truth is known, or what of it a dataset allows."""
     from animal3dbox.cli.evaluate import EvaluateJob, run_evaluate
 
-    return run_evaluate(EvaluateJob(path, out, n, seed, workers, format, images, model, body, landmarks))
+    return run_evaluate(EvaluateJob(path, out, n, seed, workers, format, images, model, body, landmarks, pictures))
 
 
 def convert_model(

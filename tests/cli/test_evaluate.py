@@ -2,6 +2,7 @@ import json
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from animal3dbox.cli.main import main
 
@@ -18,12 +19,17 @@ def run(*arguments: str) -> int:
 def test_the_tables_are_the_same_bytes_for_the_same_seed_and_any_number_of_workers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("evaluate", "--out", str(tmp_path / "a"), "--n", "2", "--workers", "1") == 0
     assert "evaluation.html" in capsys.readouterr().out
-    assert run("evaluate", "--out", str(tmp_path / "b"), "--n", "2", "--workers", "2") == 0
+    assert run("evaluate", "--out", str(tmp_path / "b"), "--n", "2", "--workers", "2", "--no-pictures") == 0
     for name in FILES[:2]:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     content = json.loads((tmp_path / "a" / "evaluation.json").read_text())
     assert list(content["tables"]) == ["stability", "accuracy", "pose", "reproduction", "faces"]
     assert content["about"]["seed"] == 0
+    for number in (1, 2, 3):
+        with Image.open(tmp_path / "a" / f"picture-{number}.png") as picture:
+            assert min(picture.size) > 400
+    assert (tmp_path / "a" / FILES[2]).read_text().count("data:image/png") == 3 + 5
+    assert (tmp_path / "b" / FILES[2]).read_text().count("data:image/png") == 5
 
 
 @pytest.mark.parametrize("options", [("--n", "0"), ("--workers", "0"), ("--seed", "-1"), ("--model", "x.pkl")])

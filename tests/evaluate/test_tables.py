@@ -8,6 +8,7 @@ import pytest
 
 from animal3dbox.evaluate.files import Evaluation, as_text, write_json
 from animal3dbox.evaluate.page import write_page
+from animal3dbox.evaluate.pictures import pictures_of
 from animal3dbox.evaluate.plots import plots_of
 from animal3dbox.evaluate.tables import PAPER, Table, mean, percent, quantile, shown
 
@@ -46,6 +47,7 @@ def test_the_page_without_matplotlib_says_how_to_get_the_plots(tmp_path: Path, m
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert plots_of((TABLE,)) is None
+    assert pictures_of(0) is None
     write_page(tmp_path / "e.html", Evaluation("Title", {}, (TABLE,)), plots_of((TABLE,)))
     page = (tmp_path / "e.html").read_text()
     assert "animal3dbox[plots]" in page
