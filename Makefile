@@ -18,8 +18,13 @@ setup:
 	  touch $(STAMP); \
 	fi
 
+# Pictures of a synthetic world, their labels, and how far these are from the truth.
 demo: setup
-	$(BIN)/animal3dbox demo --out demo-output
+	@rm -rf demo-output/world demo-output/world-model.pkl
+	$(BIN)/animal3dbox synth --out demo-output/world --n 12 --noise-px 2
+	$(BIN)/animal3dbox label demo-output/world --model demo-output/world-model.pkl --out demo-output/labels
+	$(BIN)/animal3dbox evaluate demo-output/world --model demo-output/world-model.pkl --out demo-output/evaluation
+	@echo "look at demo-output/labels/gallery.html and demo-output/evaluation/evaluation.html"
 
 test: setup
 	$(BIN)/python -m pytest -n 2 -m "not slow"
