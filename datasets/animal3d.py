@@ -103,10 +103,10 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
         if not root.is_dir():
             raise DatasetNotFoundError(f"there is no folder of images {root}")
         split: _File = decode_json(file, _File)
-        if not split.data:
-            raise DatasetFormatError(f"{file} has an empty data list")
         vids = vids or split.keypoint_vids
         _read_split(split, file.name, root, found)
+    if not found.records and not found.faults:  # one empty split beside another is a small dataset
+        raise DatasetFormatError(f"{' and '.join(str(file) for file in find_splits(path))} has an empty data list")
     records, faults = found.records, tuple(found.faults)
     if model is None or not found.parameters:
         return Animal3D(RecordSet(FORMAT, tuple(records), faults), None)

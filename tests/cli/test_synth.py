@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from animal3dbox.cli.main import main
+from animal3dbox.datasets.animal3d import read_animal3d
 
 SMALL = ("--width", "160", "--height", "120")
 
@@ -70,3 +71,8 @@ def test_a_folder_with_other_files_is_not_written_into(tmp_path: Path, capsys: p
 def test_a_model_and_a_body_at_once_are_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("label", str(tmp_path), "--out", str(tmp_path / "labels"), "--model", "a.pkl", "--body", "dog") == 2
     assert "give one of them" in capsys.readouterr().err
+
+
+def test_one_synthetic_image_can_be_read_back_although_one_split_is_empty(tmp_path: Path) -> None:
+    assert run("synth", "--out", str(tmp_path / "made"), "--n", "1", "--model", str(tmp_path / "body.pkl"), *SMALL) == 0
+    assert len(read_animal3d(tmp_path / "made").records.records) >= 1
