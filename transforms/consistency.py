@@ -1,10 +1,7 @@
 """Is the target one target? A camera or boxes left stale by another library are found before they are augmented further."""
 
-import numpy as np
-from torch import Tensor
-
 from animal3dbox.errors import SampleError
-from animal3dbox.geometry.arrays import norm
+from animal3dbox.geometry.arrays import as_numpy, norm
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.face_visibility import near_depth_of_corners
 from animal3dbox.transforms.fields import Fields
@@ -18,7 +15,7 @@ TOLERANCE_RELATIVE = 1e-3
 
 def check_consistent(fields: Fields) -> None:
     """Raise a SampleError unless corners_2d are the projections of the cuboids and corners_3d are those of center, rotation and size."""
-    values = {name: _array(fields.values[name]) for name in NAMES if name in fields.values}
+    values = {name: as_numpy(fields.values[name]) for name in NAMES if name in fields.values}
     corners = corners_of(values)
     if corners is None or not fields.count:
         return
@@ -46,7 +43,3 @@ def check_consistent(fields: Fields) -> None:
                 f"is stale: animal {worst}'s corners_2d differ from the projection of its cuboid by {off[worst].max():.3g} px; something "
                 "changed the picture without the camera (or the camera without the picture)",
             )
-
-
-def _array(value: Tensor | np.ndarray) -> np.ndarray:
-    return value.detach().cpu().numpy() if isinstance(value, Tensor) else value

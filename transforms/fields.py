@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError, ShapeError
-from animal3dbox.geometry.arrays import namespace
+from animal3dbox.geometry.arrays import as_numpy, namespace
 from animal3dbox.geometry.checks import check_intrinsics, check_shape
 from animal3dbox.geometry.distortion import check_distortion
 
@@ -136,7 +136,7 @@ def read_target(target: Mapping[str, object], image_hw: tuple[int, int], declare
     if any(isinstance(value, Tensor) and (value.requires_grad or value.device.type != "cpu") for value in values.values()):
         values = {name: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value for name, value in values.items()}
     else:
-        values = {name: value.numpy() if isinstance(value, Tensor) else value for name, value in values.items()}
+        values = {name: as_numpy(value) for name, value in values.items()}
     _check_finite(values, sample_id)
     try:
         count = _check_shapes(values, image_hw, sample_id)
@@ -249,6 +249,6 @@ def write_target(fields: Fields) -> dict[str, object]:
             tensor = torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
             written[name] = tensor.to(form.dtype) if isinstance(form.dtype, torch.dtype) else tensor
         else:
-            array = value.detach().cpu().numpy() if isinstance(value, Tensor) else value
+            array = as_numpy(value)
             written[name] = array if isinstance(form.dtype, torch.dtype) else array.astype(form.dtype, copy=False)
     return written

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError
-from animal3dbox.geometry.arrays import namespace
+from animal3dbox.geometry.arrays import as_numpy, namespace
 from animal3dbox.transforms.boxes import boxes_of_masks
 from animal3dbox.transforms.fields import Fields
 from animal3dbox.transforms.law import map_fields
@@ -55,7 +55,7 @@ def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_out: tuple[
     """
     moved: dict[str, Any] = {}
     if "masks" in before.values:
-        masks = _array(before.values["masks"])
+        masks = as_numpy(before.values["masks"])
         readable = masks.astype(np.uint8) if masks.dtype == bool else masks
         layers = [warp(mask[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0] for mask in readable]
         stacked = np.stack(layers) if layers else np.zeros((0, *image_hw_out))
@@ -63,14 +63,10 @@ def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_out: tuple[
     if "depth" in before.values:
         if "K" not in before.values:
             raise SampleError(before.sample_id, "depth", "needs the intrinsics K (3, 3): a turn of the camera changes depth")
-        read = warp(_array(before.values["depth"])[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0]
-        factor = depth_factor(H_out_in, _array(before.values["K"]), image_hw_out)
+        read = warp(as_numpy(before.values["depth"])[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0]
+        factor = depth_factor(H_out_in, as_numpy(before.values["K"]), image_hw_out)
         moved["depth"] = _as_came(read * factor.astype(read.dtype), before.values["depth"])
     return moved
-
-
-def _array(value: Tensor | np.ndarray) -> np.ndarray:
-    return value.detach().cpu().numpy() if isinstance(value, Tensor) else value
 
 
 def _as_came(array: np.ndarray, before: Tensor | np.ndarray) -> Tensor | np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 from torch import Tensor
 
 from animal3dbox.errors import SampleError
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.homography import oriented_homography
 from animal3dbox.transforms.consistency import check_consistent
 from animal3dbox.transforms.fields import Fields, read_target, write_target
@@ -79,7 +80,7 @@ def inverse(
 
 def checked_map(H_out_in: Tensor | np.ndarray, fields: Fields) -> np.ndarray:
     """The map as a float64 array, or a SampleError."""
-    H = H_out_in.detach().cpu().numpy() if isinstance(H_out_in, Tensor) else np.asarray(H_out_in)
+    H = np.asarray(as_numpy(H_out_in))
     if H.shape != (3, 3) or not np.isfinite(H).all():
         raise SampleError(fields.sample_id, "H_out_in", f"must be (3, 3) and finite, got shape {H.shape}: {H.tolist()}")
     H = H.astype(np.float64)

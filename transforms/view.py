@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from torch import Tensor
 
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.face_visibility import near_depth_of_corners, projected_faces, visible_faces
 from animal3dbox.geometry.homography import CameraUpdate, update_camera
 from animal3dbox.geometry.polygon import area_in_box, polygon_area
@@ -39,9 +39,8 @@ class View:
     @staticmethod
     def of(image_hw: tuple[int, int], fields: Fields) -> "View":
         """The picture before any step."""
-        names = ("K", "corners_3d", "center", "rotation", "size", "corners_2d", "corner_in_front", "face_visible")
-        values = {name: fields.values[name] for name in names if name in fields.values}
-        arrays = {name: value.detach().cpu().numpy() if isinstance(value, Tensor) else value for name, value in values.items()}
+        names = ("K", "corners_3d", "center", "rotation", "size", "face_visible")
+        arrays = {name: as_numpy(fields.values[name]) for name in names if name in fields.values}
         return View(image_hw, IDENTITY, arrays, tuple(range(fields.count)), fields.count, image_hw)
 
     def before(self) -> "View":

@@ -19,6 +19,11 @@ def namespace(array: Tensor | np.ndarray) -> Any:
     return torch if isinstance(array, Tensor) else np
 
 
+def as_numpy(array: Tensor | np.ndarray) -> np.ndarray:
+    """The array itself, or a tensor's values on the host without its gradients; shares memory where it can."""
+    return array.detach().cpu().numpy() if isinstance(array, Tensor) else array
+
+
 def like(array: AnyArray, values: Any) -> AnyArray:
     """Values (nested sequences of numbers) as an array of the same kind, dtype and device."""
     if isinstance(array, Tensor):
