@@ -30,6 +30,7 @@ def label_record(record: AnimalRecord, bodies: BodySource, config: LabelConfig) 
         faces=body.faces,
         template=body.template,
         K=record.K,
+        pose=record.pose,
         pose_hypotheses=hypotheses,
         mask=record.mask,
         vocabulary=record.vocabulary,

@@ -1,5 +1,6 @@
 """Any dataset by its path: which format it is in, its records, and the bodies that come with it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,11 +12,22 @@ from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 
-FORMATS = (animal3d.FORMAT, stanfordextra.FORMAT)
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What the user says of a dataset besides its path; a reader refuses what it has no use for.
+
+    Attributes:
+        images: the folder that image paths are relative to, if not the usual one.
+        model: the SMAL file that the dataset's parameters belong to.
+    """
+
+    images: Path | None = None
+    model: Path | None = None
 
 
 @dataclass(frozen=True)
-class Dataset:
+class Source:
     """A dataset as it was read.
 
     Attributes:
@@ -27,38 +39,96 @@ class Dataset:
     bodies: BodySource | None
 
 
+@dataclass(frozen=True)
+class Peek:
+    """What can be seen of a path without reading all of it.
+
+    Attributes:
+        path: a folder or a file.
+        keys: of a JSON file's dictionary; None of a list, of another file and of a folder.
+        is_list: whether it is a JSON file that holds a list.
+    """
+
+    path: Path
+    keys: frozenset[str] | None
+    is_list: bool
+
+
+def _read_animal3d(path: Path, options: ReadOptions) -> Source:
+    read = animal3d.read_animal3d(path, options.model, options.images)
+    if options.model is not None and read.bodies is None:
+        raise ConfigError(f"{path} has no parameters (pose, shape, trans) that --model {options.model} could pose: give a --body")
+    return Source(read.records, read.bodies)
+
+
+def _read_stanfordextra(path: Path, options: ReadOptions) -> Source:
+    if options.model is not None:
+        raise ConfigError(f"--model {options.model} is for parameters that a dataset comes with, and StanfordExtra has none: give it as --body")
+    return Source(stanfordextra.read_stanfordextra(path, options.images), None)
+
+
+def _is_animal3d(peek: Peek) -> bool:
+    if peek.path.is_dir():
+        return any((peek.path / name).is_file() for name in animal3d.SPLITS)
+    return peek.keys is not None and "data" in peek.keys
+
+
+def _is_stanfordextra(peek: Peek) -> bool:
+    return peek.is_list or peek.path.is_dir()  # whose reader says what it looked for
+
+
+@dataclass(frozen=True)
+class Reader:
+    """How one format is recognised and read."""
+
+    recognises: Callable[[Peek], bool]
+    read: Callable[[Path, ReadOptions], Source]
+
+
+READERS: dict[str, Reader] = {
+    animal3d.FORMAT: Reader(_is_animal3d, _read_animal3d),
+    stanfordextra.FORMAT: Reader(_is_stanfordextra, _read_stanfordextra),
+}
+"""Every format, in the order in which they are asked whether a path is theirs."""
+FORMATS = tuple(READERS)
+
+
 def recognised_format(path: Path) -> str:
     """The format of a folder or annotation file.
 
     Raises:
         DatasetNotFoundError: nothing there is recognised.
-        DatasetFormatError: the file is neither a list nor a dictionary with data.
+        DatasetFormatError: the file is in no format that is known.
 
     """
-    if path.is_dir():
-        if any((path / name).is_file() for name in animal3d.SPLITS):
-            return animal3d.FORMAT
-        return stanfordextra.FORMAT  # whose reader says what it looked for
+    seen = peeked(path)
+    for name, reader in READERS.items():
+        if reader.recognises(seen):
+            return name
+    found = ", ".join(sorted(seen.keys or ())[:8]) or "nothing"
+    raise DatasetFormatError(f"{path} is in no format that is known: it has {found}; give --format, one of {', '.join(FORMATS)}")
+
+
+def peeked(path: Path) -> Peek:
+    """A look at a path; raises DatasetNotFoundError if there is nothing, DatasetFormatError of a .json file that is none."""
     if not path.exists():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
+    if path.is_dir() or path.suffix.lower() not in (".json", ""):
+        return Peek(path, None, is_list=False)
     content = decode_json(path, list[msgspec.Raw] | dict[str, msgspec.Raw])
-    if isinstance(content, dict) and "data" not in content:
-        found = ", ".join(list(content)[:8]) or "nothing"
-        raise DatasetFormatError(f"{path} is no Animal3D file: it has no data, only {found}; give --format if it is another format")
-    return animal3d.FORMAT if isinstance(content, dict) else stanfordextra.FORMAT
+    return Peek(path, frozenset(content) if isinstance(content, dict) else None, isinstance(content, list))
 
 
-def read_dataset(path: Path, format: str = "auto", images: Path | None = None, model: Path | None = None) -> Dataset:
+def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None = None) -> Source:
     """A dataset's records and bodies.
 
     Args:
         path: its folder or annotation file.
         format: of FORMATS, or "auto".
-        images: the folder that image paths are relative to, if not the usual one.
-        model: the SMAL file that the dataset's parameters belong to.
+        options: what the user says of it.
 
     Raises:
-        ConfigError: an unknown format, or a model for a dataset without parameters.
+        ConfigError: an unknown format, or an option that the format has no use for.
         DatasetNotFoundError: nothing there.
         DatasetFormatError: not readable as a whole.
 
@@ -66,11 +136,4 @@ def read_dataset(path: Path, format: str = "auto", images: Path | None = None, m
     if format not in ("auto", *FORMATS):
         raise ConfigError(f"format must be auto, {' or '.join(FORMATS)}, got {format!r}")
     kind = recognised_format(path) if format == "auto" else format
-    if kind == stanfordextra.FORMAT:
-        if model is not None:
-            raise ConfigError(f"--model {model} is for parameters that a dataset comes with, and StanfordExtra has none: give it as --body")
-        return Dataset(stanfordextra.read_stanfordextra(path, images), None)
-    read = animal3d.read_animal3d(path, model, images)
-    if model is not None and read.bodies is None:
-        raise ConfigError(f"{path} has no parameters (pose, shape, trans) that --model {model} could pose: give a --body")
-    return Dataset(read.records, read.bodies)
+    return READERS[kind].read(path, options or ReadOptions())

@@ -1,4 +1,4 @@
-"""One annotated animal, whatever dataset it comes from."""
+"""One annotated animal, or one box, whatever dataset it comes from."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +29,8 @@ class AnimalRecord:
         K: (3, 3) intrinsics in px that the dataset gives or all its images share; None if it says nothing.
         K_source: "given" of the image's own, "dataset" of one for all.
         stored_pose: (R, t) of the dataset's own camera, X_cam = R X + t with X in the body source's frame, a guess; None without.
+        pose: (R, t) likewise, known exactly (a calibrated rig): no keypoints are needed; None if it is not.
+        distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens; None of a pinhole.
     """
 
     sample_id: str
@@ -43,6 +45,8 @@ class AnimalRecord:
     K: NDArray[np.float64] | None = None
     K_source: str = "given"
     stored_pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    distortion: NDArray[np.float64] | None = None
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:
@@ -55,6 +59,58 @@ class AnimalRecord:
         if self.mask_runs is not None:
             return decode_mask(self.mask_runs, self.image_hw)
         return None if self.mask_path is None else read_mask(self.mask_path, self.sample_id, self.image_hw)
+
+
+@dataclass(frozen=True)
+class CuboidRecord:
+    """A box that a dataset comes with: nothing of it is estimated here.
+
+    Attributes:
+        sample_id: the image, as its dataset names it, and "#k" for the boxes after the first.
+        image_id: the image, as its dataset names it.
+        image_path: the file.
+        image_hw: height and width that the annotations are for.
+        category: what the dataset calls the thing.
+        K: (3, 3) intrinsics in px.
+        center: (3,) camera frame.
+        rotation: (3, 3) R_cam_box: columns forward, left, up.
+        size: (3,) length, width, height.
+        metric: whether center and size are in metres.
+        heading_known: whether forward and left mean something, so that the faces have names.
+        box: (4,) xyxy px of the visible thing; None if it is not known.
+        truncation: as the dataset says; None if it says nothing.
+    """
+
+    sample_id: str
+    image_id: str
+    image_path: Path
+    image_hw: tuple[int, int]
+    category: str
+    K: NDArray[np.float64]
+    center: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    size: NDArray[np.float64]
+    metric: bool = True
+    heading_known: bool = True
+    box: NDArray[np.float64] | None = None
+    truncation: float | None = None
+
+
+@dataclass(frozen=True)
+class CuboidSet:
+    """A dataset of boxes.
+
+    Attributes:
+        name: the format.
+        records: in the file's order, those of an image together.
+        faults: one error a box or image that is unusable.
+        notes: what was found out about the dataset, in whole sentences.
+    """
+
+    name: str
+    records: tuple[CuboidRecord, ...]
+    faults: tuple[SampleError, ...]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import torch
 from tqdm import tqdm
 
 from animal3dbox.cli.label import DEFAULT_BODY, EXIT_FAULTY, EXIT_OK, body_source
-from animal3dbox.datasets.reading import read_dataset
+from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.dataset_study import dataset_rows, dataset_table, true_boxes
@@ -69,7 +69,7 @@ def _dataset(job: EvaluateJob, path: Path) -> Evaluation:
     own_body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
     if own_body is not None and job.model is not None:
         raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
-    dataset = read_dataset(path, job.format, job.images, job.model)
+    dataset = read_dataset(path, job.format, ReadOptions(job.images, job.model))
     bodies = own_body or dataset.bodies or body_source(DEFAULT_BODY, None)
     for note in dataset.records.notes:
         print(note, file=sys.stderr)

@@ -13,7 +13,7 @@ from animal3dbox.datasets.bodies import BodySource, ModelBody, preset_body
 from animal3dbox.datasets.images import read_image
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.mesh_bodies import load_mesh_body
-from animal3dbox.datasets.reading import read_dataset
+from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
@@ -46,7 +46,7 @@ def run_label(job: LabelJob) -> int:
     own_body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
     if own_body is not None and job.model is not None:
         raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
-    dataset = read_dataset(job.path, job.format, job.images, job.model)
+    dataset = read_dataset(job.path, job.format, ReadOptions(job.images, job.model))
     bodies, records = own_body or dataset.bodies or body_source(DEFAULT_BODY, None), dataset.records
     for note in records.notes:
         print(note, file=sys.stderr)

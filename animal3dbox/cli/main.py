@@ -17,6 +17,9 @@ from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError
 
 EXIT_USAGE, EXIT_INPUT, EXIT_OUTPUT = 2, 3, 5
 
+Format = Literal["auto", "animal3d", "stanfordextra"]
+"""The formats of datasets.reading; a test compares them."""
+
 
 def demo(
     out: Annotated[Path, tyro.conf.arg(help="folder for the results")] = Path("demo-output"),
@@ -36,7 +39,7 @@ def demo(
 def label(
     path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH", help="a dataset's folder or its annotation file")],
     out: Annotated[Path, tyro.conf.arg(help="folder for labels.json, labels.csv, overlays, gallery.html and report.json")],
-    format: Annotated[Literal["auto", "animal3d", "stanfordextra"], tyro.conf.arg(help="the annotations' format")] = "auto",
+    format: Annotated[Format, tyro.conf.arg(help="the annotations' format")] = "auto",
     images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
     model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model (.pkl, .safetensors) of the dataset's own parameters (Animal3D)")] = None,
     body: Annotated[
@@ -108,7 +111,7 @@ def evaluate(
     n: Annotated[int, tyro.conf.arg(help="animals of our world")] = 500,
     seed: Annotated[int, tyro.conf.arg(help="another seed gives another world")] = 0,
     workers: Annotated[int, tyro.conf.arg(help="processes; the results are the same")] = 2,
-    format: Annotated[Literal["auto", "animal3d", "stanfordextra"], tyro.conf.arg(help="the annotations' format")] = "auto",
+    format: Annotated[Format, tyro.conf.arg(help="the annotations' format")] = "auto",
     images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
     model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model of the dataset's own parameters (Animal3D)")] = None,
     body: Annotated[str | None, tyro.conf.arg(help="one body for all: a preset, a SMAL model or a mesh file; without --model, dog")] = None,

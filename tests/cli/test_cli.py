@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -28,8 +28,9 @@ from photo_dataset import (
     write_annotations,
 )
 
-from animal3dbox.cli.main import main
+from animal3dbox.cli.main import Format, main
 from animal3dbox.datasets.bodies import preset_body
+from animal3dbox.datasets.reading import FORMATS
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.report.label_files import AnimalRow, read_labels_json
 from animal3dbox.report.run import overlay_name
@@ -367,7 +368,7 @@ def alone(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 def test_help_answers_without_loading_torch() -> None:
     code = """
 import sys
-from animal3dbox.cli.main import main
+from animal3dbox.cli.main import Format, main
 try:
     main(sys.argv[1:])
 except SystemExit as left:
@@ -391,3 +392,7 @@ def test_stdout_of_a_process_is_one_json(small: Path) -> None:
     result = alone("-W", "error", "-m", "animal3dbox", "label", small, "--out", small / "out", "--json")
     assert (result.returncode, result.stderr) == (0, "")
     assert json.loads(result.stdout)["reasons"] == {"too_few_keypoints": 1}
+
+
+def test_the_options_name_exactly_the_formats_that_can_be_read() -> None:
+    assert get_args(Format) == ("auto", *FORMATS)

@@ -16,7 +16,7 @@ from animal3dbox.datasets.animal3d import Animal3D, read_animal3d
 from animal3dbox.datasets.animal3d_writer import write_animal3d
 from animal3dbox.datasets.faults import FaultConfig
 from animal3dbox.datasets.labelling import label_record
-from animal3dbox.datasets.reading import read_dataset, recognised_format
+from animal3dbox.datasets.reading import ReadOptions, read_dataset, recognised_format
 from animal3dbox.datasets.synthetic_set import SyntheticSet, animal3d_world
 from animal3dbox.datasets.world.config import WorldConfig
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
@@ -212,7 +212,7 @@ def test_sets_of_keypoints_alone_are_read_without_bodies(home: Path, tmp_path: P
     assert {record.category for record in found.records.records} == {"animal"}
     assert all(set(record.keypoints_2d[:, 2].tolist()) <= {0.0, 1.0} for record in found.records.records)
     with pytest.raises(ConfigError, match="has no parameters"):
-        read_dataset(root, model=home / "body.pkl")
+        read_dataset(root, options=ReadOptions(model=home / "body.pkl"))
 
 
 def test_masks_may_be_of_0_and_1_and_the_rendered_one_stands_in_for_a_missing_one(home: Path, read: Animal3D, tmp_path: Path) -> None:
@@ -293,11 +293,11 @@ def test_the_format_is_recognised_by_the_folder_or_the_file(home: Path, tmp_path
     (tmp_path / "dogs.json").write_text("[]")
     assert recognised_format(tmp_path / "dogs.json") == recognised_format(tmp_path) == "stanfordextra"
     (tmp_path / "other.json").write_text('{"images": []}')
-    with pytest.raises(DatasetFormatError, match="it has no data, only images"):
+    with pytest.raises(DatasetFormatError, match="it has images; give --format"):
         recognised_format(tmp_path / "other.json")
     with pytest.raises(DatasetNotFoundError):
         recognised_format(tmp_path / "nothing.json")
     with pytest.raises(ConfigError, match="format must be"):
-        read_dataset(home / "animals", "coco")
+        read_dataset(home / "animals", "unheard_of")
     with pytest.raises(ConfigError, match="give it as --body"):
-        read_dataset(tmp_path / "dogs.json", model=home / "body.pkl")
+        read_dataset(tmp_path / "dogs.json", options=ReadOptions(model=home / "body.pkl"))
