@@ -3,15 +3,21 @@
 Order of the coefficients: k1, k2, p1, p2 [, k3 [, k4, k5, k6 [, s1, s2, s3, s4]]].
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.arrays import AnyArray, namespace, norm
+from animal3dbox.geometry.arrays import AnyArray, like, namespace, norm
 
 COUNTS = (4, 5, 8, 12)
+WIDEST = 10.0
+"""Radius x / z, 84 degrees off the axis, beyond which no lens is looked at."""
+NEWTON_ROUNDS = 50
+NEWTON_OFF = 1e-10
+"""Of the plane at depth 1: what a point put back through the lens may be off."""
 
 
 def check_distortion(name: str, coefficients: Tensor | np.ndarray) -> None:
@@ -38,13 +44,68 @@ def distort(points: AnyArray, coefficients: AnyArray) -> AnyArray:
     """
     check_distortion("distortion", coefficients)
     xp = namespace(points)
-    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = xp.concatenate((coefficients, xp.zeros_like(coefficients).repeat(3)))[:12]
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = _twelve(coefficients)
     r2 = (points * points).sum(-1)[..., None]
     radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     tangent = xp.stack((p2, p1))
     along = 2 * (points * tangent).sum(-1)[..., None]
     bent: AnyArray = points * (radial + along) + r2 * (tangent + xp.stack((s1, s3)) + r2 * xp.stack((s2, s4)))
     return bent
+
+
+def _twelve(coefficients: AnyArray) -> AnyArray:
+    """The coefficients with zeros for those left out."""
+    xp = namespace(coefficients)
+    whole: AnyArray = xp.concatenate((coefficients, xp.zeros_like(coefficients).repeat(3)))[:12]
+    return whole
+
+
+def distortion_slope(points: AnyArray, coefficients: AnyArray) -> AnyArray:
+    """The derivative (..., 2, 2) of distort at points (..., 2) of the plane at depth 1: how a lens stretches what is there."""
+    xp = namespace(points)
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = _twelve(coefficients)
+    r2 = (points * points).sum(-1)[..., None]
+    above, below = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    by_r2 = ((k1 + r2 * (2 * k2 + 3 * r2 * k3)) * below - above * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / below**2
+    tangent = xp.stack((p2, p1))
+    scale = above / below + 2 * (points * tangent).sum(-1)[..., None]
+    along_r2 = tangent + xp.stack((s1, s3)) + 2 * r2 * xp.stack((s2, s4))
+    slope: Any = 2 * (points[..., :, None] * (by_r2 * points + tangent)[..., None, :] + along_r2[..., :, None] * points[..., None, :])
+    whole: AnyArray = slope + scale[..., None] * like(points, [[1.0, 0.0], [0.0, 1.0]])
+    return whole
+
+
+def undistort(bent: AnyArray, coefficients: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """The points that a lens puts at given places, by Newton's method.
+
+    Args:
+        bent: (..., 2) places in the plane at depth 1: K's inverse times pixels.
+        coefficients: (4,), (5,), (8,) or (12,).
+
+    Returns:
+        points: (..., 2) x / z and y / z in the camera frame.
+        found: (...,) bool; False where the lens shows nothing, and the point means nothing.
+
+    """
+    limit = min(field_of_view(coefficients), WIDEST)
+
+    def held(points: AnyArray) -> AnyArray:
+        radius = norm(points)[..., None]
+        inside: AnyArray = namespace(points).where(radius > limit, points * (limit / (radius + (radius == 0))), points)
+        return inside
+
+    points = held(bent)
+    for _ in range(NEWTON_ROUNDS):
+        off = distort(points, coefficients) - bent
+        if not bool((abs(off) > NEWTON_OFF / 1000).any()):
+            break
+        slope = distortion_slope(points, coefficients)
+        (a, b), (c, d) = (slope[..., 0, 0], slope[..., 0, 1]), (slope[..., 1, 0], slope[..., 1, 1])
+        determinant = a * d - b * c
+        determinant = determinant + (abs(determinant) < 1e-12)
+        step = namespace(points).stack((d * off[..., 0] - b * off[..., 1], a * off[..., 1] - c * off[..., 0]), -1) / determinant[..., None]
+        points = held(points - step)
+    return points, (abs(distort(points, coefficients) - bent) <= NEWTON_OFF).all(-1)
 
 
 def field_of_view(coefficients: Tensor | np.ndarray) -> float:
@@ -54,22 +115,43 @@ def field_of_view(coefficients: Tensor | np.ndarray) -> float:
         coefficients: (4,), (5,), (8,) or (12,).
 
     Returns:
-        The radius at depth 1; infinite if it grows all the way to 10 (84 degrees off the axis).
+        The radius at depth 1; infinite if it grows all the way to WIDEST.
 
     """
-    k1, k2, _, _, k3, k4, k5, k6 = [float(value) for value in coefficients[:8]] + [0.0] * (8 - min(len(coefficients), 8))
-    radius = np.linspace(0, 10, 4001)
+    return _field_of_view(tuple(float(value) for value in coefficients[:8]))
+
+
+@lru_cache(maxsize=256)
+def _field_of_view(coefficients: tuple[float, ...]) -> float:
+    """field_of_view, once a lens."""
+    k1, k2, _, _, k3, k4, k5, k6 = [*coefficients] + [0.0] * (8 - len(coefficients))
+    radius = np.linspace(0, WIDEST, 4001)
     r2 = radius * radius
     bent = radius * (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     falls = np.flatnonzero(~(np.diff(bent) > 0))
     return float(radius[falls[0]]) if len(falls) else float("inf")
 
 
+def bent_points(points_cam: AnyArray, coefficients: AnyArray | None) -> AnyArray:
+    """Points (..., 3) of the camera frame, in front of it, moved at their depth to where a pinhole would show them in the lens's picture."""
+    if coefficients is None:
+        return points_cam
+    depth = points_cam[..., 2:]
+    moved: AnyArray = namespace(depth).concatenate((distort(points_cam[..., :2] / depth, coefficients) * depth, depth), -1)
+    return moved
+
+
+def beyond_lens(coefficients: AnyArray, points_cam: AnyArray) -> AnyArray:
+    """Which bodies (..., N, 3) reach behind the camera or to where the lens folds: their projection means nothing there, (...,) bool."""
+    depth = points_cam[..., 2]
+    outside: Any = ((depth <= 0) | (norm(points_cam[..., :2]) > field_of_view(coefficients) * depth)).any(-1)
+    beyond: AnyArray = outside
+    return beyond
+
+
 def check_field_of_view(coefficients: AnyArray, corners_cam: AnyArray) -> None:
-    """Raise a ShapeError if boxes (N, 8, 3) reach behind the camera or to where the lens folds: their projection means nothing there."""
-    depth = corners_cam[..., 2]
-    off_axis = norm(corners_cam[..., :2])
-    outside: Any = ((depth <= 0) | (off_axis > field_of_view(coefficients) * depth)).any(-1)
+    """Raise a ShapeError if boxes (N, 8, 3) reach beyond the lens; see beyond_lens."""
+    outside: Any = beyond_lens(coefficients, corners_cam)
     beyond = [bool(outside[animal]) for animal in range(corners_cam.shape[0])]
     if any(beyond):
         raise ShapeError(

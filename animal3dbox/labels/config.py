@@ -51,6 +51,10 @@ class LabelConfig:
         focal_guess: focal length over the longer side of the image when K is unknown; 1.2 is a field of view of 45 degrees.
         degenerate_area: a projected box with less than this part of the mask's area is degenerate. The paper prints
             "0.01 %, i.e. less than 1 %" (section 3.2), which contradicts itself; this is the 1 %.
+        surface_share: whether the visible surface is measured, side by side: by a z-buffer, the dearest part of a label
+            whose pose is known. False: None in the label.
+        mask_iou: whether the overlap with the mask is measured, by drawing the mesh. False: None in the quality, and
+            `confidence` rests on the keypoints alone.
     """
 
     method: Method = "default"
@@ -75,6 +79,8 @@ class LabelConfig:
     ransac_seed: int = 0
     focal_guess: float = 1.2
     degenerate_area: float = 0.01
+    surface_share: bool = True
+    mask_iou: bool = True
 
     def __post_init__(self) -> None:
         choices = {"method": Method, "axes": Axes, "residual": Residual, "tail": Tail}

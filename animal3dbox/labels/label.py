@@ -5,13 +5,16 @@ from torch import Tensor
 
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.geometry.distortion import beyond_lens
 from animal3dbox.labels.assemble import assemble_label, mask_box
 from animal3dbox.labels.axes import body_axes
 from animal3dbox.labels.bounds import PAPER_MARGIN, tight_cuboid
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.lens import straightened, straightened_box
 from animal3dbox.labels.observation import ArrayLike, Observation, observe
 from animal3dbox.labels.pose import estimate_pose
-from animal3dbox.labels.pose_problem import PoseFailure, PoseProblem
+from animal3dbox.labels.pose_problem import PoseEstimate, PoseFailure, PoseProblem
+from animal3dbox.labels.shown_body import shown_body
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.labels.uncertainty import keypoint_sigma, misfit_sigma
 from animal3dbox.smal.model import SmalModel
@@ -33,6 +36,7 @@ def label_animal(
     sample_id: str | None = None,
     config: LabelConfig | None = None,
     landmark_sigma: ArrayLike = None,
+    distortion: ArrayLike = None,
 ) -> CuboidLabel | Rejection:
     """The oriented cuboid of one animal, the camera that sees it and the faces that are seen (the whole of section 2).
 
@@ -55,6 +59,10 @@ def label_animal(
         config: the method.
         landmark_sigma: (J,) how far each landmark may be from where the body has it, in the mesh's unit, for a body that is
             not in the animal's pose; None: the body is. Used by method "default".
+        distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens, k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4]]]; None:
+            the picture has none. Pixels, of keypoints and mask as of the label, are the distorted picture's. The pose is
+            solved for the keypoints and the mask's outline as they would be without the lens; a box that reaches beyond
+            the lens's field of view is rejected.
 
     Returns:
         A label, or a rejection with its reason.
@@ -66,19 +74,29 @@ def label_animal(
     """
     config = config or LabelConfig()
     body = (keypoints_3d, landmark_sigma, vertices, faces, template)
-    seen = observe(image_hw, keypoints_2d, *body, K, pose, pose_hypotheses, mask, vocabulary, sample_id, config)
+    seen = observe(image_hw, keypoints_2d, *body, K, pose, pose_hypotheses, mask, vocabulary, sample_id, config, distortion)
     if config.axes == "pca" and seen.vertices is None and not bool(seen.has_landmark.any()):
         return Rejection(sample_id, "no_axes", "there are neither vertices nor landmarks")
     axes = body_axes(seen, config.axes)
     if axes is None:
         return Rejection(sample_id, "no_axes", "the landmarks known do not fix forward and left; give a template or more of the trunk's landmarks")
     cuboid_mesh, bounds_source, warnings = _cuboid_of_body(seen, axes.R_box, config)
-    problem = _pose_problem(seen, axes.R_box, config)
-    estimate = seen.pose or estimate_pose(problem, config, seen.hypotheses)
+    estimate: PoseEstimate | PoseFailure
+    if seen.pose is not None:
+        estimate = seen.pose
+    else:
+        problem, lens_warnings = _pose_problem(seen, axes.R_box, config)
+        estimate = estimate_pose(problem, config, seen.hypotheses)
+        warnings += lens_warnings
     if isinstance(estimate, PoseFailure):
         return Rejection(sample_id, estimate.reason, estimate.detail)
+    if seen.distortion is not None:
+        corners = cuboid_mesh.corners()
+        outline = corners if seen.vertices is None else torch.cat((corners, seen.vertices))
+        if bool(beyond_lens(seen.distortion, outline @ estimate.R.mT + estimate.t)):
+            return Rejection(sample_id, "beyond_lens", "the animal or its box reaches beyond the lens's field of view, where its polynomial folds")
     warnings = (*seen.warnings, *warnings, *estimate.warnings)
-    label = assemble_label(seen, cuboid_mesh, estimate, problem, axes.rule, bounds_source, warnings)
+    label = assemble_label(seen, cuboid_mesh, estimate, shown_body(seen, estimate, axes.R_box, config), axes.rule, bounds_source, warnings)
     return label if seen.pose is not None else _unless_degenerate(label, seen, config)
 
 
@@ -97,18 +115,24 @@ def _cuboid_of_body(seen: Observation, R_box: Tensor, config: LabelConfig) -> tu
     return tight_cuboid(seen.vertices[kept], R_box, margin), "vertices", ()
 
 
-def _pose_problem(seen: Observation, R_box: Tensor, config: LabelConfig) -> PoseProblem:
-    """The visible keypoints with their landmarks; none at all if either side is missing."""
-    used = seen.visible & seen.has_landmark
+def _pose_problem(seen: Observation, R_box: Tensor, config: LabelConfig) -> tuple[PoseProblem, tuple[str, ...]]:
+    """The visible keypoints with their landmarks, as a pinhole would show them, and warnings; none at all if either side is missing."""
+    used = seen.matched
     empty = torch.zeros((0, 3), dtype=torch.float64)  # nothing to solve for: the pose is given, or there is a rejection
     points = seen.landmarks[used] if seen.landmarks is not None else empty
     keypoints = seen.keypoints_2d[used] if seen.keypoints_2d is not None else empty
     sigma = keypoint_sigma(keypoints, seen.image_hw, config)
+    pixels, box, warnings = keypoints[:, :2], None if seen.mask is None else mask_box(seen.mask), list[str]()
+    misfit = seen.landmark_sigma[used]
+    if seen.distortion is not None:
+        pixels, stretched, found = straightened(pixels, seen.K, seen.distortion)
+        if not bool(found.all()):
+            warnings = [f"{int((~found).sum())} keypoints lie where the lens shows nothing and do not count for the pose"]
+        points, pixels, sigma, misfit = points[found], pixels[found], (sigma * stretched)[found], misfit[found]
+        box = None if seen.mask is None else straightened_box(seen.mask, seen.K, seen.distortion)
     if config.method == "default":
-        sigma = torch.hypot(sigma, misfit_sigma(points, keypoints[:, :2], seen.landmark_sigma[used]))
-    return PoseProblem(
-        points, keypoints[:, :2], sigma, seen.K, seen.image_hw, R_box, seen.vertices, None if seen.mask is None else mask_box(seen.mask)
-    )
+        sigma = torch.hypot(sigma, misfit_sigma(points, pixels, misfit))
+    return PoseProblem(points, pixels, sigma, seen.K, seen.image_hw, R_box, seen.vertices, box), tuple(warnings)
 
 
 def _unless_degenerate(label: CuboidLabel, seen: Observation, config: LabelConfig) -> CuboidLabel | Rejection:

@@ -9,6 +9,7 @@ from torch import Tensor
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.checks import check_finite, check_image_hw, check_intrinsics, check_rotation, check_shape
+from animal3dbox.geometry.distortion import check_distortion
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.pose_problem import PoseEstimate
 from animal3dbox.smal.model import SmalModel
@@ -40,6 +41,7 @@ class Observation:
         hypotheses: poses to try.
         mask: (H, W) bool, or None.
         warnings: what was seen on the way.
+        distortion: the lens's coefficients, or None for a pinhole.
     """
 
     sample_id: str | None
@@ -58,6 +60,7 @@ class Observation:
     hypotheses: tuple[PoseEstimate, ...]
     mask: Tensor | None
     warnings: tuple[str, ...]
+    distortion: Tensor | None
 
     @property
     def visible(self) -> Tensor:
@@ -65,6 +68,11 @@ class Observation:
         if self.keypoints_2d is None:
             return torch.zeros(len(self.vocabulary), dtype=torch.bool)
         return self.keypoints_2d[:, 2] > 0
+
+    @property
+    def matched(self) -> Tensor:
+        """Which keypoints are seen and have a landmark on the body, (J,) bool."""
+        return self.visible & self.has_landmark
 
     @property
     def known_landmarks(self) -> Tensor:
@@ -151,6 +159,15 @@ class _Reader:
             raise self.fail("landmark_sigma", f"must be {len(words)} numbers of at least 0, in the mesh's unit, for vocabulary {words.name}")
         return sigma
 
+    def distortion(self, value: ArrayLike) -> Tensor:
+        """Coefficients of a lens."""
+        coefficients = self.tensor("distortion", value, "N")
+        try:
+            check_distortion("distortion", coefficients)
+        except ShapeError as error:
+            raise self.fail("distortion", str(error)) from error
+        return coefficients
+
     def faces(self, value: ArrayLike, n_vertices: int) -> Tensor:
         faces = self.finite("faces", value, "F 3").long()
         if faces.numel() and (int(faces.min()) < 0 or int(faces.max()) >= n_vertices):
@@ -173,6 +190,7 @@ def observe(
     vocabulary: str | Vocabulary,
     sample_id: str | None,
     config: LabelConfig,
+    distortion: ArrayLike = None,
 ) -> Observation:
     """Check the arguments of label_animal, which see.
 
@@ -212,6 +230,7 @@ def observe(
         hypotheses=tuple(read.pose(f"pose_hypotheses[{i}]", h, f"hypothesis_{i}") for i, h in enumerate(pose_hypotheses)),
         mask=None if mask is None else read.mask(mask, size),
         warnings=tuple(warnings),
+        distortion=None if distortion is None else read.distortion(distortion),
     )
 
 

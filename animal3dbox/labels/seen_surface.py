@@ -21,7 +21,7 @@ CELL = 2
 PAIRS_AT_ONCE = 1 << 18
 
 
-def surface_share(vertices_cam: Tensor, faces: Tensor, R_cam_box: Tensor, K: Tensor, image_hw: tuple[int, int]) -> Tensor:
+def surface_share(vertices_cam: Tensor, faces: Tensor, R_cam_box: Tensor, K: Tensor, image_hw: tuple[int, int], bent: Tensor | None = None) -> Tensor:
     """Parts of an animal's visible surface by the side it faces, from a z-buffer that is fitted to it.
 
     Args:
@@ -30,17 +30,19 @@ def surface_share(vertices_cam: Tensor, faces: Tensor, R_cam_box: Tensor, K: Ten
         R_cam_box: (3, 3) the body's axes in the camera frame.
         K: (3, 3) in px.
         image_hw: height and width; what lies outside is not seen.
+        bent: (V, 3) the vertices where a lens shows them (see bent_points); None: there is no lens.
 
     Returns:
         (6,) in the order front, back, left, right, top, bottom; sums to 1, all 0 if nothing is seen.
 
     """
     check_rotation("R_cam_box", R_cam_box)
-    window = _window(vertices_cam, K, image_hw)
+    shown = vertices_cam if bent is None else bent
+    window = _window(shown, K, image_hw)
     if window is None:
         return torch.zeros(6, dtype=vertices_cam.dtype)
     H_out_in, window_hw = _zoom(window)
-    face_index = rasterize(vertices_cam, faces, H_out_in @ K, window_hw).face_index
+    face_index = rasterize(shown, faces, H_out_in @ K, window_hw).face_index
     seen = face_index[face_index >= 0]
     a, b, c = vertices_cam[faces].unbind(1)
     normals = torch.linalg.cross(b - a, c - a) @ R_cam_box

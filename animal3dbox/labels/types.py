@@ -13,6 +13,7 @@ REASONS = {
     "no_axes": "nothing tells which way the body points",
     "no_pose": "no camera pose explains the keypoints",
     "behind_camera": "the pose found puts the animal behind the camera",
+    "beyond_lens": "the animal or its box reaches beyond the lens's field of view, where its projection means nothing",
     "degenerate_box": "the projected box is much smaller than the animal",
     "no_body": "there is no body for this animal",
 }
@@ -30,7 +31,8 @@ class Quality:
         reprojection_error_px: mean distance of the visible keypoints from the projected landmarks; None without keypoints.
         n_keypoints: visible keypoints.
         n_inliers: of these, how many lie within a tenth of their box's longer side of the projected landmarks (PCK at 0.1).
-        mask_iou: overlap of the projected mesh with the mask, 0 to 1; None without both.
+        mask_iou: overlap of the projected mesh with the mask, 0 to 1; None without both, or if
+            LabelConfig.mask_iou is off.
         orientation_rule: which rule gave the body's axes.
         pose_source: "given" or "estimated".
         pose_hypothesis: the start that won: "given", "epnp_ransac", "sqpnp", "view_<i>" or "hypothesis_<i>".
@@ -64,7 +66,7 @@ class CuboidLabel:
         center: (3,) centre of the box.
         rotation: (3, 3) R_cam_box: columns forward, left, up.
         size: (3,) length, width, height.
-        corners_2d: (8, 2) projected corners in px; meaningless where corner_in_front is false.
+        corners_2d: (8, 2) projected corners in px, of the distorted picture if there is a lens; meaningless where corner_in_front is false.
         corner_in_front: (8,) bool.
         face_visible: (6,) bool, order front, back, left, right, top, bottom.
         face_area: (6,) px^2.
@@ -73,13 +75,16 @@ class CuboidLabel:
         K: (3, 3) intrinsics in px.
         R: (3, 3) R_cam_world, world being the mesh's frame.
         t: (3,) t_cam_world.
-        box: (4,) xyxy px, of the mask, else of the projected mesh, else of the projected cuboid.
-        surface_share: (6,) parts of the animal's own visible surface by the side it faces; None without a mesh's faces.
+        box: (4,) xyxy px: of the mask; else of the projected mesh: its exact bounds if all of it is in the frame, else pixel
+            by pixel of what the frame leaves of it; else of the projected cuboid.
+        surface_share: (6,) parts of the animal's own visible surface by the side it faces; None without a mesh's faces, or
+            if LabelConfig.surface_share is off.
         truncation: part of the projected cuboid outside the frame, 0 to 1.
         behind_camera: some corner is nearer than the near plane.
         keypoints: (J, 3) x, y, visibility as used; None without keypoints.
         cuboid_mesh: the same box in the mesh's frame.
         quality: how it came about.
+        distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens as given; None for a pinhole.
     """
 
     sample_id: str | None
@@ -104,6 +109,7 @@ class CuboidLabel:
     keypoints: Tensor | None
     cuboid_mesh: Cuboid
     quality: Quality
+    distortion: Tensor | None = None
 
     @property
     def cuboid(self) -> Cuboid:

@@ -72,7 +72,7 @@ class LabelFile(msgspec.Struct, kw_only=True):
     schema: Literal["animal3dbox.labels"] = SCHEMA
     version: Literal[1] = SCHEMA_VERSION
     body: str
-    config: dict[str, float | int | str | None]
+    config: dict[str, float | int | str | bool | None]
     face_names: tuple[str, ...] = FACE_NAMES
     corner_signs: tuple[tuple[int, int, int], ...] = CORNER_SIGNS
     animals: list[AnimalRow]

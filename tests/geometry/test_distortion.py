@@ -12,7 +12,7 @@ from torch.testing import assert_close
 from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.camera import project, project_in_front
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.distortion import distort, turned_distortion
+from animal3dbox.geometry.distortion import distort, distortion_slope, field_of_view, turned_distortion, undistort
 from animal3dbox.geometry.homography import apply_homography, update_camera
 
 F64 = torch.float64
@@ -69,3 +69,35 @@ def test_points_behind_the_camera_never_come_back_as_seen() -> None:
     px, in_front = project_in_front(K, points, near=0.6)
     assert in_front.tolist() == [True, False, False, False]
     assert px.tolist() == [[50, 50], [0, 0], [0, 0], [0, 0]]
+
+
+@pytest.mark.parametrize("numpy", [True, False])
+@pytest.mark.parametrize(
+    "lens", [[-0.3, 0.1, 0.001, -0.002], [0.25, 0.08, -0.002, 0.003, 0.01], [0.4, -0.1, 0.001, 0.002, 0.02, 0.7, 0.05, 0.01], [-0.9, 0, 0, 0]]
+)
+def test_what_a_lens_bends_is_straightened_again(lens: list[float], numpy: bool) -> None:
+    coefficients = torch.tensor(lens, dtype=F64)
+    reach = 0.95 * min(field_of_view(coefficients), 1.0)
+    angle = torch.linspace(0, 6.28, 60, dtype=F64)
+    points = torch.stack((angle.cos(), angle.sin()), dim=-1) * torch.linspace(0, reach, 60, dtype=F64)[:, None]
+    bent = distort(points, coefficients)
+    if numpy:
+        back, found = (torch.from_numpy(x) for x in undistort(bent.numpy(), coefficients.numpy()))
+    else:
+        back, found = undistort(bent, coefficients)
+    assert bool(found.all())
+    assert_close(back, points, atol=1e-8, rtol=0)
+
+
+def test_where_a_lens_shows_nothing_nothing_is_found() -> None:
+    lens = torch.tensor([-0.9, 0, 0, 0], dtype=F64)
+    edge = float(distort(torch.tensor([field_of_view(lens), 0.0], dtype=F64), lens)[0])
+    _, found = undistort(torch.tensor([[0.99 * edge, 0], [1.01 * edge, 0], [0, 5 * edge]], dtype=F64), lens)
+    assert found.tolist() == [True, False, False]
+
+
+def test_the_slope_of_a_lens_is_that_of_finite_differences() -> None:
+    lens = torch.tensor([-0.2, 0.05, 0.003, -0.001, 0.01, 0.05, 0.01, 0.02, 0.01, -0.002, 0.008, 0.003], dtype=F64)
+    points, step = torch.tensor([[0.0, 0], [0.3, -0.2], [-0.7, 0.5]], dtype=F64), 1e-6 * torch.eye(2, dtype=F64)
+    numeric = torch.stack([(distort(points + s, lens) - distort(points - s, lens)) / 2e-6 for s in step], dim=-1)
+    assert_close(distortion_slope(points, lens), numeric, atol=1e-8, rtol=0)

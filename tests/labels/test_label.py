@@ -243,6 +243,8 @@ BAD: dict[str, tuple[dict[str, object], str, str]] = {
     "an empty mask": ({"mask": np.zeros(IMAGE_HW)}, "mask", "empty"),
     "a mask of another size": ({"mask": np.ones((640, 480))}, "mask", "image's size"),
     "a mask of NaN": ({"mask": np.full(IMAGE_HW, NAN)}, "mask", "finite"),
+    "a lens of three numbers": ({"distortion": [0.1, 0, 0]}, "distortion", "OpenCV's order"),
+    "a lens of NaN": ({"distortion": [NAN] * 4}, "distortion", "finite"),
     "tail dropped without a template": ({"config": LabelConfig(tail="drop")}, "template", "tail"),
 }
 
