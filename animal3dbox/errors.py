@@ -1,5 +1,9 @@
 """The errors this package raises; each message says what was expected, what came and what to do."""
 
+import json
+
+_NOTE = "animal3dbox sample error: "
+
 
 class Animal3DBoxError(Exception):
     """Base of every error that this package raises on purpose."""
@@ -34,11 +38,28 @@ class SampleError(Animal3DBoxError, ValueError):
         problem: what is wrong and, where there is one, the remedy.
     """
 
-    def __init__(self, sample_id: str | None, field: str, problem: str) -> None:
-        super().__init__(sample_id, field, problem)  # all three, so that the error survives pickling between workers
+    def __init__(self, sample_id: str | None, field: str | None = None, problem: str | None = None) -> None:
+        if field is None or problem is None:  # torch's DataLoader makes a worker's error anew from its printed traceback alone
+            told = str(sample_id)
+            sample_id, field, problem = _told_by_worker(told)
+            self.add_note(told)
+        super().__init__(sample_id, field, problem)  # all three, so that the error survives pickling between processes
         self.sample_id = sample_id
         self.field = field
         self.problem = problem
 
     def __str__(self) -> str:
         return f"{self.sample_id or 'sample'}: {self.field}: {self.problem}"
+
+    def note_for_parent(self) -> None:
+        """Add a note to the traceback from which the parent of a worker makes the error anew."""
+        self.add_note(_NOTE + json.dumps([self.sample_id, self.field, self.problem]))
+
+
+def _told_by_worker(traceback: str) -> tuple[str | None, str, str]:
+    """Sample, field and problem of a worker's printed traceback."""
+    for line in reversed(traceback.splitlines()):
+        if line.startswith(_NOTE):
+            sample_id, field, problem = json.loads(line.removeprefix(_NOTE))
+            return sample_id, field, problem
+    return None, "unknown", traceback

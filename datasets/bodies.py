@@ -5,13 +5,15 @@ every animal; each animal's own SMAL parameters; a mesh file (mesh_bodies.py). F
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol
 
 import torch
 from torch import Tensor
 
+from animal3dbox.datasets.fingerprint import content_digest, digest
+from animal3dbox.datasets.packed import PackedMapping
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError, ShapeError
 from animal3dbox.smal.model import SmalModel, trunk_rotation
@@ -52,6 +54,15 @@ class BodySource(Protocol):
         """What to call the source in reports."""
         ...
 
+    @property
+    def fingerprint(self) -> bytes:
+        """Names the content that all its bodies depend on."""
+        ...
+
+    def content(self, record: AnimalRecord) -> bytes:
+        """Names the content that this animal's body alone depends on; empty if there is none. Raises SampleError if it has no body."""
+        ...
+
     def body(self, record: AnimalRecord) -> Body:
         """The body of one animal; raises SampleError if it has none."""
         ...
@@ -75,6 +86,15 @@ class ModelBody:
         if not self.model.landmarks:
             raise ConfigError(f"{self.name} has no landmarks, so no keypoint has a place on it: give them to load_model and convert it again")
 
+    @property
+    def fingerprint(self) -> bytes:
+        """Of the model and its shape."""
+        return digest(model_digest(self.model), content_digest(self.betas))
+
+    def content(self, record: AnimalRecord) -> bytes:
+        """Nothing: all animals have the same body."""
+        return b""
+
     def body(self, record: AnimalRecord) -> Body:
         """The body with the record's landmarks; how far they may stray only if its joints are SMAL's."""
         vertices, words = standing_vertices(self.model, self.betas), record.vocabulary
@@ -86,6 +106,12 @@ class ModelBody:
 def preset_body(preset: str) -> ModelBody:
     """The embedded quadruped in a preset's shape; raises ConfigError, naming the presets, if there is none of that name."""
     return ModelBody(load_quadruped(), f"quadruped:{preset}", tuple(preset_betas(preset).tolist()))
+
+
+@lru_cache(maxsize=16)
+def model_digest(model: SmalModel) -> bytes:
+    """Names a model's content."""
+    return content_digest(model)
 
 
 @lru_cache(maxsize=16)
@@ -141,6 +167,23 @@ class ParametersBody:
     def name(self) -> str:
         """How many bodies, of how many joints."""
         return f"parameters:{len(self.parameters)} of a model with {self.model.joint_count} joints"
+
+    @property
+    def fingerprint(self) -> bytes:
+        """Of the model."""
+        return model_digest(self.model)
+
+    def content(self, record: AnimalRecord) -> bytes:
+        """The animal's parameters."""
+        if record.sample_id not in self.parameters:
+            raise SampleError(record.sample_id, "parameters", "there are none for this sample")
+        if isinstance(self.parameters, PackedMapping):
+            return self.parameters.packed(record.sample_id)
+        return content_digest(self.parameters[record.sample_id])
+
+    def packed(self) -> "ParametersBody":
+        """The same with its parameters in a few tensors, for workers (packed.py)."""
+        return replace(self, parameters=PackedMapping(SmalParameters, self.parameters))
 
     def body(self, record: AnimalRecord) -> Body:
         """The record's posed body with its landmarks; its pose is the animal's own."""

@@ -6,19 +6,35 @@ palettes are looked up, transparency is dropped.
 """
 
 import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
+from animal3dbox.datasets.exif import FORMATS, PhotoFacts, facts_of
 from animal3dbox.errors import SampleError
+
+_T = TypeVar("_T")
 
 MAX_PIXELS = 100_000_000
 """A file whose header promises more is not decoded: 100 megapixels are 300 MB."""
 
-FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
-"""What a file may be, whatever its name: Pillow's others are not photographs, and for one of them, EPS, it starts Ghostscript."""
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """A picture and its header.
+
+    Attributes:
+        pixels: (H, W, 3) uint8 RGB, as stored.
+        facts: of its header.
+    """
+
+    pixels: NDArray[np.uint8]
+    facts: PhotoFacts
 
 
 def resolve_inside(root: Path, relative: str, sample_id: str, field: str) -> Path:
@@ -44,27 +60,34 @@ def resolve_inside(root: Path, relative: str, sample_id: str, field: str) -> Pat
 
 
 def read_image(path: Path, sample_id: str, expected_hw: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """The pixels of an image file as stored.
+    """The pixels of an image file as stored; see read_photo."""
+    return read_photo(path, sample_id, expected_hw).pixels
+
+
+def read_photo(path: Path, sample_id: str, expected_hw: tuple[int, int] | None = None) -> Photo:
+    """An image file: its pixels as stored, and its header.
 
     Args:
-        path: a file in one of FORMATS; its name does not matter.
+        path: a file in one of exif.FORMATS; its name does not matter.
         sample_id: named in every error.
         expected_hw: the size that the annotations were made for.
-
-    Returns:
-        (H, W, 3) uint8 RGB.
 
     Raises:
         SampleError: no image, a truncated one, too large a one, or one of another size.
 
     """
+    return _read(path, sample_id, expected_hw, lambda image, name: Photo(_as_rgb(image, name), facts_of(image)))
+
+
+def _read(path: Path, sample_id: str, expected_hw: tuple[int, int] | None, what: Callable[[Image.Image, str], _T]) -> _T:
+    """What a function makes of a decoded image; see read_photo."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # MAX_PIXELS decides, below
             with Image.open(path, formats=FORMATS) as image:
                 _check_size(image, sample_id, expected_hw)
                 image.load()
-                return _as_rgb(image, sample_id)
+                return what(image, sample_id)
     except Image.DecompressionBombError as error:
         raise SampleError(sample_id, "image", f"{path.name} is too large to decode: {error}") from error
     except (OSError, SyntaxError, ValueError, NotImplementedError) as error:
@@ -81,24 +104,22 @@ def read_mask(path: Path, sample_id: str, expected_hw: tuple[int, int]) -> NDArr
 
     """
     try:
-        levels = read_image(path, sample_id, expected_hw).max(axis=2)
+        levels = _read(path, sample_id, expected_hw, _levels)
     except SampleError as error:
         raise SampleError(sample_id, "mask", error.problem) from error
-    if not levels.any():
+    top = int(levels.max())
+    if top == 0:
         raise SampleError(sample_id, "mask", f"{path.name} has no pixel above 0; leave its path out if there is no mask")
-    return np.asarray(levels > (levels.max() // 2))
+    return np.asarray(levels > top // 2)
 
 
-def orientation_warning(path: Path) -> str | None:
-    """A sentence for an image whose EXIF orientation is not upright, which is not applied; None otherwise."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path, formats=FORMATS) as image:
-                turned = image.getexif().get(ExifTags.Base.Orientation, 1)
-    except (OSError, SyntaxError, ValueError, NotImplementedError, Image.DecompressionBombError):
-        return None  # read_image says what is wrong with it
-    return None if turned in (0, 1) else f"the image's EXIF orientation {turned} was not applied: are the annotations for the pixels as stored?"
+def _levels(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:
+    """The brightest channel (H, W) of each pixel."""
+    if image.mode == "L":
+        return np.array(image)
+    red, green, blue = np.moveaxis(_as_rgb(image, sample_id), 2, 0)
+    levels: NDArray[np.uint8] = np.maximum(np.maximum(red, green), blue)
+    return levels
 
 
 def _check_size(image: Image.Image, sample_id: str, expected_hw: tuple[int, int] | None) -> None:

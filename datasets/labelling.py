@@ -2,25 +2,46 @@
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from animal3dbox.datasets.bodies import BodySource
-from animal3dbox.datasets.images import orientation_warning
+from animal3dbox.datasets.exif import PhotoFacts, header_facts
 from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.scale import ScaleSource, in_metres
+from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
 
-def label_record(record: AnimalRecord, bodies: BodySource, config: LabelConfig) -> CuboidLabel | Rejection:
+def label_record(
+    record: AnimalRecord,
+    bodies: BodySource,
+    config: LabelConfig,
+    facts: PhotoFacts | None = None,
+    scale: ScaleSource | None = None,
+    mask: NDArray[np.bool_] | None = None,
+) -> CuboidLabel | Rejection:
     """The label of a record's animal with the body that a source gives it.
 
-    An EXIF orientation of the image, which is not applied, is among the label's warnings.
+    Args:
+        record: the animal.
+        bodies: its body's source.
+        config: the method.
+        facts: of its picture's header, if that has been read; None: read here, if there is a file. An EXIF orientation, which is not
+            applied, is among the label's warnings.
+        scale: what makes the label metric; None: nothing, it is in the body's unit.
+        mask: the record's (H, W), if it has been decoded; None: decoded here, if it has one.
 
     Raises:
         SampleError: the record is unusable; names the sample, the field and the remedy.
 
     """
+    if facts is None:
+        facts = PhotoFacts() if record.image_path is None else header_facts(record.image_path)
     body = bodies.body(record)
-    hypotheses = () if record.stored_pose is None else (record.stored_pose,)
+    K, K_source = camera_of(record, facts)
     outcome = label_animal(
         record.image_hw,
         keypoints_2d=record.keypoints_2d,
@@ -29,17 +50,30 @@ def label_record(record: AnimalRecord, bodies: BodySource, config: LabelConfig) 
         vertices=body.vertices,
         faces=body.faces,
         template=body.template,
-        K=record.K,
+        K=K,
         pose=record.pose,
-        pose_hypotheses=hypotheses,
-        mask=record.mask,
+        pose_hypotheses=() if record.stored_pose is None else (record.stored_pose,),
+        mask=record.mask if mask is None else mask,
         vocabulary=record.vocabulary,
+        distortion=record.distortion,
         sample_id=record.sample_id,
         config=config,
     )
     if isinstance(outcome, Rejection):
         return outcome
-    turned = None if record.image_path is None else orientation_warning(record.image_path)
-    warnings = outcome.quality.warnings if turned is None else (*outcome.quality.warnings, turned)
-    K_source = outcome.quality.K_source if record.K is None else record.K_source
-    return replace(outcome, quality=replace(outcome.quality, warnings=warnings, K_source=K_source))
+    quality = outcome.quality
+    quality = replace(quality, warnings=(*quality.warnings, *facts.warnings), K_source=K_source or quality.K_source)
+    outcome = replace(outcome, quality=quality)
+    return outcome if scale is None else in_metres(outcome, *scale.metres_per_unit(record, body, outcome))
+
+
+def camera_of(record: AnimalRecord, facts: PhotoFacts) -> tuple[NDArray[np.float64] | None, str | None]:
+    """The intrinsics (3, 3) of a record and where they are from: its own, its picture's EXIF header, its dataset's; None if nothing tells.
+
+    A pose known exactly holds for the camera that it came with, and so keeps it.
+    """
+    if record.K is not None and (record.K_source == "given" or record.pose is not None):
+        return record.K, record.K_source
+    if facts.focal_px is not None:
+        return intrinsics(facts.focal_px, record.image_hw).numpy(), "exif"
+    return (None, None) if record.K is None else (record.K, record.K_source)

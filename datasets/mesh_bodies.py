@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from animal3dbox.datasets.bodies import Body
+from animal3dbox.datasets.fingerprint import content_digest
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
@@ -44,6 +45,15 @@ class MeshBody:
     def name(self) -> str:
         """The file."""
         return f"mesh:{self.path.name}"
+
+    @property
+    def fingerprint(self) -> bytes:
+        """Of the mesh and its landmarks."""
+        return content_digest((self.vertices, self.faces, self.points))
+
+    def content(self, record: AnimalRecord) -> bytes:
+        """Nothing: all animals have the same mesh."""
+        return b""
 
     def body(self, record: AnimalRecord) -> Body:
         """The mesh with the record's landmarks."""

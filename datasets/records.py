@@ -83,7 +83,7 @@ class CuboidRecord:
 
     sample_id: str
     image_id: str
-    image_path: Path
+    image_path: Path | None
     image_hw: tuple[int, int]
     category: str
     K: NDArray[np.float64]

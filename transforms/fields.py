@@ -24,14 +24,15 @@ PER_ANIMAL = {
     "corners_3d": "N 8 3", "center": "N 3", "rotation": "N 3 3", "size": "N 3", "corners_2d": "N 8 2", "corner_in_front": "N 8",
     "face_visible": "N 6", "face_area": "N 6", "face_share": "N 6", "face_share_in_image": "N 6", "surface_share": "N 6",
     "truncation": "N", "behind_camera": "N", "occlusion": "N", "scores": "N", "boxes": "N 4",
+    "scale_known": "N", "scale_m_per_unit": "N",
     "labels": "N", "iscrowd": "N", "track_ids": "N", "keypoints": "N J 3", "keypoints_3d": "N J 3",
     "vertices": "N V 3", "masks": "N H W",
 }  # fmt: skip
 PER_IMAGE = {"K": "3 3", "H_out_in": "3 3", "distortion": "D", "depth": "H W", "keypoint_mirror": "J"}
 CAMERA_FRAME = ("corners_3d", "center", "rotation", "R", "t")
-LISTS = ("quality",)
+LISTS = ("quality", "scale_source")
 UNREADABLE = ("float16", "bfloat16", "uint32", "uint64", "complex64", "complex128")
-WHOLE = ("labels", "masks", "corner_in_front", "face_visible", "behind_camera", "keypoint_mirror", "iscrowd", "track_ids")
+WHOLE = ("labels", "masks", "corner_in_front", "face_visible", "behind_camera", "keypoint_mirror", "iscrowd", "track_ids", "scale_known")
 """Fields that may hold whole numbers or booleans."""
 
 

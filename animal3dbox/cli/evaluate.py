@@ -7,7 +7,8 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from animal3dbox.cli.label import DEFAULT_BODY, EXIT_FAULTY, EXIT_OK, body_source
+from animal3dbox.cli.label import EXIT_FAULTY, EXIT_OK
+from animal3dbox.datasets.body_options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.config import EvaluateConfig

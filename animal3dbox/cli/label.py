@@ -9,20 +9,18 @@ import msgspec
 import torch
 from tqdm import tqdm
 
-from animal3dbox.datasets.bodies import BodySource, ModelBody, preset_body
-from animal3dbox.datasets.images import read_image
+from animal3dbox.datasets.bodies import BodySource
+from animal3dbox.datasets.body_options import DEFAULT_BODY, body_source
+from animal3dbox.datasets.images import read_photo
 from animal3dbox.datasets.labelling import label_record
-from animal3dbox.datasets.mesh_bodies import load_mesh_body
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.report.summary import Summary
-from animal3dbox.smal.model_files import load_model
 
 EXIT_OK, EXIT_FAULTY = 0, 4
-DEFAULT_BODY = "dog"
 
 
 @dataclass(frozen=True)
@@ -57,17 +55,6 @@ def run_label(job: LabelJob) -> int:
     return EXIT_FAULTY if summary.faulty else EXIT_OK
 
 
-def body_source(body: str, landmarks: Path | None) -> BodySource:
-    """The body source of the options: a preset's name, a model's file, or a mesh file with its landmarks."""
-    if landmarks is not None:
-        return load_mesh_body(Path(body), landmarks)
-    if Path(body).suffix.lower() in (".pkl", ".safetensors"):
-        return ModelBody(load_model(Path(body)), f"model:{Path(body).name}")
-    if "." in body or "/" in body:
-        raise ConfigError(f"--body {body} is a file: give --landmarks too, or there is no telling its nose from its tail")
-    return preset_body(body)
-
-
 def _results(records: RecordSet, bodies: BodySource, job: LabelJob) -> Iterator[Labelled | SampleError]:
     yield from records.faults
     for record in tqdm(records.records, desc="labelling", unit="animal", disable=job.json or None):
@@ -78,8 +65,8 @@ def _one(record: AnimalRecord, bodies: BodySource, config: LabelConfig) -> Label
     try:
         if record.image_path is None:
             raise SampleError(record.sample_id, "image", "is only in memory: write the dataset first (animal3dbox synth)")
-        picture = read_image(record.image_path, record.sample_id, record.image_hw)
-        return Labelled(label_record(record, bodies, config), record.image_id, record.category, picture)
+        photo = read_photo(record.image_path, record.sample_id, record.image_hw)
+        return Labelled(label_record(record, bodies, config, photo.facts), record.image_id, record.category, photo.pixels)
     except SampleError as error:
         return error
 

@@ -38,7 +38,7 @@ class Quality:
         pose_hypothesis: the start that won: "given", "epnp_ransac", "sqpnp", "view_<i>" or "hypothesis_<i>".
         bounds_source: "vertices" or "keypoints": what the box bounds.
         mask_source: "dataset", or "none" when the pose was made without one.
-        K_source: "given", "dataset" (one for all of its images) or "guessed".
+        K_source: "given", "exif" (the picture's header), "dataset" (one for all of its images) or "guessed".
         warnings: what a careful person should know, in whole sentences.
     """
 
@@ -85,6 +85,8 @@ class CuboidLabel:
         cuboid_mesh: the same box in the mesh's frame.
         quality: how it came about.
         distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens as given; None for a pinhole.
+        scale_m_per_unit: metres a unit of the mesh, with which corners_3d, center, size and t were made metric; None: they are in its unit.
+        scale_source: what tells the scale ("dataset", "user", "species:<name>", "altitude"), or "unknown".
     """
 
     sample_id: str | None
@@ -110,6 +112,8 @@ class CuboidLabel:
     cuboid_mesh: Cuboid
     quality: Quality
     distortion: Tensor | None = None
+    scale_m_per_unit: float | None = None
+    scale_source: str = "unknown"
 
     @property
     def cuboid(self) -> Cuboid:

@@ -1,0 +1,134 @@
+"""The label cache: what was computed once is read the next time, by any process.
+
+A folder for each fingerprint of method, body and code holds segments (segments.py), one a writing process. Entries are found by the
+content that they were computed from, so nothing stale can be read: another config, code or annotation is another key.
+"""
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from animal3dbox.datasets.label_rows import LabelRow, packed_outcome, unpacked_outcome
+from animal3dbox.datasets.segments import KEY_BYTES, SUFFIX, SegmentReader, SegmentWriter
+from animal3dbox.errors import DatasetFormatError, ShapeError
+from animal3dbox.labels.types import Rejection
+
+REFRESH_S = 0.5
+"""After a miss, other processes' new entries are looked for, but not more often than this."""
+
+
+@dataclass
+class _State:
+    """What one process has open."""
+
+    process: int
+    readers: list[SegmentReader]
+    names: set[str]
+    keys: np.ndarray  # sorted first halves of the keys, uint64
+    places: np.ndarray  # (N, 2) segment and offset, newest last among equal keys
+    writer: SegmentWriter | None
+    looked: float
+
+
+class LabelCache:
+    """Cached labels of one fingerprint.
+
+    Safe to use from forked and spawned workers: each process opens its own files.
+
+    Args:
+        folder: of all caches; it may hold several fingerprints, and several datasets.
+        fingerprint: 16 bytes that name everything that labels depend on, but the animal.
+
+    Raises:
+        DatasetFormatError: the folder cannot be made or is no folder.
+
+    """
+
+    def __init__(self, folder: Path, fingerprint: bytes) -> None:
+        self.folder = folder / fingerprint.hex()
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise DatasetFormatError(f"the cache's folder {self.folder} cannot be made: {error}") from error
+        self._state: _State | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"folder": self.folder, "_state": None}
+
+    def get(self, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
+        """What is stored under a key, None if nothing is; and whether something was, but damaged."""
+        state = self._opened()
+        found, damaged = self._read(state, key)
+        if found is None and time.monotonic() - state.looked > REFRESH_S:
+            self._refresh(state)
+            found, damaged = self._read(state, key)
+        return found, damaged
+
+    def put(self, key: bytes, outcome: LabelRow | Rejection) -> None:
+        """Store an outcome; raises OSError if it cannot be written, and then nothing has changed."""
+        state = self._opened()
+        if state.writer is None:
+            state.writer = SegmentWriter(self.folder)
+            state.names.add(state.writer.path.name)
+            state.readers.append(SegmentReader(state.writer.path))
+        state.writer.append(key, packed_outcome(outcome))
+
+    def __len__(self) -> int:
+        """How many entries can be seen, copies included."""
+        state = self._opened()
+        self._refresh(state)
+        return len(state.keys)
+
+    def problems(self) -> list[str]:
+        """What is wrong with the files, in whole sentences; nothing in them is lost but what the sentences name, and that is made anew."""
+        told = []
+        for reader in self._opened().readers:
+            if reader.damaged:
+                told.append(f"{reader.path.name} has {reader.damaged} damaged places: the disk or a program changed it; their labels are made anew")
+            if reader.unfinished:
+                told.append(f"{reader.path.name} ends within an entry: its process was killed or the file was cut; what is missing is made anew")
+        return told
+
+    def _opened(self) -> _State:
+        if self._state is None or self._state.process != os.getpid():
+            empty = (np.zeros(0, np.uint64), np.zeros((0, 2), np.int64))
+            self._state = _State(os.getpid(), [], set(), *empty, None, 0.0)
+            self._refresh(self._state)
+        return self._state
+
+    def _refresh(self, state: _State) -> None:
+        """Take in what has been written since the last look."""
+        state.looked = time.monotonic()
+        for name in sorted(entry.name for entry in os.scandir(self.folder) if entry.name.endswith(SUFFIX)):
+            if name not in state.names:
+                state.names.add(name)
+                state.readers.append(SegmentReader(self.folder / name))
+        keys, places = [state.keys], [state.places]
+        for number, reader in enumerate(state.readers):
+            found = list(reader.new_entries())
+            if found:
+                halves = np.frombuffer(b"".join(key for key, _ in found), dtype="<u8").reshape(-1, KEY_BYTES // 8)[:, 0]
+                keys.append(halves)
+                places.append(np.array([(number, offset) for _, offset in found], dtype=np.int64))
+        if len(keys) > 1:
+            merged = np.concatenate(keys)
+            order = np.argsort(merged, kind="stable")
+            state.keys, state.places = merged[order], np.concatenate(places)[order]
+
+    def _read(self, state: _State, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
+        half = np.frombuffer(key[:8], dtype="<u8")[0]
+        first, stop = int(np.searchsorted(state.keys, half)), int(np.searchsorted(state.keys, half, side="right"))
+        damaged = False
+        for number, offset in reversed(state.places[first:stop].tolist()):
+            payload = state.readers[number].payload(offset, key)
+            if payload is None:
+                damaged = True  # or, once in 2^64, another key's
+                continue
+            try:
+                return unpacked_outcome(payload), damaged
+            except (ShapeError, ValueError, KeyError, TypeError):
+                damaged = True
+        return None, damaged

@@ -1,0 +1,75 @@
+"""Short names of contents, so that what was computed from one thing is never taken for another's."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+import animal3dbox
+import animal3dbox.datasets
+
+CODE = ("geometry", "smal", "labels")
+OWN = ("labelling.py", "scale.py", "label_rows.py", "codec.py", "bodies.py", "mesh_bodies.py")
+"""What a label depends on, in the package's folder and in the datasets'."""
+LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless")
+"""Whose versions may change a label's last digits."""
+
+
+def digest(*parts: bytes) -> bytes:
+    """16 bytes that name the parts; where one part ends and the next begins counts."""
+    made = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        made.update(len(part).to_bytes(8, "little"))
+        made.update(part)
+    return made.digest()
+
+
+def content_digest(value: Any) -> bytes:
+    """16 bytes that name a value made of dataclasses, arrays, tensors, mappings, sequences and plain values.
+
+    Raises:
+        TypeError: something in it is of another kind, whose content is not known.
+
+    """
+    if isinstance(value, Tensor):
+        value = value.detach().cpu().numpy()
+    if isinstance(value, np.ndarray):
+        return digest(b"array", value.dtype.str.encode(), repr(value.shape).encode(), np.ascontiguousarray(value).tobytes())
+    if is_dataclass(value) and not isinstance(value, type):
+        known = [part for field in fields(value) for part in (field.name.encode(), content_digest(getattr(value, field.name)))]
+        return digest(b"dataclass", type(value).__name__.encode(), *known)
+    if isinstance(value, Mapping):
+        return digest(b"mapping", *(part for key, item in value.items() for part in (content_digest(key), content_digest(item))))
+    if isinstance(value, tuple | list | set | frozenset):
+        return digest(b"sequence", *(content_digest(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)))
+    if value is None or isinstance(value, str | bytes | bool | int | float | Path):
+        return digest(type(value).__name__.encode(), repr(value).encode())
+    raise TypeError(f"the content of a {type(value).__name__} has no fingerprint")
+
+
+@lru_cache(maxsize=1)
+def code_digest() -> bytes:
+    """16 bytes that name the label code of this installation, file by file, and the libraries that it computes with."""
+    home, ours = Path(animal3dbox.__file__).parent, Path(animal3dbox.datasets.__file__).parent
+    files = [ours / name for name in OWN]
+    for folder in CODE:
+        files += sorted(p for p in (home / folder).rglob("*") if p.suffix in (".py", ".npz"))
+    sources = [part for file in files for part in (file.name.encode(), file.read_bytes())]
+    return digest(*sources, *(f"{name} {version(name)}".encode() for name in LIBRARIES))
+
+
+@lru_cache(maxsize=4096)
+def _file_digest(path: str, size: int, modified_ns: int) -> bytes:
+    return digest(Path(path).read_bytes())
+
+
+def file_digest(path: Path) -> bytes:
+    """16 bytes that name a file's content; read again only if its size or time of change differ. Raises OSError."""
+    told = path.stat()
+    return _file_digest(str(path), told.st_size, told.st_mtime_ns)

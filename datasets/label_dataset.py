@@ -1,0 +1,217 @@
+"""The shared Dataset: annotated images in, images and targets out, labels made on the way."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.utils.data import Dataset, get_worker_info
+
+from animal3dbox.datasets.filters import LabelFilter
+from animal3dbox.datasets.images import Photo
+from animal3dbox.datasets.label_rows import LabelRow
+from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
+from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.row_maker import RowMaker
+from animal3dbox.datasets.sources import ImageSample, SampleSource
+from animal3dbox.datasets.targets import check_one_camera, image_tensor, target_of
+from animal3dbox.datasets.threads import one_thread
+from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.types import Rejection
+
+OnBad = Literal["error", "skip"]
+Target = dict[str, Any]
+TransformCall = Callable[[Tensor, Target], tuple[Any, Target]]
+SampleIndex = int | tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """In place of a sample that cannot be used; collate leaves it out.
+
+    Attributes:
+        index: in the Dataset.
+        image_id: the image.
+        cases: why, animal by animal.
+    """
+
+    index: int
+    image_id: str
+    cases: tuple[Case, ...]
+
+
+class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
+    """Images with the cuboids of their animals, labelled when they are asked for.
+
+    ``dataset[i]`` is ``(image, target)``: the image (3, H, W) uint8 RGB, the target a plain dict as docs/conventions.md lists it, float32,
+    with N animals. ``dataset[epoch, i]`` is the same sample as epoch's transform draws it.
+
+    Args:
+        source: of the samples, see the Datasets named after formats.
+        config: how labels are made; None: LabelConfig(surface_share=False).
+        on_bad: what to do with an animal that cannot be labelled: "error" raises, "skip" leaves it out and writes it down (report()); an
+            image of which no animal is left comes back as Skipped.
+        partial: whether an image of which only some animals have labels is kept: "keep", or "skip" to leave it out, since it shows
+            animals that its target does not name.
+        filters: labels that miss them are left out in the same way, and never raise.
+        classes: names of the labels' numbers; None: the categories of this dataset, sorted. An animal of another category is a fault.
+        transform: ``transform(image, target) -> (image, target)``, such as animal3dbox.transforms.Compose.
+        scale: what makes labels metric (scale.py); None: only what the dataset itself says.
+        pose: whether a camera that a dataset stores for its bodies is one "hypothesis" among others, or "exact".
+        cache: folder of the label cache; None: none.
+        masks: whether targets hold masks, of images whose every animal has one.
+        report_to: file that cases are appended to; None: a temporary one.
+
+    Raises:
+        ConfigError: an option has a value that it cannot have, or contradicts the dataset.
+        SampleError: on_bad is "error" and an annotation cannot be read.
+
+    """
+
+    def __init__(
+        self,
+        source: SampleSource,
+        *,
+        config: LabelConfig | None = None,
+        on_bad: OnBad = "error",
+        partial: Literal["keep", "skip"] = "keep",
+        filters: LabelFilter | None = None,
+        classes: Sequence[str] | None = None,
+        transform: TransformCall | None = None,
+        scale: Any = None,
+        pose: Literal["hypothesis", "exact"] = "hypothesis",
+        cache: Path | str | None = None,
+        masks: bool = True,
+        report_to: Path | None = None,
+    ) -> None:
+        for name, value, known in (("on_bad", on_bad, get_args(OnBad)), ("partial", partial, ("keep", "skip"))):
+            if value not in known:
+                raise ConfigError(f"{name} must be {' or '.join(map(repr, known))}, got {value!r}")
+        if on_bad == "error" and source.faults:
+            first, more = source.faults[0], len(source.faults) - 1
+            problem = f"{first.problem} (and {more} more that cannot be read; on_bad='skip' leaves them out and reports them)"
+            raise SampleError(first.sample_id, first.field, problem)
+        self.source, self.on_bad, self.partial, self.masks = source, on_bad, partial, masks
+        self.filters, self.transform = filters or LabelFilter(), transform
+        self.classes = tuple(source.categories if classes is None else classes)
+        self._numbers = {name: number for number, name in enumerate(self.classes)}
+        if len(self._numbers) != len(self.classes):
+            raise ConfigError(f"classes must differ, got {self.classes}")
+        self.ledger = Ledger(report_to)
+        self._rows = RowMaker(source.fingerprint, config or LabelConfig(surface_share=False), scale, pose, cache)
+        self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
+        for fault in source.faults:
+            self.ledger.add(_case("fault", fault))
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    @property
+    def epoch(self) -> int:
+        """The epoch whose random draws samples get."""
+        return int(self._epoch)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Set the epoch, in running persistent workers too: its number lies in shared memory. Call it before the epoch's iteration begins."""
+        if epoch < 0:
+            raise ConfigError(f"epoch must not be negative, got {epoch}")
+        self._epoch.fill_(epoch)
+
+    def report(self) -> LoadReport:
+        """What has been left out so far and why, by all processes."""
+        return self.ledger.report()
+
+    def image_id(self, index: int) -> str:
+        """The name of a sample's image."""
+        return self.source.image_id(index)
+
+    def __getitem__(self, index: SampleIndex) -> tuple[Tensor, Target] | Skipped:
+        epoch, place = index if isinstance(index, tuple) else (self.epoch, index)
+        if not -len(self) <= place < len(self):
+            raise IndexError(f"index {place} of {len(self)} images")
+        place %= len(self)
+        with one_thread():
+            try:
+                return self._sample(epoch, place)
+            except SampleError as error:
+                if self.on_bad == "error":
+                    if get_worker_info() is not None:
+                        error.note_for_parent()
+                    raise
+                return self._skipped(place, [_case("fault", error)])
+
+    def _skipped(self, place: int, cases: list[Case]) -> Skipped:
+        for case in cases:
+            self.ledger.add(case)
+        return Skipped(place, self.image_id(place), tuple(cases))
+
+    def _sample(self, epoch: int, place: int) -> tuple[Tensor, Target] | Skipped:
+        sample = self.source.sample(place)
+        photo = self.source.photo(sample)
+        rows: list[LabelRow] = []
+        numbers: list[int] = []
+        masks: list[NDArray[np.bool_] | None] = []
+        cases: list[Case] = []
+        for animal in range(len(sample.records)):
+            try:
+                row, mask = self._animal(sample, animal, photo, cases)
+            except SampleError as error:
+                if self.on_bad == "error":
+                    raise
+                cases.append(_case("fault", error))
+                continue
+            if row is not None:
+                rows.append(row)
+                numbers.append(self._numbers[sample.records[animal].category])
+                masks.append(mask)
+        partly = len(rows) < len(sample.records) or sample.unread
+        if not rows or (partly and self.partial == "skip"):
+            return self._skipped(place, cases)
+        for case in cases:
+            self.ledger.add(case)
+        check_one_camera(sample.image_id, rows)
+        stacked = [mask for mask in masks if mask is not None]
+        whole = np.stack(stacked).view(np.uint8) if self.masks and len(stacked) == len(rows) else None
+        named = all(getattr(record, "heading_known", True) for record in sample.records)
+        return self._transformed(image_tensor(photo.pixels), target_of(sample.image_id, rows, numbers, whole, named), (epoch, place))
+
+    def _animal(self, sample: ImageSample, animal: int, photo: Photo, cases: list[Case]) -> tuple[LabelRow | None, NDArray[np.bool_] | None]:
+        """One animal's row, None if it is left out and then a case says why, and its mask."""
+        record = sample.records[animal]
+        if record.category not in self._numbers:
+            raise SampleError(record.sample_id, "category", f"{record.category!r} is none of the classes {', '.join(self.classes[:20])}")
+        mask = record.mask if isinstance(record, AnimalRecord) else None
+        outcome, problems = self._rows.row(sample, animal, photo.facts, mask)
+        cases += problems
+        if isinstance(outcome, Rejection):
+            if self.on_bad == "error":
+                problem = f"cannot be made, {outcome.reason}: {outcome.detail}; on_bad='skip' leaves such animals out and reports them"
+                raise SampleError(record.sample_id, "label", problem)
+            cases.append(Case(kind="rejected", sample_id=record.sample_id, field=outcome.reason, problem=outcome.detail))
+            return None, None
+        missed = self.filters.problem(outcome)
+        if missed is not None:
+            cases.append(Case(kind="filtered", sample_id=record.sample_id, field=missed[0], problem=missed[1]))
+            return None, None
+        return outcome, mask
+
+    def _transformed(self, image: Tensor, target: Target, key: tuple[int, int]) -> tuple[Tensor, Target]:
+        target["sample_key"] = key
+        if self.transform is None:
+            return image, target
+        try:
+            return self.transform(image, target)
+        except SampleError:
+            raise
+        except Exception as error:
+            error.add_note(f"in the transform of image {target['image_id']}")
+            raise
+
+
+def _case(kind: str, error: SampleError) -> Case:
+    return Case(kind=kind, sample_id=error.sample_id or "sample", field=error.field, problem=error.problem)

@@ -1,0 +1,99 @@
+"""A label as one row of numbers: what a cache stores and what targets are made of.
+
+The row is float64 with a fixed layout, so that reading one costs no more than looking at it; booleans are 0 and 1.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.datasets.codec import Codec
+from animal3dbox.errors import ShapeError
+from animal3dbox.labels.types import CuboidLabel, Rejection
+
+LAYOUT: dict[str, tuple[int, ...]] = {
+    "corners_3d": (8, 3), "center": (3,), "rotation": (3, 3), "size": (3,), "corners_2d": (8, 2), "corner_in_front": (8,),
+    "face_visible": (6,), "face_area": (6,), "face_share": (6,), "face_share_in_image": (6,), "K": (3, 3), "R": (3, 3), "t": (3,),
+    "box": (4,), "truncation": (), "behind_camera": (), "surface_share": (6,),
+}  # fmt: skip
+"""Fields of a CuboidLabel in the row, in order; surface_share is all -1 where it was not measured."""
+BOOLEAN = ("corner_in_front", "face_visible", "behind_camera")
+_WIDTHS = {name: int(np.prod(shape)) for name, shape in LAYOUT.items()}
+SPANS = {name: (start, start + width) for (name, width), start in zip(_WIDTHS.items(), np.cumsum([0, *_WIDTHS.values()]).tolist(), strict=False)}
+"""Where each field stands in the row."""
+WIDTH = sum(_WIDTHS.values())
+_CODEC = Codec()
+
+
+@dataclass(frozen=True, eq=False)
+class LabelRow:
+    """One animal's label.
+
+    Attributes:
+        sample_id: the animal.
+        values: (WIDTH,) float64, see LAYOUT.
+        keypoints: (J, 3) x, y, visibility as used; None without keypoints.
+        quality: the fields of Quality, and confidence.
+        scale_m_per_unit: see CuboidLabel.
+        scale_source: see CuboidLabel.
+        distortion: of the lens; None of a pinhole.
+    """
+
+    sample_id: str
+    values: NDArray[np.float64]
+    keypoints: NDArray[np.float64] | None
+    quality: dict[str, Any]
+    scale_m_per_unit: float | None = None
+    scale_source: str = "unknown"
+    distortion: NDArray[np.float64] | None = None
+
+    def field(self, name: str) -> NDArray[np.float64]:
+        """A field of LAYOUT in its shape."""
+        start, stop = SPANS[name]
+        return self.values[start:stop].reshape(LAYOUT[name])
+
+
+def label_row(label: CuboidLabel) -> LabelRow:
+    """The row of a label."""
+    parts = []
+    for name, width in _WIDTHS.items():
+        value = getattr(label, name)
+        parts.append(np.full(width, -1.0) if value is None else np.asarray(value, dtype=np.float64).reshape(-1))
+    keypoints = None if label.keypoints is None else label.keypoints.numpy()
+    quality = {**asdict(label.quality), "confidence": label.confidence}
+    distortion = None if label.distortion is None else label.distortion.numpy()
+    scale = (label.scale_m_per_unit, label.scale_source)
+    return LabelRow(label.sample_id or "", np.concatenate(parts), keypoints, quality, *scale, distortion)
+
+
+def packed_outcome(outcome: LabelRow | Rejection) -> bytes:
+    """The bytes of a row or a rejection."""
+    return (b"R" if isinstance(outcome, Rejection) else b"L") + _CODEC.pack(outcome)
+
+
+def unpacked_outcome(data: bytes | memoryview) -> LabelRow | Rejection:
+    """A row or a rejection of its bytes.
+
+    Raises:
+        ShapeError: the bytes are of another layout.
+
+    """
+    kind, content = bytes(data[:1]), _CODEC.unpack(data[1:])
+    if kind == b"R":
+        return Rejection(**content)
+    if kind != b"L" or content["values"].shape != (WIDTH,):
+        raise ShapeError(f"a label row must have {WIDTH} numbers, got kind {kind!r} and {getattr(content.get('values'), 'shape', None)}")
+    return LabelRow(**content)
+
+
+def columns(rows: Sequence[LabelRow]) -> dict[str, NDArray[Any]]:
+    """The fields of several animals, (N, ...) each: float64, bool where LAYOUT's field is one."""
+    table = np.stack([row.values for row in rows]) if rows else np.zeros((0, WIDTH))
+    found: dict[str, NDArray[Any]] = {}
+    for name, (start, stop) in SPANS.items():
+        column = table[:, start:stop].reshape(len(rows), *LAYOUT[name])
+        found[name] = column > 0.5 if name in BOOLEAN else column
+    return found

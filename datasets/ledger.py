@@ -1,0 +1,126 @@
+"""What was left out and why, counted over all processes that load one dataset.
+
+A line a case, appended to one file: workers come and go, but what they wrote stays, also after kill -9. A line is written by a single
+call, which the file system does not mix with others'.
+"""
+
+import os
+import tempfile
+import weakref
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from animal3dbox.errors import Animal3DBoxError
+
+
+class LedgerError(Animal3DBoxError, OSError):
+    """A case could not be written down: rather than lose it, loading stops."""
+
+
+class Case(msgspec.Struct, frozen=True, kw_only=True):
+    """One animal or image that did not come through.
+
+    Attributes:
+        kind: "fault" (unusable), "rejected" (no label could be made), "filtered" (a label that a filter refused) or "cache" (a cached
+            label that was damaged and was made anew, or could not be stored; nothing is lost).
+        sample_id: which.
+        field: of the record, or of the filter.
+        problem: why, and what to do.
+    """
+
+    kind: str
+    sample_id: str
+    field: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.sample_id}: {self.field}: {self.problem}"
+
+
+@dataclass(frozen=True)
+class LoadReport:
+    """What was left out so far, by every process.
+
+    Attributes:
+        cases: each once, however often it was met; in the order in which they were met first.
+        times: how often each was met.
+    """
+
+    cases: tuple[Case, ...]
+    times: tuple[int, ...]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Kind -> how many cases."""
+        return dict(Counter(case.kind for case in self.cases))
+
+    def of(self, kind: str) -> tuple[Case, ...]:
+        """The cases of one kind."""
+        return tuple(case for case in self.cases if case.kind == kind)
+
+    def __str__(self) -> str:
+        counted = ", ".join(f"{count} {kind}" for kind, count in self.counts.items()) or "nothing"
+        return "\n".join([f"left out: {counted}", *(f"  {case.kind}: {case}" for case in self.cases)])
+
+
+class Ledger:
+    """The file of cases of one dataset.
+
+    Args:
+        path: kept, and read again by a later run; None: a temporary file that ends with the process that made it.
+
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        if path is None:
+            descriptor, name = tempfile.mkstemp(prefix="animal3dbox-", suffix=".jsonl")
+            os.close(descriptor)
+            self.path = Path(name)
+            weakref.finalize(self, _remove_in, os.getpid(), name)
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.path = path
+
+    def add(self, case: Case) -> None:
+        """Write one case down.
+
+        Raises:
+            LedgerError: it cannot be written.
+
+        """
+        line = msgspec.json.encode(case) + b"\n"
+        try:
+            descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+            try:
+                written = os.write(descriptor, line)
+            finally:
+                os.close(descriptor)
+        except OSError as error:
+            raise LedgerError(f"{case} could not be written to {self.path}: {error}") from error
+        if written != len(line):
+            raise LedgerError(f"{case} could not be written whole to {self.path}: is the disk full?")
+
+    def report(self) -> LoadReport:
+        """What all processes have written so far; a last line cut off by a crash is left out."""
+        met: dict[Case, int] = {}
+        lines = self.path.read_bytes().split(b"\n")[:-1] if self.path.exists() else []
+        for line in lines:
+            try:
+                case = msgspec.json.decode(line, type=Case)
+            except msgspec.DecodeError:
+                case = Case(kind="fault", sample_id=self.path.name, field="line", problem=f"is damaged: {line[:80]!r}")
+            met[case] = met.get(case, 0) + 1
+        return LoadReport(tuple(met), tuple(met.values()))
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.path.write_bytes(b"")
+
+
+def _remove_in(process: int, path: str) -> None:
+    """Remove a temporary file, but not at the end of a worker that only inherited it."""
+    if os.getpid() == process:
+        Path(path).unlink(missing_ok=True)

@@ -1,0 +1,102 @@
+"""From an annotated animal to its label row: from the cache if it is there, made and stored otherwise."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.datasets.cache import LabelCache
+from animal3dbox.datasets.exif import PhotoFacts
+from animal3dbox.datasets.fingerprint import code_digest, content_digest, digest, file_digest
+from animal3dbox.datasets.given_boxes import given_label
+from animal3dbox.datasets.label_rows import LabelRow, label_row
+from animal3dbox.datasets.labelling import label_record
+from animal3dbox.datasets.ledger import Case
+from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
+from animal3dbox.datasets.scale import ScaleSource
+from animal3dbox.datasets.sources import ImageSample
+from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.types import Rejection
+
+PosePolicy = Literal["hypothesis", "exact"]
+_NOTHING_TOLD = PhotoFacts()
+
+
+class RowMaker:
+    """Makes the rows of one dataset under one method.
+
+    Args:
+        bodies: names the content of its bodies.
+        config: the method.
+        scale: what makes labels metric, or None.
+        pose: what a stored camera is taken for.
+        cache: folder of the label cache, or None.
+
+    """
+
+    def __init__(self, bodies: bytes, config: LabelConfig, scale: ScaleSource | None, pose: PosePolicy, cache: Path | str | None) -> None:
+        if pose not in ("hypothesis", "exact"):
+            raise ConfigError(f"pose must be 'hypothesis' or 'exact', got {pose!r}")
+        self.config, self.scale, self.pose = config, scale, pose
+        self.cache: LabelCache | None = None
+        self._told: set[str] = set()
+        if cache is not None:
+            made_by = digest(code_digest(), bodies, content_digest(config), content_digest(scale), pose.encode())
+            self.cache = LabelCache(Path(cache), made_by)
+
+    def row(self, sample: ImageSample, animal: int, facts: PhotoFacts, mask: NDArray[np.bool_] | None) -> tuple[LabelRow | Rejection, list[Case]]:
+        """An animal's row or rejection, and what was wrong with the cache.
+
+        Raises:
+            SampleError: the animal's record is unusable.
+
+        """
+        record = sample.records[animal]
+        if isinstance(record, CuboidRecord):
+            return label_row(given_label(record)), []
+        if self.cache is None:
+            return self._made(record, sample, facts, mask), []
+        key = _key(record, sample, sample.contents[animal], facts)
+        cases = self._cases(self.cache, record)
+        found, damaged = self.cache.get(key)
+        if damaged:
+            cases.append(_cache_case(record, "its label was damaged and is made anew" if found is None else "one copy of its label is damaged"))
+        if found is not None:
+            return found, cases
+        made = self._made(record, sample, facts, mask)
+        try:
+            self.cache.put(key, made)
+        except OSError as error:
+            cases.append(_cache_case(record, f"its label could not be stored ({error}): it is used, and made anew the next time"))
+        return made, cases
+
+    def _made(self, record: AnimalRecord, sample: ImageSample, facts: PhotoFacts, mask: NDArray[np.bool_] | None) -> LabelRow | Rejection:
+        if sample.bodies is None:
+            raise SampleError(record.sample_id, "body", "there is no source of bodies")
+        if self.pose == "exact" and record.stored_pose is not None and record.pose is None:
+            record = replace(record, pose=record.stored_pose)
+        outcome = label_record(record, sample.bodies, self.config, facts, self.scale, mask)
+        return outcome if isinstance(outcome, Rejection) else label_row(outcome)
+
+    def _cases(self, cache: LabelCache, record: AnimalRecord) -> list[Case]:
+        """What is wrong with the cache's files, each told once."""
+        new = [problem for problem in cache.problems() if problem not in self._told]
+        self._told.update(new)
+        return [_cache_case(record, problem) for problem in new]
+
+
+def _key(record: AnimalRecord, sample: ImageSample, content: bytes, facts: PhotoFacts) -> bytes:
+    """What the label is computed from, besides what the cache's fingerprint names."""
+    body = b"" if sample.bodies is None else sample.bodies.content(record)
+    try:
+        mask = b"" if record.mask_path is None else file_digest(record.mask_path)
+    except OSError as error:
+        raise SampleError(record.sample_id, "mask", f"{record.mask_path} cannot be read: {error}") from error
+    return digest(content, body, mask, b"" if facts == _NOTHING_TOLD else content_digest(facts))
+
+
+def _cache_case(record: Any, problem: str) -> Case:
+    return Case(kind="cache", sample_id=record.sample_id, field="cache", problem=problem)

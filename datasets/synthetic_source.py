@@ -1,0 +1,75 @@
+"""The synthetic world as samples of a Dataset: scenes are drawn when they are asked for."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from animal3dbox.datasets.annotation import annotate
+from animal3dbox.datasets.bodies import ParametersBody
+from animal3dbox.datasets.exif import PhotoFacts
+from animal3dbox.datasets.faults import faulty
+from animal3dbox.datasets.fingerprint import content_digest, digest
+from animal3dbox.datasets.images import Photo
+from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.sources import ImageSample
+from animal3dbox.datasets.synthetic import SyntheticScene, synthetic_scene
+from animal3dbox.datasets.synthetic_set import FORMAT, SyntheticSample, SyntheticSet, record_of
+from animal3dbox.errors import SampleError
+from animal3dbox.smal.quadruped import load_quadruped, quadruped_names
+
+
+class SyntheticSource:
+    """Scenes of a seed's world with their annotations, faults included; nothing is held.
+
+    Records know the camera for which their bodies were fitted as their stored pose: the bodies stand in the camera frame.
+
+    Args:
+        made: the scenes, their faults and what is marked.
+
+    """
+
+    name = FORMAT
+    faults: tuple[SampleError, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, made: SyntheticSet) -> None:
+        self.made = made
+        self.categories = tuple(sorted(made.config.presets or quadruped_names().presets))
+
+    def __len__(self) -> int:
+        return len(self.made)
+
+    @property
+    def fingerprint(self) -> bytes:
+        """Of the quadruped that all scenes are made of."""
+        return ParametersBody(load_quadruped(), {}).fingerprint
+
+    def image_id(self, index: int) -> str:
+        """Seed and index."""
+        return f"{self.made.seed}-{index:06d}"
+
+    def sample(self, index: int) -> ImageSample:
+        """The animals of a scene as annotated."""
+        scene = _scene(self.made, index)
+        said = [
+            SyntheticSample(scene, animal, faulty(annotate(animal, self.made.hidden), self.made.faults, self.made.seed)) for animal in scene.animals
+        ]
+        bodies = ParametersBody(load_quadruped(), {sample.annotation.sample_id: sample.annotation.parameters for sample in said})
+        records = tuple(_with_camera(sample) for sample in said)
+        what = content_digest((self.made.config, self.made.faults, self.made.hidden))
+        contents = tuple(digest(what, str((self.made.seed, index, n)).encode()) for n in range(len(records)))
+        return ImageSample(self.image_id(index), records, False, contents, bodies)
+
+    def photo(self, sample: ImageSample) -> Photo:
+        """The picture of a scene."""
+        return Photo(_scene(self.made, int(sample.image_id.rpartition("-")[2])).image.numpy().copy(), PhotoFacts())
+
+
+def _with_camera(sample: SyntheticSample) -> AnimalRecord:
+    return replace(record_of(sample), stored_pose=(np.eye(3), np.zeros(3)))
+
+
+@lru_cache(maxsize=2)
+def _scene(made: SyntheticSet, index: int) -> SyntheticScene:
+    return synthetic_scene(made.seed, index, made.config)

@@ -1,0 +1,29 @@
+"""One thread for what a sample needs: its problems are small, and threads of a forked parent hang their children."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import cv2
+import torch
+from torch.utils.data import get_worker_info
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Run with one thread of torch and of OpenCV, so that sums are the same in the main process and in every worker.
+
+    In a worker they stay at one; in the main process they go back to what they were.
+    """
+    torch_threads, cv2_threads = torch.get_num_threads(), cv2.getNumThreads()
+    if torch_threads != 1:
+        torch.set_num_threads(1)
+    if cv2_threads != 1:
+        cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        if get_worker_info() is None:
+            if torch_threads != 1:
+                torch.set_num_threads(torch_threads)
+            if cv2_threads != 1:
+                cv2.setNumThreads(cv2_threads)
