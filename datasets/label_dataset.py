@@ -23,6 +23,7 @@ from animal3dbox.datasets.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import Rejection
+from animal3dbox.smal.vocabulary import Vocabulary
 
 OnBad = Literal["error", "skip"]
 Target = dict[str, Any]
@@ -178,7 +179,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         stacked = [mask for mask in masks if mask is not None]
         whole = np.stack(stacked).view(np.uint8) if self.masks and len(stacked) == len(rows) else None
         named = all(getattr(record, "heading_known", True) for record in sample.records)
-        return self._transformed(image_tensor(photo.pixels), target_of(sample.image_id, rows, numbers, whole, named), (epoch, place))
+        target = target_of(sample.image_id, rows, numbers, whole, _one_vocabulary(sample), named)
+        return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
 
     def _animal(self, sample: ImageSample, animal: int, photo: Photo, cases: list[Case]) -> tuple[LabelRow | None, NDArray[np.bool_] | None]:
         """One animal's row, None if it is left out and then a case says why, and its mask."""
@@ -211,6 +213,12 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         except Exception as error:
             error.add_note(f"in the transform of image {target['image_id']}")
             raise
+
+
+def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
+    """The vocabulary of the image's keypoints; None if there are none, or its animals are of kinds that are marked differently."""
+    words = {record.vocabulary.name: record.vocabulary for record in sample.records if isinstance(record, AnimalRecord)}
+    return next(iter(words.values())) if len(words) == 1 else None
 
 
 def _case(kind: str, error: SampleError) -> Case:

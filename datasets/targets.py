@@ -9,12 +9,18 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.label_rows import LabelRow, columns
 from animal3dbox.errors import SampleError
+from animal3dbox.smal.vocabulary import Vocabulary
 
 FACES = ("face_visible", "face_area", "face_share", "face_share_in_image")
 
 
 def target_of(
-    image_id: str, rows: Sequence[LabelRow], labels: Sequence[int], masks: NDArray[np.uint8] | None = None, named_faces: bool = True
+    image_id: str,
+    rows: Sequence[LabelRow],
+    labels: Sequence[int],
+    masks: NDArray[np.uint8] | None = None,
+    vocabulary: Vocabulary | None = None,
+    named_faces: bool = True,
 ) -> dict[str, Any]:
     """The target of one image, float32; in the camera frame, in metres where scale_known, else in each body's unit.
 
@@ -23,10 +29,11 @@ def target_of(
         rows: the labels of its N animals, at least one.
         labels: their classes.
         masks: (N, H, W) 0 and 1; None without.
+        vocabulary: of the keypoints; None: no keypoints.
         named_faces: whether forward and left mean something; else there are no face fields.
 
     Returns:
-        The fields of design.md's target, with scale_known (N,) and scale_source, and surface_share (N, 6) if it was measured.
+        The fields of design.md's target, with keypoint_mirror (J,), scale_known (N,) and scale_source, and surface_share (N, 6) if it was measured.
 
     """
     found = columns(rows)
@@ -42,7 +49,8 @@ def target_of(
     target["labels"] = torch.tensor(labels, dtype=torch.int64)
     if rows[0].distortion is not None:
         target["distortion"] = _tensor(rows[0].distortion)
-    if all(row.keypoints is not None for row in rows):
+    if vocabulary is not None and all(row.keypoints is not None for row in rows):
+        target["keypoint_mirror"] = torch.tensor(vocabulary.flip, dtype=torch.int64)
         target["keypoints"] = _tensor(np.stack([row.keypoints for row in rows if row.keypoints is not None]))
     if masks is not None:
         target["masks"] = torch.from_numpy(masks)

@@ -37,7 +37,7 @@ def allowed(importer: str, imported: str) -> bool:
     layer, target = importer.split(".")[1], imported.split(".")[1]
     if target in ("errors", "files") or layer == target:
         return True
-    if layer == "transforms":
+    if layer in ("transforms", "training"):
         return target == "geometry"
     return layer in LAYERS and target in LAYERS and LAYERS.index(target) < LAYERS.index(layer)
 

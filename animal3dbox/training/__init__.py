@@ -1,0 +1,1 @@
+"""What supports training: samplers that can be resumed, and sanity checks of targets."""
