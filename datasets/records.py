@@ -97,6 +97,23 @@ class CuboidRecord:
 
 
 @dataclass(frozen=True)
+class CuboidImage:
+    """An image of a dataset of boxes, with or without any.
+
+    Attributes:
+        image_id: the image, as its dataset names it.
+        image_path: the file.
+        image_hw: height and width that the annotations are for.
+        K: (3, 3) intrinsics in px.
+    """
+
+    image_id: str
+    image_path: Path
+    image_hw: tuple[int, int]
+    K: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class CuboidSet:
     """A dataset of boxes.
 
@@ -105,12 +122,21 @@ class CuboidSet:
         records: in the file's order, those of an image together.
         faults: one error a box or image that is unusable.
         notes: what was found out about the dataset, in whole sentences.
+        images: every usable image in the file's order, also those without a box; empty if the format does not list them.
     """
 
     name: str
     records: tuple[CuboidRecord, ...]
     faults: tuple[SampleError, ...]
     notes: tuple[str, ...] = ()
+    images: tuple[CuboidImage, ...] = ()
+
+    def listed_images(self) -> tuple[CuboidImage, ...]:
+        """The images, and those of the records that are not listed, each once."""
+        listed = {image.image_id: image for image in self.images}
+        for record in self.records:
+            listed.setdefault(record.image_id, CuboidImage(record.image_id, record.image_path, record.image_hw, record.K))
+        return tuple(listed.values())
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The command line: ``animal3dbox demo``, ``label``, ``synth``, ``evaluate`` and ``convert-model``.
+"""The command line: ``animal3dbox demo``, ``label``, ``synth``, ``evaluate``, ``export`` and ``convert-model``.
 
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 
@@ -124,6 +124,22 @@ def evaluate(
     return run_evaluate(EvaluateJob(path, out, n, seed, workers, format, images, model, body, landmarks, pictures))
 
 
+def export(
+    path: Annotated[
+        tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH", help="labels.json, the folder that label wrote, or a JSON in Omni3D's format")
+    ],
+    to: Annotated[Literal["omni3d", "coco", "kitti"], tyro.conf.arg(help="the format to write")],
+    out: Annotated[Path, tyro.conf.arg(help="folder, or for omni3d and coco a .json file")],
+    images: Annotated[Path | None, tyro.conf.arg(help="folder that an Omni3D file's image paths are relative to")] = None,
+    metres_per_unit: Annotated[float | None, tyro.conf.arg(help="scale of the boxes whose scale is not known")] = None,
+    scale_free: Annotated[bool, tyro.conf.arg(help="write lengths of unknown scale as they are")] = False,
+) -> int:
+    """Write cuboids for other tools: Omni3D json, COCO keypoints or KITTI text files."""
+    from animal3dbox.cli.export import ExportJob, run_export
+
+    return run_export(ExportJob(path, to, out, images, metres_per_unit, scale_free))
+
+
 def convert_model(
     source: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="IN", help="a SMAL model, .pkl or .safetensors")],
     target: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT", help="the .safetensors file to write")],
@@ -136,7 +152,14 @@ def convert_model(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and exit with its code."""
-    commands: dict[str, Callable[..., int]] = {"demo": demo, "label": label, "synth": synth, "evaluate": evaluate, "convert-model": convert_model}
+    commands: dict[str, Callable[..., int]] = {
+        "demo": demo,
+        "label": label,
+        "synth": synth,
+        "evaluate": evaluate,
+        "export": export,
+        "convert-model": convert_model,
+    }
     about = "3D boxes with named faces for animals."
     try:
         code = tyro.extras.subcommand_cli_from_dict(commands, prog="animal3dbox", description=about, args=arguments)

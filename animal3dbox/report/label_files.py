@@ -54,6 +54,8 @@ class AnimalRow(msgspec.Struct, kw_only=True):
     elevation_deg: float
     confidence: float
     quality: dict[str, float | int | str | list[str] | None]
+    scale_m_per_unit: float | None = None
+    scale_source: str = "unknown"
 
 
 class RejectedRow(msgspec.Struct, kw_only=True):

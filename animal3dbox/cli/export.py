@@ -1,0 +1,83 @@
+"""``animal3dbox export``: labels, or any cuboids in Omni3D's format, written for other people's tools."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from animal3dbox.datasets.exchange.coco_writer import write_coco
+from animal3dbox.datasets.exchange.export import Exported, in_metres
+from animal3dbox.datasets.exchange.kitti_writer import write_kitti
+from animal3dbox.datasets.exchange.omni3d_reader import read_omni3d
+from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
+from animal3dbox.datasets.reading import peeked
+from animal3dbox.datasets.records import CuboidSet
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.report.label_cuboids import read_label_cuboids
+
+EXIT_OK, EXIT_FAULTY = 0, 4
+FILE_NAME = "annotations.json"
+"""What a JSON is called if --out is a folder."""
+
+
+@dataclass(frozen=True)
+class ExportJob:
+    """What ``export`` was asked to do; the fields are its options."""
+
+    path: Path
+    to: str
+    out: Path
+    images: Path | None
+    metres_per_unit: float | None
+    scale_free: bool
+
+
+def run_export(job: ExportJob) -> int:
+    """Read cuboids, write them in another format, and say what was lost; returns the exit code."""
+    if job.metres_per_unit is not None and job.scale_free:
+        raise ConfigError("--metres-per-unit says the scale, --scale-free that there is none: give one of them")
+    cuboids = read_cuboids(job.path, job.images)
+    if not cuboids.records and not cuboids.images:
+        raise DatasetFormatError(f"{job.path} holds no box that could be written ({len(cuboids.faults)} faulty)")
+    for note in cuboids.notes:
+        print(note, file=sys.stderr)
+    exported = _written(cuboids if job.metres_per_unit is None else in_metres(cuboids, job.metres_per_unit), job)
+    faults = (*cuboids.faults, *exported.faults)
+    print(f"{exported.boxes} boxes in {exported.images} images written as {job.to}: {', '.join(map(str, exported.files))}")
+    for note in exported.notes:
+        print(f"warning: {note}", file=sys.stderr)
+    for fault in faults:
+        print(f"  faulty: {fault}", file=sys.stderr)
+    return EXIT_FAULTY if faults else EXIT_OK
+
+
+def read_cuboids(path: Path, images: Path | None = None) -> CuboidSet:
+    """The cuboids of a labels.json, of the folder that ``label`` wrote, or of a JSON in Omni3D's format.
+
+    Raises:
+        ConfigError: images for labels, whose paths are written as they stand.
+        DatasetNotFoundError: nothing there.
+        DatasetFormatError: another file.
+
+    """
+    seen = peeked(path)
+    is_labels = (path / "labels.json").is_file() if path.is_dir() else seen.keys is not None and "animals" in seen.keys
+    if is_labels:
+        if images is not None:
+            raise ConfigError("--images is for Omni3D files: image paths of labels are written as they stand")
+        return read_label_cuboids(path)
+    if seen.keys is not None and {"images", "annotations"} <= seen.keys:
+        return read_omni3d(path, images)
+    if path.is_dir():
+        raise DatasetNotFoundError(f"{path} holds no labels.json; give the folder that animal3dbox label wrote, or a JSON")
+    raise DatasetFormatError(f"{path} is neither labels.json nor in Omni3D's format (images, categories, annotations)")
+
+
+def _written(cuboids: CuboidSet, job: ExportJob) -> Exported:
+    if job.to == "kitti":
+        if job.out.is_file():
+            raise ConfigError(f"--out {job.out} is a file: KITTI is a folder")
+        return write_kitti(cuboids, job.out, scale_free=job.scale_free)
+    path = job.out if job.out.suffix.lower() == ".json" and not job.out.is_dir() else job.out / FILE_NAME
+    if job.to == "coco":
+        return write_coco(cuboids, path)
+    return write_omni3d(cuboids, path, scale_free=job.scale_free)

@@ -1,0 +1,85 @@
+"""The JSON of Omni3D: what a file may hold; -1 and null both mean that a value is not known."""
+
+from typing import Final
+
+import msgspec
+
+GENERATOR: Final = "animal3dbox"
+"""What info.generator says in the files that this package writes."""
+
+
+class Omni3DImage(msgspec.Struct, kw_only=True):
+    """One image; K row by row."""
+
+    id: int
+    dataset_id: int = 0
+    width: int
+    height: int
+    file_path: str
+    K: list[list[float]]
+
+
+class Omni3DCategory(msgspec.Struct, kw_only=True):
+    """One category."""
+
+    id: int
+    name: str
+    supercategory: str = ""
+
+
+class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
+    """One box. The last two keys are this package's own: metric says that lengths are metres, heading_known that sides have names."""
+
+    id: int
+    image_id: int
+    dataset_id: int = 0
+    category_id: int
+    category_name: str | None = None
+    valid3D: bool | int = True
+    bbox2D_tight: list[float] | None = None
+    bbox2D_proj: list[float] | None = None
+    bbox2D_trunc: list[float] | None = None
+    bbox3D_cam: list[list[float]] | None = None
+    center_cam: list[float] | None = None
+    dimensions: list[float] | None = None
+    R_cam: list[list[float]] | None = None
+    behind_camera: bool | int | None = None
+    visibility: float | None = None
+    truncation: float | None = None
+    segmentation_pts: float | None = None
+    lidar_pts: float | None = None
+    depth_error: float | None = None
+    metric: bool | None = None
+    heading_known: bool | None = None
+
+
+class Omni3DInfo(msgspec.Struct, kw_only=True):
+    """What a file says of itself; generator, units and first_pixel are this package's own keys."""
+
+    id: int = 0
+    source: str = "animal3dbox"
+    name: str = "animal3dbox"
+    split: str = "train"
+    version: str = "1"
+    url: str = ""
+    generator: str | None = None
+    units: str | None = None
+    first_pixel: float | None = None
+
+
+class Omni3DFile(msgspec.Struct, kw_only=True):
+    """A whole file, as it is written."""
+
+    info: Omni3DInfo
+    images: list[Omni3DImage]
+    categories: list[Omni3DCategory]
+    annotations: list[Omni3DAnnotation]
+
+
+class RawOmni3DFile(msgspec.Struct, kw_only=True):
+    """A whole file, as it is read: its elements undecoded, so that one bad element spoils no other."""
+
+    info: msgspec.Raw = msgspec.Raw(b"null")
+    images: list[msgspec.Raw]
+    categories: list[msgspec.Raw]
+    annotations: list[msgspec.Raw]

@@ -1,0 +1,138 @@
+"""``animal3dbox export``: labels and Omni3D files to every format, its refusals and exit codes."""
+
+import contextlib
+import io
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from cuboid_sets import random_set
+
+from animal3dbox import CuboidLabel, LabelConfig, label_animal
+from animal3dbox.cli.main import main
+from animal3dbox.datasets.exchange.kitti_reader import read_kitti
+from animal3dbox.datasets.exchange.omni3d_reader import read_omni3d
+from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
+from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.geometry.cuboid import FACE_NAMES
+from animal3dbox.geometry.face_visibility import visible_faces
+from animal3dbox.report.label_files import AnimalRow, LabelFile, RejectedRow, animal_row, read_labels_json, write_labels_json
+
+
+@pytest.fixture(scope="module")
+def row() -> AnimalRow:
+    """A label of a synthetic animal, as ``label`` writes it."""
+    animal = synthetic_animal(seed=0, index=2)
+    label = label_animal(
+        image_hw=animal.image_hw, keypoints_2d=animal.keypoints_2d, vertices=animal.vertices, faces=animal.model.faces,
+        template=animal.model, K=animal.K, mask=animal.mask, sample_id="a.jpg",
+    )  # fmt: skip
+    assert isinstance(label, CuboidLabel)
+    return animal_row(label, "herd/a.jpg", 0, "dog")
+
+
+@pytest.fixture
+def labels(row: AnimalRow, tmp_path: Path) -> Path:
+    """A folder as ``label`` writes it, with one label and one animal without."""
+    rejected = RejectedRow(sample_id="a.jpg#1", image="herd/a.jpg", animal=1, reason="no_pose", detail="none")
+    write_labels_json(tmp_path / "labels" / "labels.json", LabelFile(body="dog", config=asdict(LabelConfig()), animals=[row], rejected=[rejected]))
+    return tmp_path / "labels"
+
+
+def ran(*arguments: str | Path) -> tuple[int, str]:
+    """Run a command in this process; its exit code and everything it said."""
+    said = io.StringIO()
+    with pytest.raises(SystemExit) as left, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        main([str(a) for a in arguments])
+    assert isinstance(left.value.code, int)
+    return left.value.code, said.getvalue()
+
+
+def test_labels_without_scale_are_refused_with_the_remedy_and_nothing_is_written(labels: Path, tmp_path: Path) -> None:
+    for to in ("omni3d", "kitti"):
+        code, said = ran("export", labels, "--to", to, "--out", tmp_path / "out")
+        assert code == 2
+        assert "--metres-per-unit" in said
+        assert "--scale-free" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_labels_become_omni3d_and_sides_keep_their_names(labels: Path, tmp_path: Path, row: AnimalRow) -> None:
+    code, said = ran("export", labels / "labels.json", "--to", "omni3d", "--out", tmp_path / "out", "--metres-per-unit", "0.5")
+    assert code == 0
+    assert "1 animals have no label" in said
+    back = read_omni3d(tmp_path / "out" / "annotations.json").records[0]
+    assert (back.image_id, back.category, back.heading_known, back.metric) == ("herd/a.jpg", "dog", True, True)
+    assert np.abs(back.size - 0.5 * np.array(row.size)).max() < 1e-9
+    assert np.abs(back.center - 0.5 * np.array(row.center)).max() < 1e-9
+    assert back.truncation == row.truncation
+    corners = back.center + (np.array(LabelFile(body="", config={}, animals=[], rejected=[]).corner_signs) * back.size / 2) @ back.rotation.T
+    assert [n for n, seen in zip(FACE_NAMES, visible_faces(corners, np.zeros(3)), strict=True) if seen] == [
+        n for n, seen in zip(FACE_NAMES, row.face_visible, strict=True) if seen
+    ]
+
+
+def test_labels_that_state_their_scale_are_metres_already(labels: Path, tmp_path: Path) -> None:
+    file = read_labels_json(labels / "labels.json")
+    scaled = msgspec.structs.replace(file.animals[0], scale_m_per_unit=0.5, scale_source="given")
+    write_labels_json(labels / "labels.json", msgspec.structs.replace(file, animals=[scaled]))
+    code, _ = ran("export", labels, "--to", "omni3d", "--out", tmp_path / "a.json")
+    assert code == 0
+    back = read_omni3d(tmp_path / "a.json").records[0]
+    assert np.abs(back.size - np.array(file.animals[0].size)).max() < 1e-9
+    assert ran("export", labels, "--to", "omni3d", "--out", tmp_path / "a.json", "--metres-per-unit", "2")[0] == 2
+
+
+def test_labels_written_before_there_was_a_scale_are_read(labels: Path) -> None:
+    content = json.loads((labels / "labels.json").read_text())
+    for key in ("scale_m_per_unit", "scale_source"):
+        del content["animals"][0][key]
+    (labels / "labels.json").write_text(json.dumps(content))
+    animal = read_labels_json(labels / "labels.json").animals[0]
+    assert (animal.scale_m_per_unit, animal.scale_source) == (None, "unknown")
+
+
+def test_labels_become_coco_and_kitti(labels: Path, tmp_path: Path, row: AnimalRow) -> None:
+    assert ran("export", labels, "--to", "coco", "--out", tmp_path / "coco.json")[0] == 0
+    keypoints = np.array(json.loads((tmp_path / "coco.json").read_text())["annotations"][0]["keypoints"]).reshape(9, 3)
+    assert np.abs(keypoints[:8, :2] - np.array(row.corners_2d)).max() < 1e-9
+    code, said = ran("export", labels, "--to", "kitti", "--out", tmp_path / "kitti", "--scale-free")
+    assert code == 0
+    assert "at worst (1 boxes)" in said
+    assert read_kitti(tmp_path / "kitti").records[0].category == "dog"
+
+
+def test_an_omni3d_file_becomes_any_format_and_its_faults_set_the_exit_code(tmp_path: Path) -> None:
+    write_omni3d(random_set(in_view=True), tmp_path / "in.json")
+    for to in ("omni3d", "coco", "kitti"):
+        code, said = ran("export", tmp_path / "in.json", "--to", to, "--out", tmp_path / to)
+        assert (code, "10 boxes in 5 images" in said) == (0, True)
+    assert (tmp_path / "omni3d" / "annotations.json").read_bytes() == (tmp_path / "in.json").read_bytes()
+    content = json.loads((tmp_path / "in.json").read_text())
+    content["annotations"][0]["category_id"] = 5
+    (tmp_path / "in.json").write_text(json.dumps(content))
+    code, said = ran("export", tmp_path / "in.json", "--to", "coco", "--out", tmp_path / "coco")
+    assert code == 4
+    assert "faulty: images/0.jpg: category_id: 5" in said
+
+
+def test_wrong_use_of_export_has_its_exit_codes(labels: Path, tmp_path: Path) -> None:
+    (tmp_path / "other.json").write_text('{"data": []}')
+    (tmp_path / "file").write_text("")
+    cases: list[tuple[int, tuple[str | Path, ...]]] = [
+        (3, (tmp_path / "none", "--to", "coco", "--out", tmp_path / "x")),
+        (3, (tmp_path / "other.json", "--to", "coco", "--out", tmp_path / "x")),
+        (3, (tmp_path, "--to", "coco", "--out", tmp_path / "x")),
+        (2, (labels, "--to", "yolo", "--out", tmp_path / "x")),
+        (2, (labels, "--to", "kitti", "--out", tmp_path / "file", "--scale-free")),
+        (2, (labels, "--to", "kitti", "--out", tmp_path / "x", "--scale-free", "--metres-per-unit", "1")),
+        (2, (labels, "--to", "coco", "--out", tmp_path / "x", "--images", tmp_path)),
+        (5, (labels, "--to", "coco", "--out", tmp_path / "file" / "x.json")),
+    ]
+    for expected, arguments in cases:
+        code, said = ran("export", *arguments)
+        assert code == expected, (arguments, said)
+    assert not (tmp_path / "x").exists()

@@ -1,0 +1,51 @@
+"""Sets of cuboids to write and read back: in front of the camera, cut by the frame, behind it, several an image, and none."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
+from animal3dbox.geometry.rigid import rotation_from_axis_angle
+
+HW = (120, 160)
+
+
+def simple_record(**changes: object) -> CuboidRecord:
+    """A box 2 long, 1 wide, 1.5 high, 10 m ahead, that looks to the right of the picture, upright; numbers a person can check."""
+    R = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # forward = x right, left = z away from us, up = -y
+    fields: dict[str, object] = {
+        "sample_id": "images/a.jpg", "image_id": "images/a.jpg", "image_path": Path("images/a.jpg"), "image_hw": HW, "category": "dog",
+        "K": np.array([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]]), "center": np.array([1.0, 0.5, 10]), "rotation": R,
+        "size": np.array([2.0, 1, 1.5]), "metric": True, "heading_known": True, "box": np.array([79.5, 55.5, 99.5, 71.5]), "truncation": 0.0,
+    }  # fmt: skip
+    return CuboidRecord(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+def random_set(seed: int = 0, *, upright: bool = False, in_view: bool = False) -> CuboidSet:
+    """Five images with four, one, no, two and three boxes; unless in_view, some are cut by the frame and some behind the camera."""
+    rng = np.random.default_rng(seed)
+    records, images = [], []
+    for number, count in enumerate((4, 1, 0, 2, 3)):
+        name, hw = f"images/{number}.jpg", (100 + 10 * number, 200 - 7 * number)
+        K = np.array([[150 + 10 * number, 0.0, rng.uniform(60, 110)], [0, 140 + number, rng.uniform(40, 70)], [0, 0, 1]])
+        images.append(CuboidImage(name, Path(name), hw, K))
+        for k in range(count):
+            center = rng.uniform((-1, -1, 7), (1, 1, 9))
+            if not in_view and k == 1:
+                center = np.array([5.5, 0.3, 7.0])  # cut by the right border
+            if not in_view and k == 2:
+                center = rng.uniform(-0.3, 0.3, 3)  # round the camera
+            angles = np.array([0, rng.uniform(-3, 3), 0]) if upright else rng.normal(size=3)
+            rotation = np.asarray(rotation_from_axis_angle(torch.from_numpy(angles)).numpy())
+            if upright:
+                rotation = rotation @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+            box = None if k == 3 else np.array([10.5, 12.25, 60.5, 80.0]) + k
+            records.append(
+                simple_record(
+                    sample_id=f"{name}#{k}" if k else name, image_id=name, image_path=Path(name), image_hw=hw, K=K, center=center,
+                    rotation=rotation, size=rng.uniform(0.3, 2.5, 3), category=("dog", "brown bear")[k % 2], box=box,
+                    truncation=None if k == 2 else k / 4, heading_known=k != 1,
+                )
+            )  # fmt: skip
+    return CuboidSet("labels", tuple(records), (), (), tuple(images))
