@@ -6,7 +6,8 @@ palettes are looked up, transparency is dropped.
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -81,19 +82,38 @@ def read_photo(path: Path, sample_id: str, expected_hw: tuple[int, int] | None =
 
 def _read(path: Path, sample_id: str, expected_hw: tuple[int, int] | None, what: Callable[[Image.Image, str], _T]) -> _T:
     """What a function makes of a decoded image; see read_photo."""
+    with _opened(path, sample_id) as image:
+        _check_size(image, sample_id, expected_hw)
+        image.load()
+        return what(image, sample_id)
+
+
+@contextmanager
+def _opened(path: Path, sample_id: str) -> Iterator[Image.Image]:
+    """The file's header read; what Pillow complains of in the with block is an error that names the sample."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # MAX_PIXELS decides, below
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # MAX_PIXELS decides, in _check_size
             with Image.open(path, formats=FORMATS) as image:
-                _check_size(image, sample_id, expected_hw)
-                image.load()
-                return what(image, sample_id)
+                yield image
     except Image.DecompressionBombError as error:
         raise SampleError(sample_id, "image", f"{path.name} is too large to decode: {error}") from error
     except (OSError, SyntaxError, ValueError, NotImplementedError) as error:
         if isinstance(error, SampleError):
             raise
         raise SampleError(sample_id, "image", f"{path.name} cannot be decoded ({error}); replace the file") from error
+
+
+def stored_size(path: Path, sample_id: str) -> tuple[int, int]:
+    """Height and width of an image file by its header, its pixels not decoded.
+
+    Raises:
+        SampleError: no image, or too large a one.
+
+    """
+    with _opened(path, sample_id) as image:
+        _check_size(image, sample_id, None)
+        return image.height, image.width
 
 
 def read_mask(path: Path, sample_id: str, expected_hw: tuple[int, int]) -> NDArray[np.bool_]:

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import msgspec
 
-from animal3dbox.datasets import animal3d, stanfordextra
+from animal3dbox.datasets import animal3d, coco, stanfordextra
 from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.smal.vocabulary import Vocabulary
 
 
 @dataclass(frozen=True)
@@ -20,10 +21,12 @@ class ReadOptions:
     Attributes:
         images: the folder that image paths are relative to, if not the usual one.
         model: the SMAL file that the dataset's parameters belong to.
+        vocabulary: what the keypoints are, of a format whose names may not tell.
     """
 
     images: Path | None = None
     model: Path | None = None
+    vocabulary: Vocabulary | None = None
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ class Peek:
 
 
 def _read_animal3d(path: Path, options: ReadOptions) -> Source:
+    _refuse_vocabulary(options, animal3d.VOCABULARY)
     read = animal3d.read_animal3d(path, options.model, options.images)
     if options.model is not None and read.bodies is None:
         raise ConfigError(f"{path} has no parameters (pose, shape, trans) that --model {options.model} could pose: give a --body")
@@ -62,15 +66,36 @@ def _read_animal3d(path: Path, options: ReadOptions) -> Source:
 
 
 def _read_stanfordextra(path: Path, options: ReadOptions) -> Source:
-    if options.model is not None:
-        raise ConfigError(f"--model {options.model} is for parameters that a dataset comes with, and StanfordExtra has none: give it as --body")
+    _refuse_model(options, "StanfordExtra")
+    _refuse_vocabulary(options, stanfordextra.VOCABULARY)
     return Source(stanfordextra.read_stanfordextra(path, options.images), None)
+
+
+def _read_coco(path: Path, options: ReadOptions) -> Source:
+    _refuse_model(options, "COCO")
+    return Source(coco.read_coco(path, options.images, options.vocabulary), None)
+
+
+def _refuse_model(options: ReadOptions, name: str) -> None:
+    if options.model is not None:
+        raise ConfigError(f"--model {options.model} is for parameters that a dataset comes with, and {name} has none: give it as --body")
+
+
+def _refuse_vocabulary(options: ReadOptions, own: Vocabulary) -> None:
+    if options.vocabulary is not None:
+        raise ConfigError(f"--vocabulary {options.vocabulary.name} is for formats whose files do not tell: these keypoints are {own.name}")
 
 
 def _is_animal3d(peek: Peek) -> bool:
     if peek.path.is_dir():
         return any((peek.path / name).is_file() for name in animal3d.SPLITS)
     return peek.keys is not None and "data" in peek.keys
+
+
+def _is_coco(peek: Peek) -> bool:
+    if peek.path.is_dir():
+        return any((file := peek.path / name).is_file() and _is_coco(peeked(file)) for name in coco.FILES)
+    return peek.keys is not None and {"images", "annotations"} <= peek.keys
 
 
 def _is_stanfordextra(peek: Peek) -> bool:
@@ -87,6 +112,7 @@ class Reader:
 
 READERS: dict[str, Reader] = {
     animal3d.FORMAT: Reader(_is_animal3d, _read_animal3d),
+    coco.FORMAT: Reader(_is_coco, _read_coco),
     stanfordextra.FORMAT: Reader(_is_stanfordextra, _read_stanfordextra),
 }
 """Every format, in the order in which they are asked whether a path is theirs."""

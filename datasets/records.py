@@ -31,6 +31,8 @@ class AnimalRecord:
         stored_pose: (R, t) of the dataset's own camera, X_cam = R X + t with X in the body source's frame, a guess; None without.
         pose: (R, t) likewise, known exactly (a calibrated rig): no keypoints are needed; None if it is not.
         distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens; None of a pinhole.
+        box: (4,) xyxy px that the dataset gives, pixels from their least edge to their greatest; None without.
+        metres_per_unit: metres in a unit of the body's frame; None if it is not known.
     """
 
     sample_id: str
@@ -47,6 +49,8 @@ class AnimalRecord:
     stored_pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     distortion: NDArray[np.float64] | None = None
+    box: NDArray[np.float64] | None = None
+    metres_per_unit: float | None = None
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:

@@ -1,17 +1,14 @@
 """StanfordExtra: photographs of dogs with 24 keypoints and run-length masks."""
 
-import math
 from pathlib import Path
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
-from animal3dbox.datasets.elements import decoded, image_size, read_rows
+from animal3dbox.datasets.elements import check_in_box, decoded, image_size, read_box, read_rows
 from animal3dbox.datasets.images import resolve_inside
 from animal3dbox.datasets.json_files import read_json_list
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
-from animal3dbox.datasets.rle import RleError, decode_mask
+from animal3dbox.datasets.segmentation import read_runs
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.smal.vocabularies import VOCABULARIES
 
@@ -100,10 +97,9 @@ def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> A
     sample_id = image if count == 0 else f"{image}#{count}"
     entry = decoded(raw, StanfordExtraEntry, sample_id)
     image_hw = image_size(entry.img_height, entry.img_width, sample_id, "img_width, img_height")
-    if len(entry.img_bbox) != 4 or not all(math.isfinite(v) for v in entry.img_bbox) or entry.img_bbox[2] <= 0 or entry.img_bbox[3] <= 0:
-        raise SampleError(sample_id, "img_bbox", f"must be [x, y, w, h] with a positive area, got {entry.img_bbox}")
+    box = read_box(entry.img_bbox, sample_id, "img_bbox")
     joints = read_rows(entry.joints, len(VOCABULARY), sample_id, "joints")
-    _check_joints_in_box(joints, entry.img_bbox, sample_id)
+    check_in_box(joints, box, sample_id, ("joints", "img_bbox"))
     return AnimalRecord(
         sample_id=sample_id,
         image_id=entry.img_path,
@@ -111,37 +107,7 @@ def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> A
         image_hw=image_hw,
         vocabulary=VOCABULARY,
         keypoints_2d=joints,
-        mask_runs=_mask_runs(entry.seg, image_hw, sample_id),
+        mask_runs=None if entry.seg is None else read_runs(entry.seg, image_hw, sample_id, "seg"),
         category="dog",
+        box=box,
     )
-
-
-def _check_joints_in_box(joints: NDArray[np.float64], box: list[float], sample_id: str) -> None:
-    """Raise if most visible joints miss the animal's box, grown by a tenth: they are not pixels of this image, or not of this animal."""
-    seen = joints[(joints[:, 2] > 0) & joints[:, :2].any(axis=1), :2]
-    least, size = np.array(box[:2]), np.array(box[2:])
-    inside = int(((seen > least - 0.1 * size) & (seen < least + 1.1 * size)).all(axis=1).sum())
-    if 2 * inside < len(seen):
-        raise SampleError(
-            sample_id, "joints", f"only {inside} of {len(seen)} visible ones lie in or near img_bbox {box}: are they pixels of this image?"
-        )
-
-
-def _mask_runs(seg: str | dict[str, object] | None, image_hw: tuple[int, int], sample_id: str) -> str | tuple[int, ...] | None:
-    """The run lengths of a string, or of COCO's {size, counts}, checked by decoding them once."""
-    if seg is None:
-        return None
-    counts: object = seg
-    if isinstance(seg, dict):
-        counts = seg.get("counts")
-        if seg.get("size") not in (None, list(image_hw)):
-            raise SampleError(sample_id, "seg", f"is a mask of size {seg.get('size')}, but the image is {list(image_hw)} (height, width)")
-    if not isinstance(counts, str) and not (isinstance(counts, list) and all(isinstance(c, int) for c in counts)):
-        raise SampleError(sample_id, "seg", "must be a run-length string or {size, counts}")
-    runs = counts if isinstance(counts, str) else tuple(counts)
-    try:
-        if not decode_mask(runs, image_hw).any():
-            raise SampleError(sample_id, "seg", "is an empty mask: leave seg out if there is none")
-    except RleError as error:
-        raise SampleError(sample_id, "seg", str(error)) from error
-    return runs

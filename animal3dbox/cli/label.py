@@ -19,6 +19,7 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.report.summary import Summary
+from animal3dbox.smal.vocabularies import vocabulary_of_option
 
 EXIT_OK, EXIT_FAULTY = 0, 4
 
@@ -34,6 +35,7 @@ class LabelJob:
     model: Path | None
     body: str | None
     landmarks: Path | None
+    vocabulary: str | None
     config: LabelConfig
     json: bool
 
@@ -44,7 +46,8 @@ def run_label(job: LabelJob) -> int:
     own_body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
     if own_body is not None and job.model is not None:
         raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
-    dataset = read_dataset(job.path, job.format, ReadOptions(job.images, job.model))
+    vocabulary = None if job.vocabulary is None else vocabulary_of_option(job.vocabulary)
+    dataset = read_dataset(job.path, job.format, ReadOptions(job.images, job.model, vocabulary))
     bodies, records = own_body or dataset.bodies or body_source(DEFAULT_BODY, None), dataset.records
     for note in records.notes:
         print(note, file=sys.stderr)

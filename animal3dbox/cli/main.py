@@ -17,7 +17,7 @@ from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError
 
 EXIT_USAGE, EXIT_INPUT, EXIT_OUTPUT = 2, 3, 5
 
-Format = Literal["auto", "animal3d", "stanfordextra"]
+Format = Literal["auto", "animal3d", "coco", "stanfordextra"]
 """The formats of datasets.reading; a test compares them."""
 
 
@@ -47,6 +47,9 @@ def label(
         tyro.conf.arg(help="one body for all: a preset of the quadruped (dog, cat, ...), a SMAL model or a mesh file; without --model, dog"),
     ] = None,
     landmarks: Annotated[Path | None, tyro.conf.arg(help="JSON with the mesh file's landmarks (docs/formats.md)")] = None,
+    vocabulary: Annotated[
+        str | None, tyro.conf.arg(help="what the keypoints are if their names do not tell (COCO): a vocabulary's name or a TOML file")
+    ] = None,
     method: Annotated[Literal["default", "paper", "basic"], tyro.conf.arg(help="camera pose: ours, the paper's, its baseline")] = "default",
     axes: Annotated[Literal["default", "landmarks", "pca"], tyro.conf.arg(help="body axes: ours, the paper's, its baseline")] = "default",
     residual: Annotated[Literal["vector", "literal"], tyro.conf.arg(help="how the paper's E_total is read (method paper)")] = "vector",
@@ -59,7 +62,7 @@ def label(
     from animal3dbox.labels.config import LabelConfig
 
     config = LabelConfig(method=method, axes=axes, residual=residual, tail=tail, min_keypoints=min_keypoints)
-    return run_label(LabelJob(path, out, format, images, model, body, landmarks, config, json))
+    return run_label(LabelJob(path, out, format, images, model, body, landmarks, vocabulary, config, json))
 
 
 def synth(

@@ -1,9 +1,10 @@
 """The keypoint vocabularies of public datasets, mapped onto the body's landmarks."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from animal3dbox.errors import ConfigError
-from animal3dbox.smal.vocabulary import Vocabulary, vocabulary_from_names
+from animal3dbox.smal.vocabulary import Vocabulary, load_vocabulary, vocabulary_from_names
 
 Keypoints = Mapping[str, Sequence[str] | str | None]
 
@@ -111,21 +112,11 @@ def find_vocabulary(vocabulary: str | Vocabulary) -> Vocabulary:
     return VOCABULARIES[vocabulary]
 
 
-def match_by_name(names: Sequence[str]) -> tuple[Vocabulary, tuple[int, ...]]:
-    """The vocabulary that a source's keypoint names belong to, and where each of its keypoints stands among them.
-
-    Args:
-        names: as the source lists them, in any order; names that the vocabulary does not have are left alone.
-
-    Returns:
-        The vocabulary and, for each of its keypoints, the index in names.
+def vocabulary_of_option(option: str) -> Vocabulary:
+    """The vocabulary that a user names on the command line: a known one's name, or a TOML file.
 
     Raises:
-        ConfigError: no vocabulary has all its keypoints among the names.
+        ConfigError: neither.
 
     """
-    fitting = [v for v in VOCABULARIES.values() if set(v.keypoints) <= set(names)]
-    if not fitting:
-        raise ConfigError(f"the keypoints {', '.join(names)} hold no known vocabulary ({', '.join(VOCABULARIES)}): give a Vocabulary of your own")
-    best = max(fitting, key=len)
-    return best, tuple(list(names).index(keypoint) for keypoint in best.keypoints)
+    return load_vocabulary(Path(option)) if option.endswith(".toml") or Path(option).is_file() else find_vocabulary(option)

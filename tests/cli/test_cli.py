@@ -303,7 +303,7 @@ def test_wrong_options_end_with_a_code_and_a_remedy(small: Path, options: list[s
     [
         ["label", "{}"],
         ["label", "--out", "x"],
-        ["label", "{}", "--out", "x", "--format", "coco"],
+        ["label", "{}", "--out", "x", "--format", "cocoa"],
         ["label", "{}", "--out", "x", "--method", "best"],
         ["lable"],
         [],

@@ -7,7 +7,7 @@ from torch.testing import assert_close
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas
 from animal3dbox.smal.quadruped_poses import named_pose
-from animal3dbox.smal.vocabularies import VOCABULARIES, find_vocabulary, match_by_name
+from animal3dbox.smal.vocabularies import VOCABULARIES, find_vocabulary
 from animal3dbox.smal.vocabulary import Vocabulary, load_vocabulary, side_of, swap_sides, vocabulary_from_names
 
 ANIMAL3D_FLIP = (1, 0, 2, 4, 3, 6, 5, 7, 9, 8, 11, 10, 13, 12, 15, 14, 17, 16, 18, 19, 21, 20, 23, 22, 24, 25)
@@ -150,15 +150,6 @@ def test_a_missing_file_and_a_vertex_the_body_lacks_are_refused(tmp_path: Path) 
         load_vocabulary(tmp_path / "none.toml")
     with pytest.raises(ConfigError, match="at vertices \\[5\\], but the body has 3"):
         vocabulary_from_names("mine", {"dot": "vertex:5"}).on_body({}, torch.zeros(3, 3))
-
-
-def test_keypoints_are_matched_by_name_whatever_their_order() -> None:
-    shuffled = ["extra", *reversed(VOCABULARIES["ap10k17"].keypoints)]
-    vocabulary, places = match_by_name(shuffled)
-    assert vocabulary.name == "ap10k17"
-    assert [shuffled[i] for i in places] == list(vocabulary.keypoints)
-    with pytest.raises(ConfigError, match="no known vocabulary"):
-        match_by_name(["nose"])
 
 
 def test_a_landmark_the_body_lacks_is_nan_not_a_guess() -> None:
