@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from animal3dbox.datasets import animal3d, coco, stanfordextra
+from animal3dbox.datasets import animal3d, coco, mesh_folder, stanfordextra
 from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import RecordSet
@@ -20,7 +20,7 @@ class ReadOptions:
 
     Attributes:
         images: the folder that image paths are relative to, if not the usual one.
-        model: the SMAL file that the dataset's parameters belong to.
+        model: the SMAL file that the dataset's parameters or meshes belong to.
         vocabulary: what the keypoints are, of a format whose names may not tell.
     """
 
@@ -76,6 +76,11 @@ def _read_coco(path: Path, options: ReadOptions) -> Source:
     return Source(coco.read_coco(path, options.images, options.vocabulary), None)
 
 
+def _read_mesh_folder(path: Path, options: ReadOptions) -> Source:
+    read = mesh_folder.read_mesh_folder(path, options.images, options.model, options.vocabulary)
+    return Source(read.records, read.bodies)
+
+
 def _refuse_model(options: ReadOptions, name: str) -> None:
     if options.model is not None:
         raise ConfigError(f"--model {options.model} is for parameters that a dataset comes with, and {name} has none: give it as --body")
@@ -90,6 +95,10 @@ def _is_animal3d(peek: Peek) -> bool:
     if peek.path.is_dir():
         return any((peek.path / name).is_file() for name in animal3d.SPLITS)
     return peek.keys is not None and "data" in peek.keys
+
+
+def _is_mesh_folder(peek: Peek) -> bool:
+    return mesh_folder.is_mesh_folder(peek.path)
 
 
 def _is_coco(peek: Peek) -> bool:
@@ -112,6 +121,7 @@ class Reader:
 
 READERS: dict[str, Reader] = {
     animal3d.FORMAT: Reader(_is_animal3d, _read_animal3d),
+    mesh_folder.FORMAT: Reader(_is_mesh_folder, _read_mesh_folder),
     coco.FORMAT: Reader(_is_coco, _read_coco),
     stanfordextra.FORMAT: Reader(_is_stanfordextra, _read_stanfordextra),
 }

@@ -49,6 +49,8 @@ def run_label(job: LabelJob) -> int:
     vocabulary = None if job.vocabulary is None else vocabulary_of_option(job.vocabulary)
     dataset = read_dataset(job.path, job.format, ReadOptions(job.images, job.model, vocabulary))
     bodies, records = own_body or dataset.bodies or body_source(DEFAULT_BODY, None), dataset.records
+    if own_body is not None and any(record.pose is not None or record.stored_pose is not None for record in records.records):
+        raise ConfigError("--body is one body for all, but this dataset's cameras are known only in the frame of its own meshes: leave --body out")
     for note in records.notes:
         print(note, file=sys.stderr)
     if job.out.exists() and not job.out.is_dir():

@@ -17,7 +17,7 @@ from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError
 
 EXIT_USAGE, EXIT_INPUT, EXIT_OUTPUT = 2, 3, 5
 
-Format = Literal["auto", "animal3d", "coco", "stanfordextra"]
+Format = Literal["auto", "animal3d", "mesh_folder", "coco", "stanfordextra"]
 """The formats of datasets.reading; a test compares them."""
 
 
@@ -41,7 +41,7 @@ def label(
     out: Annotated[Path, tyro.conf.arg(help="folder for labels.json, labels.csv, overlays, gallery.html and report.json")],
     format: Annotated[Format, tyro.conf.arg(help="the annotations' format")] = "auto",
     images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
-    model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model (.pkl, .safetensors) of the dataset's own parameters (Animal3D)")] = None,
+    model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model (.pkl, .safetensors) of the dataset's own parameters or meshes")] = None,
     body: Annotated[
         str | None,
         tyro.conf.arg(help="one body for all: a preset of the quadruped (dog, cat, ...), a SMAL model or a mesh file; without --model, dog"),
