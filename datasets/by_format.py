@@ -6,7 +6,7 @@ from typing import Literal, TypedDict, Unpack
 
 from animal3dbox.datasets import animal3d, stanfordextra
 from animal3dbox.datasets.bodies import BodySource, ParametersBody
-from animal3dbox.datasets.body_options import DEFAULT_BODY, body_source
+from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
 from animal3dbox.datasets.filters import LabelFilter
 from animal3dbox.datasets.label_dataset import LabelDataset, OnBad, TransformCall
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
@@ -16,6 +16,8 @@ from animal3dbox.datasets.sources import FileSource
 from animal3dbox.datasets.synthetic_set import SyntheticSet
 from animal3dbox.datasets.synthetic_source import SyntheticSource
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.smal.vocabularies import vocabulary_of_option
+from animal3dbox.smal.vocabulary import Vocabulary
 
 
 class Options(TypedDict, total=False):
@@ -41,7 +43,8 @@ class AnnotatedDataset(LabelDataset):
         path: the dataset's folder or annotation file.
         format: of datasets.reading.FORMATS, or "auto".
         images: the folder that image paths are relative to, if not the usual one.
-        model: the SMAL file of the dataset's own parameters.
+        model: the SMAL file of the dataset's own parameters or meshes.
+        vocabulary: what the keypoints are, if their names do not tell: a vocabulary, its name, or a TOML file.
         body: one body for all animals, a preset's name, a model's file or a source; None: the dataset's own, else a dog.
         **options: LabelDataset's.
 
@@ -54,12 +57,15 @@ class AnnotatedDataset(LabelDataset):
         format: str = "auto",
         images: Path | str | None = None,
         model: Path | str | None = None,
+        vocabulary: str | Vocabulary | None = None,
         body: str | BodySource | None = None,
         **options: Unpack[Options],
     ) -> None:
-        read = read_dataset(Path(path), format, ReadOptions(*(None if p is None else Path(p) for p in (images, model))))
+        folder, file = (None if p is None else Path(p) for p in (images, model))
+        words = vocabulary_of_option(vocabulary) if isinstance(vocabulary, str) else vocabulary
+        read = read_dataset(Path(path), format, ReadOptions(folder, file, words))
         own = body_source(body) if isinstance(body, str) else body
-        bodies = own or read.bodies or body_source(DEFAULT_BODY)
+        bodies = bodies_for(read, own)
         super().__init__(FileSource(read.records, bodies.packed() if isinstance(bodies, ParametersBody) else bodies), **options)
 
 

@@ -15,7 +15,7 @@ import animal3dbox
 import animal3dbox.datasets
 
 CODE = ("geometry", "smal", "labels")
-OWN = ("labelling.py", "scale.py", "label_rows.py", "codec.py", "bodies.py", "mesh_bodies.py")
+OWN = ("labelling.py", "scale.py", "label_rows.py", "codec.py", "bodies.py", "mesh_bodies.py", "mesh_files.py", "mesh_folder_bodies.py")
 """What a label depends on, in the package's folder and in the datasets'."""
 LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless")
 """Whose versions may change a label's last digits."""

@@ -8,7 +8,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.bodies import Body
+from animal3dbox.datasets.bodies import Body, model_digest
+from animal3dbox.datasets.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.mesh_bodies import Place, keypoints_of
 from animal3dbox.datasets.mesh_files import read_mesh, read_npz
 from animal3dbox.datasets.records import AnimalRecord
@@ -43,6 +44,23 @@ class MeshFolderBodies:
         """How many meshes."""
         return f"meshes:{len(set(self.meshes.values()))} of {self.folder.name}"
 
+    @property
+    def fingerprint(self) -> bytes:
+        """Of the landmarks and the model."""
+        return digest(content_digest(self.landmarks), b"" if self.model is None else model_digest(self.model))
+
+    def content(self, record: AnimalRecord) -> bytes:
+        """The mesh's file."""
+        try:
+            return file_digest(self._file(record))
+        except OSError as error:
+            raise SampleError(record.sample_id, "mesh", str(error)) from error
+
+    def _file(self, record: AnimalRecord) -> Path:
+        if record.sample_id not in self.meshes:
+            raise SampleError(record.sample_id, "mesh", "there is none for this sample")
+        return self.meshes[record.sample_id]
+
     def body(self, record: AnimalRecord) -> Body:
         """The record's mesh with its landmarks; its pose is the animal's own.
 
@@ -50,9 +68,7 @@ class MeshFolderBodies:
             SampleError: there is no mesh, it is damaged, or nothing tells where its landmarks are.
 
         """
-        if record.sample_id not in self.meshes:
-            raise SampleError(record.sample_id, "mesh", "there is none for this sample")
-        path = self.meshes[record.sample_id]
+        path = self._file(record)
         try:
             stamp = path.stat()
             vertices, faces, points = _read(path, stamp.st_mtime_ns, stamp.st_size)

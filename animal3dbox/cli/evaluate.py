@@ -8,7 +8,7 @@ import torch
 from tqdm import tqdm
 
 from animal3dbox.cli.label import EXIT_FAULTY, EXIT_OK
-from animal3dbox.datasets.body_options import DEFAULT_BODY, body_source
+from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.config import EvaluateConfig
@@ -71,7 +71,7 @@ def _dataset(job: EvaluateJob, path: Path) -> Evaluation:
     if own_body is not None and job.model is not None:
         raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
     dataset = read_dataset(path, job.format, ReadOptions(job.images, job.model))
-    bodies = own_body or dataset.bodies or body_source(DEFAULT_BODY, None)
+    bodies = bodies_for(dataset, own_body)
     for note in dataset.records.notes:
         print(note, file=sys.stderr)
     truths = true_boxes(path)

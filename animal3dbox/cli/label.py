@@ -10,7 +10,7 @@ import torch
 from tqdm import tqdm
 
 from animal3dbox.datasets.bodies import BodySource
-from animal3dbox.datasets.body_options import DEFAULT_BODY, body_source
+from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
 from animal3dbox.datasets.images import read_photo
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
@@ -48,9 +48,7 @@ def run_label(job: LabelJob) -> int:
         raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
     vocabulary = None if job.vocabulary is None else vocabulary_of_option(job.vocabulary)
     dataset = read_dataset(job.path, job.format, ReadOptions(job.images, job.model, vocabulary))
-    bodies, records = own_body or dataset.bodies or body_source(DEFAULT_BODY, None), dataset.records
-    if own_body is not None and any(record.pose is not None or record.stored_pose is not None for record in records.records):
-        raise ConfigError("--body is one body for all, but this dataset's cameras are known only in the frame of its own meshes: leave --body out")
+    bodies, records = bodies_for(dataset, own_body), dataset.records
     for note in records.notes:
         print(note, file=sys.stderr)
     if job.out.exists() and not job.out.is_dir():

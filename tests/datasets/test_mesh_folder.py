@@ -28,6 +28,7 @@ from torch.testing import assert_close
 
 from animal3dbox.cli.main import main
 from animal3dbox.datasets import mesh_folder_bodies
+from animal3dbox.datasets.by_format import AnnotatedDataset
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.mesh_files import read_mesh
 from animal3dbox.datasets.mesh_folder import MeshFolder, read_mesh_folder
@@ -335,6 +336,25 @@ def test_label_reads_a_mesh_folder(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_a_body_of_ones_own_is_refused_where_cameras_belong_to_the_meshes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["label", str(write_mesh_folder(tmp_path)), "--out", str(tmp_path / "out"), "--body", "dog"])
-    assert "leave --body out" in capsys.readouterr().err
+    assert "quadruped:dog cannot be the body of all animals" in capsys.readouterr().err
     with pytest.raises(ConfigError, match="for formats whose files do not tell"):
         read_dataset(Path(__file__), "stanfordextra", ReadOptions(vocabulary=VOCABULARIES["ap10k17"]))
+
+
+def test_the_dataset_gives_mesh_folders_and_coco_with_a_changed_mesh_told_apart(tmp_path: Path) -> None:
+    root = write_mesh_folder(tmp_path / "folder")
+    dataset = AnnotatedDataset(root)
+    sample = dataset[0]
+    assert isinstance(sample, tuple)
+    target = sample[1]
+    assert (len(dataset), dataset.image_id(0), len(target["corners_3d"])) == (2, "a.jpg", 1)
+    assert_close(target["R"][0], camera_round(60, 12.0, 2.4)[0].float())
+    with pytest.raises(ConfigError, match="cannot be the body of all animals"):
+        AnnotatedDataset(root, body="dog")
+    read = read_mesh_folder(root)
+    record = read.records.records[0]
+    before = read.bodies.content(record)
+    (root / "meshes" / "a.obj").write_text(obj_text(toy_mesh()[0] + 1.0, toy_mesh()[1]))
+    assert read.bodies.content(record) != before
+    write_json(root / "landmarks.json", {"nose": [3]})
+    assert read_mesh_folder(root).bodies.fingerprint != read.bodies.fingerprint
