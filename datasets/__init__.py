@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.batches import collate_stacked as collate_stacked
     from animal3dbox.datasets.by_format import Animal3DDataset as Animal3DDataset
     from animal3dbox.datasets.by_format import AnnotatedDataset as AnnotatedDataset
+    from animal3dbox.datasets.by_format import CocoKeypointsDataset as CocoKeypointsDataset
+    from animal3dbox.datasets.by_format import MeshFolderDataset as MeshFolderDataset
+    from animal3dbox.datasets.by_format import Omni3DDataset as Omni3DDataset
     from animal3dbox.datasets.by_format import StanfordExtraDataset as StanfordExtraDataset
     from animal3dbox.datasets.by_format import SyntheticDataset as SyntheticDataset
     from animal3dbox.datasets.filters import LabelFilter as LabelFilter
@@ -25,8 +28,9 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.synthetic_set import SyntheticSet as SyntheticSet
 
 _HOMES = {
-    "AltitudeScale": "scale", "Animal3DDataset": "by_format", "AnnotatedDataset": "by_format", "KnownScale": "scale", "LabelDataset": "label_dataset",
-    "LabelFilter": "filters", "Skipped": "label_dataset", "SpeciesScale": "scale", "StanfordExtraDataset": "by_format",
+    "AltitudeScale": "scale", "Animal3DDataset": "by_format", "AnnotatedDataset": "by_format", "CocoKeypointsDataset": "by_format",
+    "KnownScale": "scale", "LabelDataset": "label_dataset", "LabelFilter": "filters", "MeshFolderDataset": "by_format",
+    "Omni3DDataset": "by_format", "Skipped": "label_dataset", "SpeciesScale": "scale", "StanfordExtraDataset": "by_format",
     "SyntheticDataset": "by_format", "SyntheticSet": "synthetic_set", "collate": "batches", "collate_stacked": "batches",
 }  # fmt: skip
 

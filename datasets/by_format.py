@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, TypedDict, Unpack
 
-from animal3dbox.datasets import animal3d, stanfordextra
+from animal3dbox.datasets import animal3d, coco, mesh_folder, stanfordextra
 from animal3dbox.datasets.bodies import BodySource, ParametersBody
 from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
+from animal3dbox.datasets.exchange.omni3d_reader import read_omni3d
 from animal3dbox.datasets.filters import LabelFilter
 from animal3dbox.datasets.label_dataset import LabelDataset, OnBad, TransformCall
+from animal3dbox.datasets.labelling import PosePolicy
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
-from animal3dbox.datasets.row_maker import PosePolicy
 from animal3dbox.datasets.scale import ScaleSource
 from animal3dbox.datasets.sources import FileSource
 from animal3dbox.datasets.synthetic_set import SyntheticSet
@@ -34,6 +35,7 @@ class Options(TypedDict, total=False):
     cache: Path | str | None
     masks: bool
     report_to: Path | None
+    reuse: bool
 
 
 class AnnotatedDataset(LabelDataset):
@@ -108,6 +110,70 @@ class StanfordExtraDataset(AnnotatedDataset):
         self, path: Path | str, *, images: Path | str | None = None, body: str | BodySource = DEFAULT_BODY, **options: Unpack[Options]
     ) -> None:
         super().__init__(path, format=stanfordextra.FORMAT, images=images, body=body, **options)
+
+
+class CocoKeypointsDataset(AnnotatedDataset):
+    """COCO keypoints, such as AP-10K and AnimalPose; the animals of an image together.
+
+    Args:
+        path: the json, or its folder.
+        images: the folder that file_name is relative to.
+        vocabulary: what the keypoints are, if their names do not tell.
+        body: of all animals.
+        **options: LabelDataset's.
+
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        images: Path | str | None = None,
+        vocabulary: str | Vocabulary | None = None,
+        body: str | BodySource = DEFAULT_BODY,
+        **options: Unpack[Options],
+    ) -> None:
+        super().__init__(path, format=coco.FORMAT, images=images, vocabulary=vocabulary, body=body, **options)
+
+
+class MeshFolderDataset(AnnotatedDataset):
+    """Images with a mesh file for each animal, and cameras or keypoints; cameras that the folder gives are used as they are.
+
+    Args:
+        path: the folder, see docs/formats.md.
+        model: the SMAL file that the meshes correspond to, if they do.
+        vocabulary: what the keypoints are, if the folder does not say.
+        **options: LabelDataset's.
+
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        model: Path | str | None = None,
+        vocabulary: str | Vocabulary | None = None,
+        **options: Unpack[Options],
+    ) -> None:
+        super().__init__(path, format=mesh_folder.FORMAT, model=model, vocabulary=vocabulary, **options)
+
+
+class Omni3DDataset(LabelDataset):
+    """Boxes of any kind in Omni3D's format, as they are: nothing is estimated, no animal is needed.
+
+    Without a known heading, targets have no face fields: which side is the front would be a guess.
+
+    Args:
+        path: the json.
+        images: the folder that file_path is relative to.
+        heading_known: whether forward and left mean something; None: what the file says if this package wrote it, else not.
+        **options: LabelDataset's; those about labelling have no effect.
+
+    """
+
+    def __init__(self, path: Path | str, *, images: Path | str | None = None, heading_known: bool | None = None, **options: Unpack[Options]) -> None:
+        read = read_omni3d(Path(path), None if images is None else Path(images), heading_known=heading_known)
+        super().__init__(FileSource(read), **options)
 
 
 class SyntheticDataset(LabelDataset):

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
+from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.filters import LabelFilter
-from animal3dbox.datasets.images import Photo
 from animal3dbox.datasets.label_rows import LabelRow
 from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.row_maker import RowMaker
 from animal3dbox.datasets.sources import ImageSample, SampleSource
-from animal3dbox.datasets.targets import check_one_camera, image_tensor, target_of
+from animal3dbox.datasets.targets import check_one_camera, empty_target, image_tensor, target_of
 from animal3dbox.datasets.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
@@ -29,6 +29,7 @@ OnBad = Literal["error", "skip"]
 Target = dict[str, Any]
 TransformCall = Callable[[Tensor, Target], tuple[Any, Target]]
 SampleIndex = int | tuple[int, int]
+Made = tuple[LabelRow, int, NDArray[np.bool_] | None]
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         cache: folder of the label cache; None: none.
         masks: whether targets hold masks, of images whose every animal has one.
         report_to: file that cases are appended to; None: a temporary one.
+        reuse: whether labels in the cache are used; False makes them all anew.
 
     Raises:
         ConfigError: an option has a value that it cannot have, or contradicts the dataset.
@@ -89,6 +91,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         cache: Path | str | None = None,
         masks: bool = True,
         report_to: Path | None = None,
+        reuse: bool = True,
     ) -> None:
         for name, value, known in (("on_bad", on_bad, get_args(OnBad)), ("partial", partial, ("keep", "skip"))):
             if value not in known:
@@ -104,7 +107,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         if len(self._numbers) != len(self.classes):
             raise ConfigError(f"classes must differ, got {self.classes}")
         self.ledger = Ledger(report_to)
-        self._rows = RowMaker(source.fingerprint, config or LabelConfig(surface_share=False), scale, pose, cache)
+        self._rows = RowMaker(source.fingerprint, config or LabelConfig(surface_share=False), scale, pose, cache, reuse)
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         for fault in source.faults:
             self.ledger.add(_case("fault", fault))
@@ -154,41 +157,54 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
     def _sample(self, epoch: int, place: int) -> tuple[Tensor, Target] | Skipped:
         sample = self.source.sample(place)
         photo = self.source.photo(sample)
-        rows: list[LabelRow] = []
-        numbers: list[int] = []
-        masks: list[NDArray[np.bool_] | None] = []
+        if sample.image is not None:
+            target = empty_target(sample.image_id, sample.image.K, self.source.named_faces)
+            return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
+        made, cases = self._labelled(sample, photo.facts)
+        partly = len(made) < len(sample.records) or sample.unread
+        if not made or (partly and self.partial == "skip"):
+            return self._skipped(place, cases)
+        for case in cases:
+            self.ledger.add(case)
+        rows, numbers = [row for row, _, _ in made], [number for _, number, _ in made]
+        check_one_camera(sample.image_id, rows)
+        masks = [mask for _, _, mask in made if mask is not None]
+        whole = np.stack(masks).view(np.uint8) if self.masks and len(masks) == len(rows) else None
+        target = target_of(sample.image_id, rows, numbers, whole, _one_vocabulary(sample), self.source.named_faces)
+        return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
+
+    def warm(self, index: int) -> tuple[Case, ...]:
+        """Make the labels of a sample, and store them in the cache, without decoding its image; what was left out, and why."""
+        sample = self.source.sample(index)
+        with one_thread():
+            _, cases = self._labelled(sample, self.source.facts(sample))
+        for case in cases:
+            self.ledger.add(case)
+        return tuple(cases)
+
+    def _labelled(self, sample: ImageSample, facts: PhotoFacts) -> tuple[list[Made], list[Case]]:
+        """Row, class number and mask of the animals that come through, and cases of the others."""
+        made: list[Made] = []
         cases: list[Case] = []
-        for animal in range(len(sample.records)):
+        for animal, record in enumerate(sample.records):
             try:
-                row, mask = self._animal(sample, animal, photo, cases)
+                row, mask = self._animal(sample, animal, facts, cases)
             except SampleError as error:
                 if self.on_bad == "error":
                     raise
                 cases.append(_case("fault", error))
                 continue
             if row is not None:
-                rows.append(row)
-                numbers.append(self._numbers[sample.records[animal].category])
-                masks.append(mask)
-        partly = len(rows) < len(sample.records) or sample.unread
-        if not rows or (partly and self.partial == "skip"):
-            return self._skipped(place, cases)
-        for case in cases:
-            self.ledger.add(case)
-        check_one_camera(sample.image_id, rows)
-        stacked = [mask for mask in masks if mask is not None]
-        whole = np.stack(stacked).view(np.uint8) if self.masks and len(stacked) == len(rows) else None
-        named = all(getattr(record, "heading_known", True) for record in sample.records)
-        target = target_of(sample.image_id, rows, numbers, whole, _one_vocabulary(sample), named)
-        return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
+                made.append((row, self._numbers[record.category], mask))
+        return made, cases
 
-    def _animal(self, sample: ImageSample, animal: int, photo: Photo, cases: list[Case]) -> tuple[LabelRow | None, NDArray[np.bool_] | None]:
+    def _animal(self, sample: ImageSample, animal: int, facts: PhotoFacts, cases: list[Case]) -> tuple[LabelRow | None, NDArray[np.bool_] | None]:
         """One animal's row, None if it is left out and then a case says why, and its mask."""
         record = sample.records[animal]
         if record.category not in self._numbers:
             raise SampleError(record.sample_id, "category", f"{record.category!r} is none of the classes {', '.join(self.classes[:20])}")
         mask = record.mask if isinstance(record, AnimalRecord) else None
-        outcome, problems = self._rows.row(sample, animal, photo.facts, mask)
+        outcome, problems = self._rows.row(sample, animal, facts, mask)
         cases += problems
         if isinstance(outcome, Rejection):
             if self.on_bad == "error":

@@ -1,6 +1,7 @@
 """From a record to its label: the one way that every dataset and command goes."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
+
+PosePolicy = Literal["hypothesis", "exact"]
+"""What a camera that a dataset stores for its bodies is taken for."""
 
 
 def label_record(
@@ -31,7 +35,7 @@ def label_record(
         config: the method.
         facts: of its picture's header, if that has been read; None: read here, if there is a file. An EXIF orientation, which is not
             applied, is among the label's warnings.
-        scale: what makes the label metric; None: nothing, it is in the body's unit.
+        scale: what makes the label metric where the dataset itself does not say; None: nothing, it is in the body's unit.
         mask: the record's (H, W), if it has been decoded; None: decoded here, if it has one.
 
     Raises:
@@ -64,7 +68,14 @@ def label_record(
     quality = outcome.quality
     quality = replace(quality, warnings=(*quality.warnings, *facts.warnings), K_source=K_source or quality.K_source)
     outcome = replace(outcome, quality=quality)
+    if record.metres_per_unit is not None:
+        return in_metres(outcome, record.metres_per_unit, "dataset")
     return outcome if scale is None else in_metres(outcome, *scale.metres_per_unit(record, body, outcome))
+
+
+def posed_as_stored(record: AnimalRecord, policy: PosePolicy) -> AnimalRecord:
+    """The record with its dataset's own camera taken as known, if the policy is "exact" and there is one."""
+    return replace(record, pose=record.stored_pose) if policy == "exact" and record.pose is None else record
 
 
 def camera_of(record: AnimalRecord, facts: PhotoFacts) -> tuple[NDArray[np.float64] | None, str | None]:

@@ -112,7 +112,7 @@ class CuboidImage:
     """
 
     image_id: str
-    image_path: Path
+    image_path: Path | None
     image_hw: tuple[int, int]
     K: NDArray[np.float64]
 

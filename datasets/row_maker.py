@@ -1,8 +1,7 @@
 """From an annotated animal to its label row: from the cache if it is there, made and stored otherwise."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.fingerprint import code_digest, content_digest, digest, file_digest
 from animal3dbox.datasets.given_boxes import given_label
 from animal3dbox.datasets.label_rows import LabelRow, label_row
-from animal3dbox.datasets.labelling import label_record
+from animal3dbox.datasets.labelling import PosePolicy, label_record, posed_as_stored
 from animal3dbox.datasets.ledger import Case
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
 from animal3dbox.datasets.scale import ScaleSource
@@ -21,7 +20,6 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import Rejection
 
-PosePolicy = Literal["hypothesis", "exact"]
 _NOTHING_TOLD = PhotoFacts()
 
 
@@ -34,13 +32,16 @@ class RowMaker:
         scale: what makes labels metric, or None.
         pose: what a stored camera is taken for.
         cache: folder of the label cache, or None.
+        reuse: whether what is in the cache is used.
 
     """
 
-    def __init__(self, bodies: bytes, config: LabelConfig, scale: ScaleSource | None, pose: PosePolicy, cache: Path | str | None) -> None:
+    def __init__(
+        self, bodies: bytes, config: LabelConfig, scale: ScaleSource | None, pose: PosePolicy, cache: Path | str | None, reuse: bool = True
+    ) -> None:
         if pose not in ("hypothesis", "exact"):
             raise ConfigError(f"pose must be 'hypothesis' or 'exact', got {pose!r}")
-        self.config, self.scale, self.pose = config, scale, pose
+        self.config, self.scale, self.pose, self.reuse = config, scale, pose, reuse
         self.cache: LabelCache | None = None
         self._told: set[str] = set()
         if cache is not None:
@@ -61,7 +62,7 @@ class RowMaker:
             return self._made(record, sample, facts, mask), []
         key = _key(record, sample, sample.contents[animal], facts)
         cases = self._cases(self.cache, record)
-        found, damaged = self.cache.get(key)
+        found, damaged = self.cache.get(key) if self.reuse else (None, False)
         if damaged:
             cases.append(_cache_case(record, "its label was damaged and is made anew" if found is None else "one copy of its label is damaged"))
         if found is not None:
@@ -76,9 +77,7 @@ class RowMaker:
     def _made(self, record: AnimalRecord, sample: ImageSample, facts: PhotoFacts, mask: NDArray[np.bool_] | None) -> LabelRow | Rejection:
         if sample.bodies is None:
             raise SampleError(record.sample_id, "body", "there is no source of bodies")
-        if self.pose == "exact" and record.stored_pose is not None and record.pose is None:
-            record = replace(record, pose=record.stored_pose)
-        outcome = label_record(record, sample.bodies, self.config, facts, self.scale, mask)
+        outcome = label_record(posed_as_stored(record, self.pose), sample.bodies, self.config, facts, self.scale, mask)
         return outcome if isinstance(outcome, Rejection) else label_row(outcome)
 
     def _cases(self, cache: LabelCache, record: AnimalRecord) -> list[Case]:

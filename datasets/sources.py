@@ -9,9 +9,10 @@ import numpy as np
 import torch
 
 from animal3dbox.datasets.bodies import BodySource
+from animal3dbox.datasets.exif import PhotoFacts, header_facts
 from animal3dbox.datasets.images import Photo, read_photo
 from animal3dbox.datasets.packed import PackedList, PackedNames
-from animal3dbox.datasets.records import AnimalRecord, CuboidRecord, CuboidSet, RecordSet
+from animal3dbox.datasets.records import AnimalRecord, CuboidImage, CuboidRecord, CuboidSet, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
 
 Record = AnimalRecord | CuboidRecord
@@ -23,7 +24,8 @@ class ImageSample:
 
     Attributes:
         image_id: the image, as its dataset names it.
-        records: its animals.
+        records: its animals; none of an image that is listed without any.
+        image: what is known of an image without records; None of others.
         unread: whether the image has further animals whose annotations cannot be read.
         contents: for each the bytes that name what is said of it, the same in every process and place.
         bodies: where the animals' bodies come from; None for boxes that come as they are.
@@ -34,6 +36,7 @@ class ImageSample:
     unread: bool
     contents: tuple[bytes, ...]
     bodies: BodySource | None
+    image: CuboidImage | None = None
 
 
 class SampleSource(Protocol):
@@ -60,6 +63,11 @@ class SampleSource(Protocol):
         ...
 
     @property
+    def named_faces(self) -> bool:
+        """Whether the boxes' forward and left mean something."""
+        ...
+
+    @property
     def fingerprint(self) -> bytes:
         """Names everything that labels depend on besides the samples' contents: the bodies."""
         ...
@@ -72,12 +80,20 @@ class SampleSource(Protocol):
         """The image's name."""
         ...
 
+    def animals(self, index: int) -> int:
+        """How many records an image has."""
+        ...
+
     def sample(self, index: int) -> ImageSample:
         """What is annotated in an image."""
         ...
 
     def photo(self, sample: ImageSample) -> Photo:
         """The image; raises SampleError."""
+        ...
+
+    def facts(self, sample: ImageSample) -> PhotoFacts:
+        """What the image's header says, without decoding it."""
         ...
 
 
@@ -95,8 +111,10 @@ class FileSource:
         if isinstance(records, RecordSet) and bodies is None:
             raise ConfigError(f"a dataset of animals ({records.name}) needs a source of their bodies, such as preset_body('dog')")
         self.name, self.faults, self.notes, self.bodies = records.name, records.faults, records.notes, bodies
+        self.named_faces = all(getattr(record, "heading_known", True) for record in found)
         self.categories = tuple(sorted({record.category for record in found}))
-        groups: dict[str, list[int]] = {}
+        listed = records.listed_images() if isinstance(records, CuboidSet) else ()
+        groups: dict[str, list[int]] = {image.image_id: [] for image in listed}
         for i, record in enumerate(found):
             groups.setdefault(record.image_id, []).append(i)
         order = [i for members in groups.values() for i in members]
@@ -104,8 +122,10 @@ class FileSource:
         self._records = PackedList(kind, (_without_paths(found[i]) for i in order), tuple({id(v): v for v in map(_words, found) if v}.values()))
         self._ends = torch.from_numpy(np.cumsum([0, *(len(members) for members in groups.values())], dtype=np.int64))
         self._images = PackedNames(groups)
+        self._listed = PackedList(CuboidImage, (replace(image, image_path=None) for image in listed))
         self._unread = frozenset((fault.sample_id or "").partition("#")[0] for fault in records.faults)
-        self._paths = PackedNames(str(found[members[0]].image_path or "") for members in groups.values())
+        paths = {image.image_id: image.image_path for image in listed} | {record.image_id: record.image_path for record in found}
+        self._paths = PackedNames(str(paths[name] or "") for name in groups)
         self._masks = PackedNames(str(getattr(found[i], "mask_path", None) or "") for i in order)
 
     def __len__(self) -> int:
@@ -121,20 +141,30 @@ class FileSource:
         name: str = self._images[index]
         return name
 
+    def animals(self, index: int) -> int:
+        """How many records an image has."""
+        return int(self._ends[index + 1] - self._ends[index])
+
     def sample(self, index: int) -> ImageSample:
         """The records of an image, made anew."""
         start, stop = self._ends[index : index + 2].tolist()
-        path = Path(self._paths[index])
+        path = Path(self._paths[index]) if self._paths[index] else None
         records = tuple(replace(self._records[i], image_path=path, **self._mask(i)) for i in range(start, stop))
-        image = self.image_id(index)
-        return ImageSample(image, records, image in self._unread, tuple(self._records.packed(i) for i in range(start, stop)), self.bodies)
+        name, contents = self.image_id(index), tuple(self._records.packed(i) for i in range(start, stop))
+        alone = None if records else replace(self._listed[index], image_path=path)
+        return ImageSample(name, records, name in self._unread, contents, self.bodies, alone)
 
     def photo(self, sample: ImageSample) -> Photo:
         """The image file, which must be as large as its annotations say."""
-        record = sample.records[0]
-        if record.image_path is None or str(record.image_path) == ".":
+        known = sample.image or sample.records[0]
+        if known.image_path is None:
             raise SampleError(sample.image_id, "image", "is only in memory: give a source that has its pictures, or write the dataset first")
-        return read_photo(record.image_path, sample.image_id, record.image_hw)
+        return read_photo(known.image_path, sample.image_id, known.image_hw)
+
+    def facts(self, sample: ImageSample) -> PhotoFacts:
+        """Of the image file."""
+        path = (sample.image or sample.records[0]).image_path
+        return PhotoFacts() if path is None else header_facts(path)
 
     def _mask(self, place: int) -> dict[str, Path]:
         name = self._masks[place]

@@ -32,6 +32,7 @@ class SyntheticSource:
     name = FORMAT
     faults: tuple[SampleError, ...] = ()
     notes: tuple[str, ...] = ()
+    named_faces = True
 
     def __init__(self, made: SyntheticSet) -> None:
         self.made = made
@@ -49,6 +50,10 @@ class SyntheticSource:
         """Seed and index."""
         return f"{self.made.seed}-{index:06d}"
 
+    def animals(self, index: int) -> int:
+        """How many animals a scene has."""
+        return len(_scene(self.made, index).animals)
+
     def sample(self, index: int) -> ImageSample:
         """The animals of a scene as annotated."""
         scene = _scene(self.made, index)
@@ -64,6 +69,10 @@ class SyntheticSource:
     def photo(self, sample: ImageSample) -> Photo:
         """The picture of a scene."""
         return Photo(_scene(self.made, int(sample.image_id.rpartition("-")[2])).image.numpy().copy(), PhotoFacts())
+
+    def facts(self, sample: ImageSample) -> PhotoFacts:
+        """Nothing."""
+        return PhotoFacts()
 
 
 def _with_camera(sample: SyntheticSample) -> AnimalRecord:

@@ -63,20 +63,15 @@ def target_of(
     return target
 
 
-def empty_target(image_id: str, K: NDArray[np.float64] | None, K_source: str, image_hw: tuple[int, int], joints: int | None) -> dict[str, Any]:
-    """The target of an image without animals: the same fields, N = 0."""
+def empty_target(image_id: str, K: NDArray[np.float64], named_faces: bool = True) -> dict[str, Any]:
+    """The target of an image of boxes without any: the same fields, N = 0."""
     found = columns([])
-    found.pop("box")
-    found.pop("K")
-    found.pop("surface_share")
+    for name in ("box", "K", "surface_share", *(() if named_faces else FACES)):
+        del found[name]
     target: dict[str, Any] = {name: _tensor(value) for name, value in found.items()}
-    if K is not None:
-        target["K"] = _tensor(K)
-    target |= {"boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64), "masks": torch.zeros(0, *image_hw, dtype=torch.uint8)}
-    if joints is not None:
-        target["keypoints"] = torch.zeros(0, joints, 3)
+    target |= {"K": _tensor(K), "boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64)}
     target |= {"scale_known": torch.zeros(0, dtype=torch.bool), "scale_m_per_unit": torch.zeros(0), "scale_source": [], "quality": []}
-    return {**target, "image_id": image_id, "K_source": K_source}
+    return {**target, "image_id": image_id, "K_source": "given"}
 
 
 def check_one_camera(sample_id: str, rows: Sequence[LabelRow]) -> None:

@@ -12,9 +12,10 @@ from tqdm import tqdm
 from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
 from animal3dbox.datasets.images import read_photo
-from animal3dbox.datasets.labelling import label_record
+from animal3dbox.datasets.labelling import PosePolicy, label_record, posed_as_stored
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.scale import AltitudeScale, KnownScale, ScaleSource, SpeciesScale
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.run import Labelled, write_run
@@ -29,7 +30,7 @@ class LabelJob:
     """What ``label`` was asked to do; the fields are its options."""
 
     path: Path
-    out: Path
+    out: Path | None
     format: str
     images: Path | None
     model: Path | None
@@ -38,10 +39,35 @@ class LabelJob:
     vocabulary: str | None
     config: LabelConfig
     json: bool
+    scale: ScaleSource | None = None
+    stored_pose: PosePolicy = "hypothesis"
+    cache: Path | None = None
+    shard: str | None = None
+    resume: bool = False
+    workers: int = 0
+
+
+def scale_of(metres_per_unit: float | None, species_scale: bool, altitude_m: float | None) -> ScaleSource | None:
+    """The scale that the options ask for; raises ConfigError if they ask for two."""
+    asked: list[ScaleSource] = []
+    if metres_per_unit is not None:
+        asked.append(KnownScale(metres_per_unit))
+    if species_scale:
+        asked.append(SpeciesScale())
+    if altitude_m is not None:
+        asked.append(AltitudeScale(altitude_m))
+    if len(asked) > 1:
+        raise ConfigError("give one of --metres-per-unit, --species-scale and --altitude-m: they may disagree")
+    return asked[0] if asked else None
 
 
 def run_label(job: LabelJob) -> int:
     """Label a dataset; returns the exit code."""
+    if job.out is None:
+        raise ConfigError("give --out for labels, pictures and a report, or --cache to fill a Dataset's label cache")
+    for name, value in (("--shard", job.shard), ("--resume", job.resume), ("--workers", job.workers)):
+        if value:
+            raise ConfigError(f"{name} is for filling a label cache: give --cache, or leave it out")
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     own_body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
     if own_body is not None and job.model is not None:
@@ -54,27 +80,28 @@ def run_label(job: LabelJob) -> int:
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
     summary = write_run(job.out, str(job.path), bodies.name, job.config, _results(records, bodies, job))
-    _print(summary, job)
+    _print(summary, job, job.out)
     return EXIT_FAULTY if summary.faulty else EXIT_OK
 
 
 def _results(records: RecordSet, bodies: BodySource, job: LabelJob) -> Iterator[Labelled | SampleError]:
     yield from records.faults
     for record in tqdm(records.records, desc="labelling", unit="animal", disable=job.json or None):
-        yield _one(record, bodies, job.config)
+        yield _one(record, bodies, job)
 
 
-def _one(record: AnimalRecord, bodies: BodySource, config: LabelConfig) -> Labelled | SampleError:
+def _one(record: AnimalRecord, bodies: BodySource, job: LabelJob) -> Labelled | SampleError:
     try:
         if record.image_path is None:
             raise SampleError(record.sample_id, "image", "is only in memory: write the dataset first (animal3dbox synth)")
         photo = read_photo(record.image_path, record.sample_id, record.image_hw)
-        return Labelled(label_record(record, bodies, config, photo.facts), record.image_id, record.category, photo.pixels)
+        outcome = label_record(posed_as_stored(record, job.stored_pose), bodies, job.config, photo.facts, job.scale)
+        return Labelled(outcome, record.image_id, record.category, photo.pixels)
     except SampleError as error:
         return error
 
 
-def _print(summary: Summary, job: LabelJob) -> None:
+def _print(summary: Summary, job: LabelJob, out: Path) -> None:
     if job.json:
         sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
         return
@@ -87,4 +114,4 @@ def _print(summary: Summary, job: LabelJob) -> None:
         print(f"median keypoint error {summary.median_reprojection_error_px:.2f} px (fit, not accuracy)")
     if summary.median_mask_iou is not None:
         print(f"median mask IoU {summary.median_mask_iou:.3f}")
-    print(f"look at {job.out / 'gallery.html'}")
+    print(f"look at {out / 'gallery.html'}")

@@ -38,7 +38,7 @@ def demo(
 
 def label(
     path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH", help="a dataset's folder or its annotation file")],
-    out: Annotated[Path, tyro.conf.arg(help="folder for labels.json, labels.csv, overlays, gallery.html and report.json")],
+    out: Annotated[Path | None, tyro.conf.arg(help="folder for labels.json, labels.csv, overlays, gallery.html and report.json")] = None,
     format: Annotated[Format, tyro.conf.arg(help="the annotations' format")] = "auto",
     images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
     model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model (.pkl, .safetensors) of the dataset's own parameters or meshes")] = None,
@@ -55,14 +55,27 @@ def label(
     residual: Annotated[Literal["vector", "literal"], tyro.conf.arg(help="how the paper's E_total is read (method paper)")] = "vector",
     tail: Annotated[Literal["keep", "drop"], tyro.conf.arg(help="whether the boxes hold the tail; the same for all animals")] = "keep",
     min_keypoints: Annotated[int, tyro.conf.arg(help="fewest visible keypoints")] = 6,
+    metres_per_unit: Annotated[float | None, tyro.conf.arg(help="metres in a unit of the bodies, to make labels metric")] = None,
+    species_scale: Annotated[bool, tyro.conf.arg(help="make labels metric by typical lengths of species (docs/formats.md)")] = False,
+    altitude_m: Annotated[float | None, tyro.conf.arg(help="make labels metric by the height of a camera that looks straight down")] = None,
+    stored_pose: Annotated[
+        Literal["hypothesis", "exact"], tyro.conf.arg(help="take the camera that the dataset stores for its bodies as a guess, or as known")
+    ] = "hypothesis",
+    cache: Annotated[Path | None, tyro.conf.arg(help="fill this label cache of a Dataset with the same options, instead of writing to --out")] = None,
+    shard: Annotated[str | None, tyro.conf.arg(help="with --cache: i/n, only the images i, i + n, ... counted from 1")] = None,
+    resume: Annotated[bool, tyro.conf.arg(help="with --cache: keep the labels that are in it")] = False,
+    workers: Annotated[int, tyro.conf.arg(help="with --cache: processes")] = 0,
     json: Annotated[bool, tyro.conf.arg(help="print report.json instead of words; no progress bar")] = False,
 ) -> int:
     """Label the animals of a dataset: cuboids with named faces, tables, pictures and a gallery."""
-    from animal3dbox.cli.label import LabelJob, run_label
+    from animal3dbox.cli.fill import run_fill
+    from animal3dbox.cli.label import LabelJob, run_label, scale_of
     from animal3dbox.labels.config import LabelConfig
 
     config = LabelConfig(method=method, axes=axes, residual=residual, tail=tail, min_keypoints=min_keypoints)
-    return run_label(LabelJob(path, out, format, images, model, body, landmarks, vocabulary, config, json))
+    scale = scale_of(metres_per_unit, species_scale, altitude_m)
+    job = LabelJob(path, out, format, images, model, body, landmarks, vocabulary, config, json, scale, stored_pose, cache, shard, resume, workers)
+    return run_label(job) if cache is None else run_fill(job)
 
 
 def synth(

@@ -114,6 +114,8 @@ def animal_row(label: CuboidLabel, image: str, animal: int, category: str) -> An
         elevation_deg=label.elevation_deg,
         confidence=label.confidence,
         quality=quality,
+        scale_m_per_unit=label.scale_m_per_unit,
+        scale_source=label.scale_source,
     )
 
 

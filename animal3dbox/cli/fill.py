@@ -1,0 +1,77 @@
+"""``animal3dbox label --cache``: fill a Dataset's label cache offline, on one machine or in shards on many."""
+
+import re
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import msgspec
+import torch
+from torch.utils.data import DataLoader, Dataset
+from tqdm import tqdm
+
+from animal3dbox.cli.label import EXIT_FAULTY, EXIT_OK, LabelJob
+from animal3dbox.datasets.body_options import DEFAULT_BODY, body_source
+from animal3dbox.datasets.by_format import AnnotatedDataset
+from animal3dbox.datasets.label_dataset import LabelDataset
+from animal3dbox.datasets.ledger import Case
+from animal3dbox.errors import ConfigError
+
+
+class Warmed(Dataset[tuple[Case, ...]]):
+    """The samples of a shard: asking for one stores its labels and gives what was left out."""
+
+    def __init__(self, dataset: LabelDataset, indices: Sequence[int]) -> None:
+        self.dataset, self.indices = dataset, indices
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def __getitem__(self, place: int) -> tuple[Case, ...]:
+        return self.dataset.warm(self.indices[place])
+
+
+def run_fill(job: LabelJob) -> int:
+    """Fill the cache; returns the exit code."""
+    if job.out is not None:
+        raise ConfigError("give --out for labels and pictures, or --cache to fill a Dataset's label cache, not both")
+    torch.set_num_threads(1)
+    body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    dataset = AnnotatedDataset(
+        job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=body, on_bad="skip",
+        config=replace(job.config, surface_share=False), scale=job.scale, pose=job.stored_pose, cache=job.cache, reuse=job.resume,
+    )  # fmt: skip
+    first, step = shard_of(job.shard)
+    indices = range(first, len(dataset), step)
+    loader = DataLoader(Warmed(dataset, indices), batch_size=None, num_workers=job.workers)
+    for _ in tqdm(loader, desc="labelling", unit="image", disable=job.json or None):
+        pass
+    return _told(dataset, job, len(indices), sum(dataset.source.animals(i) for i in indices))
+
+
+def shard_of(shard: str | None) -> tuple[int, int]:
+    """First index and step of a shard "i/n", counted from 1."""
+    if shard is None:
+        return 0, 1
+    found = re.fullmatch(r"(\d+)/(\d+)", shard)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise ConfigError(f"--shard must be i/n with i from 1 to n, such as 3/8, got {shard!r}")
+    return int(found[1]) - 1, int(found[2])
+
+
+def _told(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> int:
+    """Say what was done, and in which words a Dataset uses it."""
+    report = dataset.report()
+    counts = Counter(case.kind for case in report.cases)
+    unread = {fault.sample_id for fault in dataset.source.faults}
+    stored = animals - len({case.sample_id for case in report.of("fault")} - unread)
+    if job.json:
+        told = {"images": images, "animals": animals, "stored": stored, "counts": counts, "cases": report.cases}
+        sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
+    else:
+        print(f"{images} images, {animals} animals: {stored} in the cache {job.cache} (rejections are kept too)")
+        for case in report.cases:
+            print(f"  {case.kind}: {case}")
+        print(f"use them: AnnotatedDataset({str(job.path)!r}, cache={str(job.cache)!r}, ...) with the same options")
+    return EXIT_FAULTY if counts["fault"] else EXIT_OK
