@@ -1,6 +1,7 @@
 """Animal3D: photographs with 26 keypoints, masks, and SMAL parameters fitted to them."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -98,24 +99,33 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
     """
     found = _Found([], [], {}, {}, set())
     vids: list[list[int]] | None = None
+    names: list[str] = []
     for file in find_splits(path):
         root = images or file.parent
         if not root.is_dir():
             raise DatasetNotFoundError(f"there is no folder of images {root}")
         split: _File = decode_json(file, _File)
         vids = vids or split.keypoint_vids
+        names += [name for name in _names(split).values() if name not in names]
         _read_split(split, file.name, root, found)
     if not found.records and not found.faults:  # one empty split beside another is a small dataset
         raise DatasetFormatError(f"{' and '.join(str(file) for file in find_splits(path))} has an empty data list")
     records, faults = found.records, tuple(found.faults)
     if model is None or not found.parameters:
-        return Animal3D(RecordSet(FORMAT, tuple(records), faults), None)
+        return Animal3D(RecordSet(FORMAT, tuple(records), faults, _about_masks(records), tuple(names)), None)
     bodies = ParametersBody(_model_with_landmarks(model, vids), found.parameters)
     pose, notes = stored_camera(records, bodies, found.keypoints_3d)
     if found.tailless:
         notes = (*notes, _about_tails(len(found.tailless), len(found.parameters)))
     posed = tuple(replace(record, stored_pose=pose) if record.sample_id in found.parameters else record for record in records)
-    return Animal3D(RecordSet(FORMAT, posed, faults, notes), bodies)
+    return Animal3D(RecordSet(FORMAT, posed, faults, (*notes, *_about_masks(records)), tuple(names)), bodies)
+
+
+def _about_masks(records: Sequence[AnimalRecord]) -> tuple[str, ...]:
+    rendered = sum(record.mask_source == "rendered" for record in records)
+    if not rendered:
+        return ()
+    return (f"{rendered} of {len(records)} animals have no mask of their own (mask_path missing, or its file): the rendered one is used",)
 
 
 def _about_tails(without: int, animals: int) -> str:
@@ -176,6 +186,7 @@ def _record(entry: Animal3DEntry, sample_id: str, root: Path, split: _File) -> A
     image_hw = image_size(entry.height, entry.width, sample_id)
     if split.flength is not None and not (np.isfinite(split.flength) and split.flength > 0):
         raise SampleError(sample_id, "flength", f"must be a focal length in px, got {split.flength}")
+    mask_path, mask_source = _mask_path(entry, root, sample_id)
     return AnimalRecord(
         sample_id=sample_id,
         image_id=entry.img_path,
@@ -185,7 +196,8 @@ def _record(entry: Animal3DEntry, sample_id: str, root: Path, split: _File) -> A
         keypoints_2d=_keypoints(entry.keypoint_2d, sample_id),
         mask_runs=None,
         category=_category(entry.category, split),
-        mask_path=_mask_path(entry, root, sample_id),
+        mask_path=mask_path,
+        mask_source=mask_source,
         K=None if split.flength is None else intrinsics(split.flength, image_hw).numpy(),
         K_source="dataset",
     )
@@ -199,29 +211,33 @@ def _keypoints(rows: list[list[float | None]], sample_id: str) -> NDArray[np.flo
     return np.concatenate((keypoints[:, :2], keypoints[:, 2:] > 0), axis=1)
 
 
-def _mask_path(entry: Animal3DEntry, root: Path, sample_id: str) -> Path | None:
-    """The mask's file, or else the rendered one's."""
+def _mask_path(entry: Animal3DEntry, root: Path, sample_id: str) -> tuple[Path | None, str]:
+    """The mask's file, or else the rendered one's, and which it is."""
     for field in ("mask_path", "rd_mask_path"):
         path = getattr(entry, field)
         if path:
             try:
-                return resolve_inside(root, path, sample_id, field)
+                return resolve_inside(root, path, sample_id, field), "dataset" if field == "mask_path" else "rendered"
             except SampleError:
                 if field == "rd_mask_path" or not entry.rd_mask_path:
                     raise
-    return None
+    return None, "dataset"
 
 
 def _category(category: int | str | None, split: _File) -> str:
-    """The animal's name by the file's list of names or of {id, name}, or its dictionary by id; else what the entry says."""
-    listed, names = split.categories, {}
+    """The animal's name, as the file names its category; else what the entry says."""
+    return _names(split).get(str(category), "animal" if category is None else str(category))
+
+
+def _names(split: _File) -> dict[str, str]:
+    """Category id -> name, by the file's list of names or of {id, name}, or its dictionary by id."""
+    listed = split.categories
     if isinstance(listed, dict):
-        names = {str(key): value for key, value in listed.items()}
-    elif isinstance(listed, list):
-        for i, known in enumerate(listed):
-            names[str(known.get("id", i) if isinstance(known, dict) else i)] = known.get("name") if isinstance(known, dict) else known
-    name = names.get(str(category))
-    return name if isinstance(name, str) else "animal" if category is None else str(category)
+        named = {str(key): value for key, value in listed.items()}
+    else:
+        entries = listed if isinstance(listed, list) else []
+        named = {str(e.get("id", i) if isinstance(e, dict) else i): e.get("name") if isinstance(e, dict) else e for i, e in enumerate(entries)}
+    return {key: value for key, value in named.items() if isinstance(value, str)}
 
 
 def _parameters(entry: Animal3DEntry, sample_id: str) -> SmalParameters | None:

@@ -86,7 +86,7 @@ def read_coco(path: Path, images: Path | None = None, vocabulary: Vocabulary | N
                 faults.append(SampleError(error.sample_id, error.field, f"{error.problem} (annotation {i})"))
     graded = any(bool((animal.record.keypoints_2d[:, 2] > 1).any()) for animal in animals)
     records = tuple(_with_confidence(animal.record, graded) for animal in animals)
-    return RecordSet(FORMAT, records, tuple(faults), _notes(animals, parts, species, graded))
+    return RecordSet(FORMAT, records, tuple(faults), _notes(animals, parts, species, graded), tuple(kind.name for kind in species.values()))
 
 
 def _images_root(annotations: Path, images: Sequence[CocoImage]) -> Path:

@@ -61,7 +61,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         partial: whether an image of which only some animals have labels is kept: "keep", or "skip" to leave it out, since it shows
             animals that its target does not name.
         filters: labels that miss them are left out in the same way, and never raise.
-        classes: names of the labels' numbers; None: the categories of this dataset, sorted. An animal of another category is a fault.
+        classes: names of the labels' numbers; None: the categories as the dataset lists them, whether
+            an animal has them or not, else sorted. An animal of another category is a fault.
         transform: ``transform(image, target) -> (image, target)``, such as animal3dbox.transforms.Compose.
         scale: what makes labels metric (scale.py); None: only what the dataset itself says.
         pose: whether a camera that a dataset stores for its bodies is one "hypothesis" among others, or "exact".

@@ -66,7 +66,8 @@ def label_record(
     if isinstance(outcome, Rejection):
         return outcome
     quality = outcome.quality
-    quality = replace(quality, warnings=(*quality.warnings, *facts.warnings), K_source=K_source or quality.K_source)
+    mask_source = record.mask_source if quality.mask_source == "dataset" else quality.mask_source
+    quality = replace(quality, mask_source=mask_source, warnings=(*quality.warnings, *facts.warnings), K_source=K_source or quality.K_source)
     outcome = replace(outcome, quality=quality)
     if record.metres_per_unit is not None:
         return in_metres(outcome, record.metres_per_unit, "dataset")

@@ -26,6 +26,7 @@ class AnimalRecord:
         mask_runs: run lengths of the mask, as COCO writes them; None without a mask.
         category: what the dataset calls the animal.
         mask_path: the mask as a picture, when there are no runs; read when it is asked for.
+        mask_source: "dataset", or "rendered" of the dataset's own fitted body.
         K: (3, 3) intrinsics in px that the dataset gives or all its images share; None if it says nothing.
         K_source: "given" of the image's own, "dataset" of one for all.
         stored_pose: (R, t) of the dataset's own camera, X_cam = R X + t with X in the body source's frame, a guess; None without.
@@ -44,6 +45,7 @@ class AnimalRecord:
     mask_runs: str | tuple[int, ...] | None
     category: str
     mask_path: Path | None = None
+    mask_source: str = "dataset"
     K: NDArray[np.float64] | None = None
     K_source: str = "given"
     stored_pose: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -126,6 +128,7 @@ class CuboidSet:
         records: in the file's order, those of an image together.
         faults: one error a box or image that is unusable.
         notes: what was found out about the dataset, in whole sentences.
+        categories: every category that the file knows, in its order, whether an animal has it or not; empty if it does not say.
         images: every usable image in the file's order, also those without a box; empty if the format does not list them.
     """
 
@@ -134,6 +137,7 @@ class CuboidSet:
     faults: tuple[SampleError, ...]
     notes: tuple[str, ...] = ()
     images: tuple[CuboidImage, ...] = ()
+    categories: tuple[str, ...] = ()
 
     def listed_images(self) -> tuple[CuboidImage, ...]:
         """The images, and those of the records that are not listed, each once."""
@@ -152,9 +156,11 @@ class RecordSet:
         records: in the file's order.
         faults: one error a sample that is unusable; nothing is dropped without one.
         notes: what was found out about the dataset, in whole sentences.
+        categories: every category that the file knows, in its order, whether an animal has it or not; empty if it does not say.
     """
 
     name: str
     records: tuple[AnimalRecord, ...]
     faults: tuple[SampleError, ...]
     notes: tuple[str, ...] = ()
+    categories: tuple[str, ...] = ()

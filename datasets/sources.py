@@ -49,7 +49,7 @@ class SampleSource(Protocol):
 
     @property
     def categories(self) -> tuple[str, ...]:
-        """Every category, sorted."""
+        """Every category: as the dataset lists them, then those that it does not list, sorted."""
         ...
 
     @property
@@ -112,7 +112,8 @@ class FileSource:
             raise ConfigError(f"a dataset of animals ({records.name}) needs a source of their bodies, such as preset_body('dog')")
         self.name, self.faults, self.notes, self.bodies = records.name, records.faults, records.notes, bodies
         self.named_faces = all(getattr(record, "heading_known", True) for record in found)
-        self.categories = tuple(sorted({record.category for record in found}))
+        used = {record.category for record in found}
+        self.categories = (*dict.fromkeys(records.categories), *sorted(used.difference(records.categories)))
         listed = records.listed_images() if isinstance(records, CuboidSet) else ()
         groups: dict[str, list[int]] = {image.image_id: [] for image in listed}
         for i, record in enumerate(found):

@@ -13,6 +13,7 @@ from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleE
 from animal3dbox.smal.vocabularies import VOCABULARIES
 
 FORMAT = "stanfordextra"
+CATEGORY = "dog"
 VOCABULARY = VOCABULARIES["stanfordextra24"]
 
 
@@ -86,7 +87,7 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
             records.append(record)
         except SampleError as error:
             faults.append(error)
-    return RecordSet(FORMAT, tuple(records), tuple(faults))
+    return RecordSet(FORMAT, tuple(records), tuple(faults), categories=(CATEGORY,))
 
 
 def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> AnimalRecord:
@@ -108,6 +109,6 @@ def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> A
         vocabulary=VOCABULARY,
         keypoints_2d=joints,
         mask_runs=None if entry.seg is None else read_runs(entry.seg, image_hw, sample_id, "seg"),
-        category="dog",
+        category=CATEGORY,
         box=box,
     )

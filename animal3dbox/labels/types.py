@@ -37,7 +37,7 @@ class Quality:
         pose_source: "given" or "estimated".
         pose_hypothesis: the start that won: "given", "epnp_ransac", "sqpnp", "view_<i>" or "hypothesis_<i>".
         bounds_source: "vertices" or "keypoints": what the box bounds.
-        mask_source: "dataset", or "none" when the pose was made without one.
+        mask_source: "dataset", "rendered" (of the dataset's own fitted body, for want of another), or "none" when the pose was made without one.
         K_source: "given", "exif" (the picture's header), "dataset" (one for all of its images) or "guessed".
         warnings: what a careful person should know, in whole sentences.
     """

@@ -55,7 +55,14 @@ def read_omni3d(path: Path, images: Path | None = None, *, convention: Conventio
     kept, projection_faults = _checked_projections(records, stated, convention)
     usable = tuple(image for image in found.values() if image is not None)
     all_faults = (*faults, *category_faults, *box_faults, *layout_faults, *projection_faults)
-    return CuboidSet(convention.name, tuple(record for record in kept), all_faults, (*notes, *box_notes, *layout.notes), usable)
+    return CuboidSet(
+        convention.name,
+        tuple(record for record in kept),
+        all_faults,
+        (*notes, *box_notes, *layout.notes),
+        usable,
+        tuple(dict.fromkeys(names.values())),
+    )
 
 
 def _info(raw: msgspec.Raw) -> Omni3DInfo | None:
