@@ -82,3 +82,18 @@ def plant(root: Path, file: str, number: int, fault: str) -> tuple[str, str]:
     how(entry, root)
     (root / file).write_text(json.dumps(content))
     return image, field
+
+
+def plant_many(root: Path, faults: list[str], rng: np.random.Generator) -> list[str]:
+    """Plant faults into entries of train.json, each into another image's; gives the images."""
+    content = json.loads((root / "train.json").read_text())
+    first = {str(entry["img_path"]): entry for entry in reversed(content["data"])}
+    images = sorted(first)
+    chosen = [images[k] for k in rng.permutation(len(images))[: len(faults)]]
+    for image, fault in zip(chosen, faults, strict=True):
+        {**FILE_FAULTS, **ENTRY_FAULTS}[fault][1](first[image], root)
+    (root / "train.json").write_text(json.dumps(content))
+    return [
+        str(first[image]["img_path"] or "entry") if fault.startswith(("absolute", "path")) else image
+        for image, fault in zip(chosen, faults, strict=True)
+    ]

@@ -1,0 +1,166 @@
+"""Samples a second of a training loader, against the floor: reading the same JPEGs and masks and doing nothing else.
+
+Run: python benchmarks/loader.py [--images N] [--rounds R] [--workers 0 1 2] [--faults N]
+
+All kinds of loading take turns in one run, so that what else the machine does falls on all alike; the figures are medians of rounds, the
+ratios those of times per image to the floor's with as many workers. Pictures are synthetic, 640 x 480, one animal each.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import cv2
+import numpy as np
+import torch
+from torch.utils.data import DataLoader, Dataset
+
+from animal3dbox.datasets import Animal3DDataset, LabelDataset, SyntheticSet, collate
+from animal3dbox.datasets.animal3d_writer import write_animal3d
+from animal3dbox.datasets.images import read_photo
+from animal3dbox.datasets.label_dataset import Target
+from animal3dbox.datasets.synthetic_set import animal3d_world
+from animal3dbox.datasets.targets import image_tensor
+from animal3dbox.datasets.threads import one_thread
+from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.transforms import ColorJitter, Compose, RandomHorizontalFlip, RandomResizedCrop
+
+torch.set_num_threads(1)
+cv2.setNumThreads(1)
+
+
+class Decoded(Dataset[Any]):
+    """The floor: images and masks of a Dataset, decoded as it decodes them."""
+
+    def __init__(self, dataset: LabelDataset) -> None:
+        self.dataset = dataset
+
+    def __len__(self) -> int:
+        return len(self.dataset)
+
+    def __getitem__(self, index: int) -> tuple[torch.Tensor, Target]:
+        sample = self.dataset.source.sample(index)
+        photo = self.dataset.source.photo(sample)
+        masks = np.stack([record.mask for record in sample.records]).view(np.uint8)  # type: ignore[union-attr,misc]
+        return image_tensor(photo.pixels), {"masks": torch.from_numpy(masks)}
+
+
+def written(folder: Path, images: int) -> tuple[Path, Path]:
+    """A synthetic Animal3D folder of one animal an image, and its model."""
+    world = replace(animal3d_world(WorldConfig()), animals=(1, 1))
+    write_animal3d(SyntheticSet(0, images, world), folder / "set", folder / "model.pkl")
+    return folder / "set", folder / "model.pkl"
+
+
+def seconds_an_image(dataset: Dataset[Any], workers: int) -> float:
+    """Time of one epoch by its images; of workers that are already running."""
+    loader: Any = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=workers, persistent_workers=workers > 0)
+    if workers:
+        for _ in loader:  # starts the workers, and lets them open what they need
+            pass
+    start = time.perf_counter()
+    for _ in loader:
+        pass
+    return (time.perf_counter() - start) / len(loader.dataset)
+
+
+def kinds(root: Path, model: Path, cache: Path) -> dict[str, Dataset[Any]]:
+    """What is compared; the first is the floor."""
+    augment = Compose([RandomHorizontalFlip(), RandomResizedCrop(512), ColorJitter(0.2)])
+    exact = Animal3DDataset(root, model, pose="exact")
+    return {
+        "decode only": Decoded(exact),
+        "cached labels": Animal3DDataset(root, model, pose="exact", cache=cache),
+        "labels, known pose": exact,
+        "labels, pose searched": Animal3DDataset(root, model),
+        "cached labels, transforms": Animal3DDataset(root, model, pose="exact", cache=cache, transform=augment),
+        "known pose, transforms": Animal3DDataset(root, model, pose="exact", transform=augment),
+    }
+
+
+def compare(root: Path, model: Path, cache: Path, workers: list[int], rounds: int) -> None:
+    """Print samples a second and ratios."""
+    compared = kinds(root, model, cache)
+    for _ in range(2):
+        seconds_an_image(compared["cached labels"], 0)  # fills the cache, then sees it
+    print(f"{'':28}" + "".join(f"{f'{n} workers':>24}" for n in workers))
+    found: dict[tuple[str, int], list[float]] = {}
+    for _ in range(rounds):
+        for count in workers:
+            for name, dataset in compared.items():
+                found.setdefault((name, count), []).append(seconds_an_image(dataset, count))
+    for name in compared:
+        cells = []
+        for count in workers:
+            times, floor = np.array(found[name, count]), np.array(found["decode only", count])
+            cells.append(f"{1 / np.median(times):10.1f} /s {np.median(times / floor):8.2f} x")
+        print(f"{name:28}" + "".join(f"{cell:>24}" for cell in cells))
+
+
+def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
+    """Print what one image costs, stage by stage, by its JPEG's decoding."""
+    exact, stored = Animal3DDataset(root, model, pose="exact"), Animal3DDataset(root, model, pose="exact", cache=cache)
+    samples = [exact.source.sample(i) for i in range(len(exact))]
+    facts = [exact.source.facts(sample) for sample in samples]
+    masks = [sample.records[0].mask for sample in samples]  # type: ignore[union-attr]
+    parts: dict[str, Callable[[int], Any]] = {
+        "JPEG": lambda i: read_photo(samples[i].records[0].image_path, "x"),  # type: ignore[arg-type]
+        "mask": lambda i: samples[i].records[0].mask,  # type: ignore[union-attr]
+        "annotation": exact.source.sample,
+        "label, known pose": lambda i: exact._rows.row(samples[i], 0, facts[i], masks[i]),
+        "label, from the cache": lambda i: stored._rows.row(samples[i], 0, facts[i], masks[i]),
+        "whole sample, cached": stored.__getitem__,
+    }
+    spent: dict[str, list[float]] = {name: [] for name in parts}
+    with one_thread():
+        for _ in range(rounds):
+            for name, part in parts.items():
+                start = time.perf_counter()
+                for i in range(len(samples)):
+                    part(i)
+                spent[name].append((time.perf_counter() - start) / len(samples))
+    print("\nstages of an image of one animal, in the main process")
+    for name, times in spent.items():
+        print(f"  {name:28} {1e3 * float(np.median(times)):7.3f} ms {np.median(np.array(times) / np.array(spent['JPEG'])):7.2f} x JPEG")
+
+
+def epoch_with_faults(folder: Path, images: int) -> None:
+    """An epoch over many small images with 5 % planted faults and two workers: it must end, and name every fault."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+    from planted_epoch import planted_epoch
+
+    start = time.perf_counter()
+    planted, report, loaded = planted_epoch(folder, images)
+    named = {case.sample_id.partition("#")[0] for case in report.of("fault")}
+    print(f"\n{images} small images, {len(planted)} spoiled: {loaded} loaded in {time.perf_counter() - start:.0f} s (written, spoiled and loaded)")
+    print(f"named {len(named & set(planted))} of {len(planted)}, {len(named - set(planted))} others")
+
+
+def main() -> None:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--images", type=int, default=64)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--workers", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--faults", type=int, default=0, help="instead: an epoch over so many small images with planted faults")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if chosen.faults:
+            epoch_with_faults(folder, chosen.faults)
+            return
+        root, model = written(folder, chosen.images)
+        compare(root, model, folder / "cache", chosen.workers, chosen.rounds)
+        stages(root, model, folder / "cache", chosen.rounds)
+
+
+if __name__ == "__main__":
+    main()
