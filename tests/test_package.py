@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-LAYERS = ["geometry", "smal", "labels", "datasets", "report", "evaluate", "cli"]
+LAYERS = ["geometry", "smal", "labels", "datasets", "report", "training", "evaluate", "cli"]
 
 
 def modules() -> list[tuple[str, Path]]:
@@ -52,6 +52,8 @@ def test_the_rule_for_imports_forbids_what_it_should() -> None:
     assert allowed("animal3dbox.labels.label", "animal3dbox.smal.model")
     assert not allowed("animal3dbox.geometry.camera", "animal3dbox.smal.model")
     assert not allowed("animal3dbox.transforms.flip", "animal3dbox.labels.types")
+    assert not allowed("animal3dbox.training.checks", "animal3dbox.labels.types")
+    assert allowed("animal3dbox.cli.check", "animal3dbox.training.checks")
     assert not allowed("animal3dbox.datasets.cache", "animal3dbox.transforms.flip")
 
 

@@ -13,6 +13,7 @@ from animal3dbox.datasets.reading import peeked
 from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.report.label_cuboids import read_label_cuboids
+from animal3dbox.report.label_files import labels_file
 
 EXIT_OK, EXIT_FAULTY = 0, 4
 FILE_NAME = "annotations.json"
@@ -59,17 +60,28 @@ def read_cuboids(path: Path, images: Path | None = None) -> CuboidSet:
         DatasetFormatError: another file.
 
     """
-    seen = peeked(path)
-    is_labels = (path / "labels.json").is_file() if path.is_dir() else seen.keys is not None and "animals" in seen.keys
-    if is_labels:
+    if is_labels(path):
         if images is not None:
             raise ConfigError("--images is for Omni3D files: image paths of labels are written as they stand")
         return read_label_cuboids(path)
-    if seen.keys is not None and {"images", "annotations"} <= seen.keys:
+    keys = peeked(path).keys
+    if keys is not None and {"images", "annotations"} <= keys:
         return read_omni3d(path, images)
     if path.is_dir():
         raise DatasetNotFoundError(f"{path} holds no labels.json; give the folder that animal3dbox label wrote, or a JSON")
     raise DatasetFormatError(f"{path} is neither labels.json nor in Omni3D's format (images, categories, annotations)")
+
+
+def is_labels(path: Path) -> bool:
+    """Whether a path is a labels.json, or a folder with one.
+
+    Raises:
+        DatasetNotFoundError: nothing there.
+        DatasetFormatError: a .json file that is none.
+
+    """
+    keys = peeked(path).keys
+    return labels_file(path).is_file() if path.is_dir() else keys is not None and "animals" in keys and "body" in keys
 
 
 def _written(cuboids: CuboidSet, job: ExportJob) -> Exported:

@@ -1,4 +1,4 @@
-"""The command line: ``animal3dbox demo``, ``label``, ``synth``, ``evaluate``, ``export`` and ``convert-model``.
+"""The command line: ``animal3dbox demo``, ``label``, ``synth``, ``evaluate``, ``export``, ``check`` and ``convert-model``.
 
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 
@@ -156,6 +156,19 @@ def export(
     return run_export(ExportJob(path, to, out, images, metres_per_unit, scale_free))
 
 
+def check(
+    path: Annotated[
+        tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH", help="labels.json, the folder that label wrote, or a JSON in Omni3D's format")
+    ],
+    images: Annotated[Path | None, tyro.conf.arg(help="folder that an Omni3D file's image paths are relative to")] = None,
+    json: Annotated[bool, tyro.conf.arg(help="print everything that is wrong as JSON")] = False,
+) -> int:
+    """Check labels: cuboids against their corners, projections, faces, boxes and cameras, as training loops do."""
+    from animal3dbox.cli.check import CheckJob, run_check
+
+    return run_check(CheckJob(path, images, json))
+
+
 def convert_model(
     source: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="IN", help="a SMAL model, .pkl or .safetensors")],
     target: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT", help="the .safetensors file to write")],
@@ -174,6 +187,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "synth": synth,
         "evaluate": evaluate,
         "export": export,
+        "check": check,
         "convert-model": convert_model,
     }
     about = "3D boxes with named faces for animals."

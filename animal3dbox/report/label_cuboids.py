@@ -7,7 +7,7 @@ import numpy as np
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.checks import check_intrinsics
-from animal3dbox.report.label_files import AnimalRow, LabelFile, read_labels_json
+from animal3dbox.report.label_files import AnimalRow, LabelFile, labels_file, read_labels_json
 
 ROTATION_TOLERANCE = 1e-6
 
@@ -23,7 +23,7 @@ def read_label_cuboids(path: Path) -> CuboidSet:
         DatasetFormatError: not of the schema.
 
     """
-    return cuboids_of_labels(read_labels_json(path / "labels.json" if path.is_dir() else path))
+    return cuboids_of_labels(read_labels_json(labels_file(path)))
 
 
 def cuboids_of_labels(labels: LabelFile) -> CuboidSet:

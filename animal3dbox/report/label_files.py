@@ -134,6 +134,11 @@ def write_labels_json(path: Path, file: LabelFile) -> None:
     write_whole(path, msgspec.json.format(data, indent=1))
 
 
+def labels_file(path: Path) -> Path:
+    """The labels.json of the folder that ``animal3dbox label`` wrote; any other path is the file itself."""
+    return path / "labels.json" if path.is_dir() else path
+
+
 def read_labels_json(path: Path) -> LabelFile:
     """Read labels.json back, checked against its schema.
 

@@ -1,54 +1,39 @@
 """``animal3dbox export``: labels and Omni3D files to every format, its refusals and exit codes."""
 
-import contextlib
-import io
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from commands import labels_of_one_animal, ran
 from cuboid_sets import random_set
 
-from animal3dbox import CuboidLabel, LabelConfig, label_animal
-from animal3dbox.cli.main import main
 from animal3dbox.datasets.exchange.kitti_reader import read_kitti
 from animal3dbox.datasets.exchange.omni3d_reader import read_omni3d
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
-from animal3dbox.datasets.synthetic import synthetic_animal
-from animal3dbox.geometry.cuboid import FACE_NAMES
+from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
 from animal3dbox.geometry.face_visibility import visible_faces
-from animal3dbox.report.label_files import AnimalRow, LabelFile, RejectedRow, animal_row, read_labels_json, write_labels_json
+from animal3dbox.report.label_files import AnimalRow, read_labels_json, write_labels_json
 
 
 @pytest.fixture(scope="module")
-def row() -> AnimalRow:
-    """A label of a synthetic animal, as ``label`` writes it."""
-    animal = synthetic_animal(seed=0, index=2)
-    label = label_animal(
-        image_hw=animal.image_hw, keypoints_2d=animal.keypoints_2d, vertices=animal.vertices, faces=animal.model.faces,
-        template=animal.model, K=animal.K, mask=animal.mask, sample_id="a.jpg",
-    )  # fmt: skip
-    assert isinstance(label, CuboidLabel)
-    return animal_row(label, "herd/a.jpg", 0, "dog")
+def written(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """labels.json with the label of a synthetic animal."""
+    return (labels_of_one_animal(tmp_path_factory.mktemp("labels")) / "labels.json").read_bytes()
 
 
 @pytest.fixture
-def labels(row: AnimalRow, tmp_path: Path) -> Path:
+def labels(written: bytes, tmp_path: Path) -> Path:
     """A folder as ``label`` writes it, with one label and one animal without."""
-    rejected = RejectedRow(sample_id="a.jpg#1", image="herd/a.jpg", animal=1, reason="no_pose", detail="none")
-    write_labels_json(tmp_path / "labels" / "labels.json", LabelFile(body="dog", config=asdict(LabelConfig()), animals=[row], rejected=[rejected]))
+    (tmp_path / "labels").mkdir()
+    (tmp_path / "labels" / "labels.json").write_bytes(written)
     return tmp_path / "labels"
 
 
-def ran(*arguments: str | Path) -> tuple[int, str]:
-    """Run a command in this process; its exit code and everything it said."""
-    said = io.StringIO()
-    with pytest.raises(SystemExit) as left, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        main([str(a) for a in arguments])
-    assert isinstance(left.value.code, int)
-    return left.value.code, said.getvalue()
+@pytest.fixture
+def row(labels: Path) -> AnimalRow:
+    return read_labels_json(labels / "labels.json").animals[0]
 
 
 def test_labels_without_scale_are_refused_with_the_remedy_and_nothing_is_written(labels: Path, tmp_path: Path) -> None:
@@ -69,7 +54,7 @@ def test_labels_become_omni3d_and_sides_keep_their_names(labels: Path, tmp_path:
     assert np.abs(back.size - 0.5 * np.array(row.size)).max() < 1e-9
     assert np.abs(back.center - 0.5 * np.array(row.center)).max() < 1e-9
     assert back.truncation == row.truncation
-    corners = back.center + (np.array(LabelFile(body="", config={}, animals=[], rejected=[]).corner_signs) * back.size / 2) @ back.rotation.T
+    corners = back.center + (np.array(CORNER_SIGNS) * back.size / 2) @ back.rotation.T
     assert [n for n, seen in zip(FACE_NAMES, visible_faces(corners, np.zeros(3)), strict=True) if seen] == [
         n for n, seen in zip(FACE_NAMES, row.face_visible, strict=True) if seen
     ]

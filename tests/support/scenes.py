@@ -72,3 +72,20 @@ def scenes(draw: st.DrawFn, anywhere: bool = False) -> tuple[dict[str, Any], tup
     K[0, 2] += draw(st.floats(-60, 60))
     K[1, 2] += draw(st.floats(-60, 60))
     return target_of(Cuboid(center, rotation, size), K, image_hw), image_hw
+
+
+def training_target(count: int, image_hw: tuple[int, int], seed: int, *, masks: bool = False, dtype: torch.dtype = torch.float32) -> dict[str, Any]:
+    """A scene as a Dataset gives it: float32, boxes clipped to the frame, keypoints outside it not marked, masks inside the boxes."""
+    target = scene(count, image_hw, seed)
+    height, width = image_hw
+    x, y, v = target["keypoints"].unbind(-1)
+    inside = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
+    target["keypoints"] = torch.stack((x, y, v * inside), dim=-1)
+    low, high = torch.tensor([-0.5] * 4, dtype=F64), torch.tensor([width - 0.5, height - 0.5] * 2, dtype=F64)
+    target["boxes"] = target["boxes"].clamp(low, high)
+    target["image_id"] = f"scene{seed}.jpg"
+    if masks:
+        rows, columns = torch.arange(height)[:, None], torch.arange(width)[None]
+        x1, y1, x2, y2 = (edge[:, None, None] for edge in target["boxes"].unbind(-1))
+        target["masks"] = ((columns >= x1) & (columns <= x2) & (rows >= y1) & (rows <= y2)).to(torch.uint8)
+    return {k: t.to(dtype) if isinstance(t, Tensor) and t.is_floating_point() else t for k, t in target.items()}

@@ -1,0 +1,116 @@
+"""``animal3dbox check``: the sanity checks of training loops over labels or cuboids on disk."""
+
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from animal3dbox.cli.export import is_labels, read_cuboids
+from animal3dbox.errors import SampleError
+from animal3dbox.report.label_files import labels_file, read_labels_json
+from animal3dbox.report.label_targets import target_of_record, target_of_row
+from animal3dbox.training.check_targets import examined
+from animal3dbox.training.findings import WARNINGS
+
+EXIT_OK, EXIT_FAULTY = 0, 4
+AT_ONCE = 256
+SHOWN = 20
+READING = "reading"
+"""The check that a file's elements fail that cannot be read."""
+
+
+@dataclass(frozen=True)
+class CheckJob:
+    """What ``check`` was asked to do; the fields are its options."""
+
+    path: Path
+    images: Path | None
+    json: bool
+
+
+class CheckedFault(msgspec.Struct, kw_only=True):
+    """One thing that is wrong."""
+
+    check: str
+    sample_id: str | None
+    field: str
+    problem: str
+
+
+class CheckReport(msgspec.Struct, kw_only=True):
+    """What ``check --json`` prints."""
+
+    source: str
+    animals: int
+    counts: dict[str, int]
+    warnings: dict[str, int]
+    faults: list[CheckedFault]
+    notes: list[str]
+
+
+def run_check(job: CheckJob) -> int:
+    """Check labels or cuboids, and say what is wrong; returns the exit code."""
+    report = checked(job.path, job.images)
+    if job.json:
+        sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
+    else:
+        print(f"{report.animals} animals in {report.source}: {len(report.faults)} faults")
+        for check, count in report.counts.items():
+            print(f"  {count} x {check}")
+        for check, count in report.warnings.items():
+            print(f"  warning: {count} x {check}")
+        for fault in report.faults[:SHOWN]:
+            print(f"  {fault.sample_id}: {fault.field}: {fault.problem}")
+        if len(report.faults) > SHOWN:
+            print(f"  and {len(report.faults) - SHOWN} more: --json has all")
+        for note in report.notes:
+            print(note, file=sys.stderr)
+    return EXIT_FAULTY if report.faults else EXIT_OK
+
+
+def checked(path: Path, images: Path | None = None) -> CheckReport:
+    """What is wrong with a labels.json, the folder that ``label`` wrote, or a JSON in Omni3D's format.
+
+    Raises:
+        DatasetNotFoundError: nothing there.
+        DatasetFormatError: not readable as a whole.
+
+    """
+    faults: list[CheckedFault] = []
+    targets: list[dict[str, Any]] = []
+    sizes: list[tuple[int, int]] = []
+    notes: tuple[str, ...] = ()
+    if is_labels(path):
+        for row in read_labels_json(labels_file(path)).animals:
+            try:
+                targets.append(target_of_row(row))
+                sizes.append(row.image_hw)
+            except SampleError as error:
+                faults.append(CheckedFault(check=READING, sample_id=error.sample_id, field=error.field, problem=error.problem))
+    else:
+        cuboids = read_cuboids(path, images)
+        notes = cuboids.notes
+        targets, sizes = [target_of_record(record) for record in cuboids.records], [record.image_hw for record in cuboids.records]
+        faults = [CheckedFault(check=READING, sample_id=f.sample_id, field=f.field, problem=f.problem) for f in cuboids.faults]
+    found = _examined(targets, sizes)
+    faults += [fault for fault in found if fault.check not in WARNINGS]
+    warnings = Counter(fault.check for fault in found if fault.check in WARNINGS)
+    counts = Counter(fault.check for fault in faults)
+    animals = len(targets) + counts[READING]
+    return CheckReport(source=str(path), animals=animals, counts=counts, warnings=warnings, faults=faults, notes=list(notes))
+
+
+def _examined(targets: Sequence[dict[str, Any]], sizes: Sequence[tuple[int, int]]) -> list[CheckedFault]:
+    """The findings in targets of one animal each, under their samples' own names."""
+    found = []
+    for start in range(0, len(targets), AT_ONCE):
+        some = targets[start : start + AT_ONCE]
+        findings, _ = examined(some, sizes[start : start + AT_ONCE], start)
+        for finding in findings:
+            name = some[finding.target]["image_id"]
+            found.append(CheckedFault(check=finding.check, sample_id=name, field=finding.field, problem=finding.problem))
+    return found

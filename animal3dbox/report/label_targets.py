@@ -1,0 +1,60 @@
+"""Labels and records of cuboids as targets of one animal each, in float64, for the checks of training."""
+
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.datasets.records import CuboidRecord
+from animal3dbox.errors import SampleError
+from animal3dbox.report.label_files import AnimalRow
+
+FLOATS = ("corners_3d", "center", "rotation", "size", "face_area", "face_share", "face_share_in_image", "surface_share", "R", "t")
+
+
+def target_of_row(row: AnimalRow) -> dict[str, Any]:
+    """The target of one label; its box clipped to the frame, as a Dataset gives it.
+
+    Raises:
+        SampleError: a field has rows of different lengths.
+
+    """
+    target: dict[str, Any] = {"image_id": row.sample_id, "K": _tensor(row, "K", row.K)}
+    for name in FLOATS:
+        value = getattr(row, name)
+        if value is not None:
+            target[name] = _tensor(row, name, value)[None]
+    target["corners_2d"] = _tensor(row, "corners_2d", [[0.0, 0.0] if px is None else px for px in row.corners_2d])[None]
+    target["corner_in_front"] = torch.tensor([[px is not None for px in row.corners_2d]])
+    target["face_visible"] = torch.tensor([row.face_visible])
+    target["behind_camera"] = torch.tensor([row.behind_camera])
+    target["truncation"] = torch.tensor([row.truncation], dtype=torch.float64)
+    box = _tensor(row, "box", row.box)
+    target["boxes"] = _clipped(box, row.image_hw)[None] if box.shape == (4,) else box[None]
+    return target
+
+
+def target_of_record(record: CuboidRecord) -> dict[str, Any]:
+    """The target of one box as a dataset states it."""
+    target: dict[str, Any] = {"image_id": record.sample_id, "K": torch.from_numpy(np.ascontiguousarray(record.K))}
+    for name, value in (("center", record.center), ("rotation", record.rotation), ("size", record.size)):
+        target[name] = torch.from_numpy(np.ascontiguousarray(value))[None]
+    if record.truncation is not None:
+        target["truncation"] = torch.tensor([record.truncation], dtype=torch.float64)
+    if record.box is not None:
+        target["boxes"] = _clipped(torch.from_numpy(record.box), record.image_hw)[None]
+    return target
+
+
+def _tensor(row: AnimalRow, name: str, value: object) -> Tensor:
+    try:
+        return torch.tensor(value, dtype=torch.float64)
+    except ValueError as error:
+        raise SampleError(row.sample_id, name, "has rows of different lengths") from error
+
+
+def _clipped(box: Tensor, image_hw: tuple[int, int]) -> Tensor:
+    height, width = image_hw
+    last = torch.tensor([width - 0.5, height - 0.5] * 2, dtype=torch.float64)
+    return torch.minimum(torch.maximum(box.double(), torch.full_like(last, -0.5)), last)

@@ -1,0 +1,126 @@
+"""Checks of cuboids against their own parameters, and of their projections against the camera."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import CORNER_SIGNS
+from animal3dbox.geometry.face_visibility import NEAR_PER_DIAGONAL
+from animal3dbox.training.findings import Finding
+from animal3dbox.training.packed import Floats, Packed
+from animal3dbox.training.places import animal_findings
+
+HALF_SIGNS = np.array(CORNER_SIGNS, dtype=np.float64) / 2
+LENGTH_TOLERANCE = 1e-5
+"""Of a box's largest coordinate: float32 rounds by 6e-8 of it, some operations by ten times that."""
+PIXEL_TOLERANCE = (0.02, 2e-5)
+"""Pixels, and part of the pixel coordinate: float32 rounds depth and focal length, which matters far from the centre."""
+
+
+def cuboid_findings(packed: Packed) -> Iterator[Finding]:
+    """What is wrong with size, corners_3d, corners_2d, corner_in_front and behind_camera."""
+    floats = packed.floats
+    if "size" in floats and (floats["size"] <= 0).any():
+        yield from animal_findings(
+            packed, (floats["size"] <= 0).any(1), "size", "size", lambda n: f"must be positive, got {floats['size'][n].tolist()}"
+        )
+    if "corners_3d" in floats:
+        yield from _corners(packed, floats["corners_3d"])
+    corners = corners_of(packed)
+    if corners is None:
+        return
+    yield from _in_front(packed, corners)
+    if "corners_2d" in floats and packed.K is not None:
+        yield from _projections(packed, projected(packed, packed.K, corners), corners[..., 2])
+
+
+def corners_of(packed: Packed) -> Floats | None:
+    """Corners (N, 8, 3) in the camera frame; None if nothing says where the boxes are."""
+    if "corners_3d" in packed.floats:
+        return packed.floats["corners_3d"]
+    if not packed.has_box:
+        return None
+    floats = packed.floats
+    return floats["center"][:, None] + (HALF_SIGNS * floats["size"][:, None]) @ floats["rotation"].swapaxes(1, 2)
+
+
+def _corners(packed: Packed, corners: Floats) -> Iterator[Finding]:
+    """Corners that are not those of center, rotation and size; without these, not those of any box in the documented order."""
+    if packed.has_box:
+        center, edges = packed.floats["center"], packed.floats["size"][:, :, None] * packed.floats["rotation"].swapaxes(1, 2)
+        source = "center, rotation and size"
+    else:
+        center = corners.mean(1)
+        edges = corners[:, [1, 3, 4]] - corners[:, :1]  # rows along forward, left, up
+        source = "a box on the edges 0-1, 0-3, 0-4"
+    expected = center[:, None] + HALF_SIGNS @ edges
+    off = np.abs(corners - expected).max((1, 2))
+    wrong = off > LENGTH_TOLERANCE * packed.reach
+    if wrong.any():
+        same = np.linalg.norm(corners[:, :, None] - expected[:, None], axis=-1).min(2).max(1) <= 1e-3 * packed.diagonal
+        order = "the points are right, but not in the order of CORNER_SIGNS: left and right, or other ends, were exchanged"
+        moved = "were the box and its corners transformed alike, in the camera's frame?"
+        for check, which, hint in (("corner_order", wrong & same, order), ("corners_3d", wrong & ~same, moved)):
+            problems = [f"differ by {value:.3g} from {source}: {hint}" for value in off]
+            yield from animal_findings(packed, which, check, "corners_3d", problems.__getitem__)
+    if not packed.has_box:
+        mirrored = (np.linalg.det(edges) < 0) & ~wrong
+        problem = "are those of a mirrored box: left and right were exchanged"
+        yield from animal_findings(packed, mirrored, "corner_order", "corners_3d", lambda _: problem)
+
+
+def _in_front(packed: Packed, corners: Floats) -> Iterator[Finding]:
+    said, behind = packed.others.get("corner_in_front"), packed.others.get("behind_camera")
+    if said is None and behind is None:
+        return
+    beyond = corners[..., 2] - NEAR_PER_DIAGONAL * packed.diagonal[:, None]
+    clear = np.abs(beyond) > LENGTH_TOLERANCE * packed.reach[:, None]
+    if said is not None:
+        wrong = np.asarray(((beyond > 0) != said) & clear, dtype=np.bool_)
+        if wrong.any():
+            yield from animal_findings(
+                packed,
+                wrong.any(1),
+                "corner_in_front",
+                "corner_in_front",
+                lambda n: f"is wrong for corners {np.flatnonzero(wrong[n]).tolist()}: in front means a depth over 1 % of the diagonal",
+            )
+    if behind is not None:
+        expected = np.asarray(~(beyond > 0).all(1) if said is None else ~said.all(1))
+        wrong_flag = (behind != expected) & (clear.all(1) | (said is not None))
+        if wrong_flag.any():
+            yield from animal_findings(
+                packed, wrong_flag, "behind_camera", "behind_camera", lambda n: f"is {bool(behind[n])}, but the corners say {bool(expected[n])}"
+            )
+
+
+def _projections(packed: Packed, px: Floats, depth: Floats) -> Iterator[Finding]:
+    off = np.abs(px - packed.floats["corners_2d"])
+    allowed = PIXEL_TOLERANCE[0] + PIXEL_TOLERANCE[1] * np.abs(px)
+    bad = (off > allowed).any(2)
+    if not bad.any():
+        return
+    bad &= depth > (NEAR_PER_DIAGONAL + LENGTH_TOLERANCE) * packed.diagonal[:, None]
+    bad &= packed.others.get("corner_in_front", True)
+    yield from animal_findings(
+        packed,
+        bad.any(1),
+        "projection",
+        "corners_2d",
+        lambda n: (
+            f"differ by {(off[n] * bad[n][:, None]).max():.3g} px from the projection of the cuboid: K is not the camera of this picture any more"
+        ),
+    )
+
+
+def projected(packed: Packed, K: Floats, corners: Floats) -> Floats:
+    """Corners (N, 8, 2) as cameras K (N, 3, 3) see them, through their lenses."""
+    if "distortion" not in packed.targets[0]:
+        return project(K, corners)[0]
+    px = np.zeros((packed.count, 8, 2))
+    for b, target in enumerate(packed.targets):
+        mine = packed.owner == b
+        lens = np.asarray(target["distortion"], dtype=np.float64) if "distortion" in target else None
+        px[mine] = project(packed.per_image["K"][b], corners[mine], lens)[0]
+    return px

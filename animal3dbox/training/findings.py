@@ -1,0 +1,118 @@
+"""What checks of targets find, and the report that counts it."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from animal3dbox.errors import SampleError
+
+CHECKS = {
+    "dtype": "a field has another type than targets have",
+    "shape": "a field has another shape",
+    "count": "fields of one target disagree on the number of animals",
+    "batch": "a field differs between the targets, so that they are no batch",
+    "finite": "NaN or infinite values",
+    "K": "K is not upper triangular with positive focal lengths and K[2, 2] = 1",
+    "orthogonal": "rotation or R is no rotation",
+    "handedness": "rotation or R has determinant -1",
+    "H_out_in": "H_out_in is not invertible",
+    "mirrored": "mirrored contradicts H_out_in",
+    "size": "size is not positive",
+    "corners_3d": "corners are not those of center, rotation and size",
+    "corner_order": "they are, in another order: a mirror, or another library's order",
+    "projection": "corners_2d are not the projection of the cuboid by K and its lens",
+    "corner_in_front": "a corner is said to be in front, or not, against its depth",
+    "behind_camera": "behind_camera contradicts corner_in_front, or the depths",
+    "opposite_faces": "two opposite faces are both visible",
+    "face_visible": "a face is said to be visible, or not, against where the camera stands",
+    "hidden_area": "a hidden face has an area, or an area is negative",
+    "face_area": "areas are not those of the projected faces; together they fill the outline",
+    "share_of_area": "face_share is not face_area over its sum",
+    "shares": "shares are negative, of hidden faces, or do not add to 1 or 0",
+    "boxes": "a box has no area, or its corners are exchanged",
+    "boxes_in_frame": "a box leaves the frame",
+    "boxes_on_cuboid": "a box does not touch the projected cuboid",
+    "truncation": "truncation is not in 0 to 1, or not what the frame cuts off",
+    "share_in_image": "face_share_in_image is not that of the parts in the frame",
+    "labels": "a label is negative",
+    "keypoints": "a keypoint outside the frame is marked, or a visibility negative",
+    "masks": "a mask is not 0 and 1, of another size than the image, or leaves its box",
+}
+"""Every check, by the name under which a report counts it."""
+
+WARNINGS = {"principal_point": "the principal point of an image that was not augmented lies outside it"}
+"""Checks whose failure is unusual and no fault: they are counted, never raised."""
+
+EXAMPLES = 3
+"""First faults of each check that a report keeps."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One check that failed on one target.
+
+    Attributes:
+        check: its name, one of CHECKS or WARNINGS.
+        target: which target of the batch.
+        animal: which of its animals; None for what concerns the image.
+        field: the field that is wrong.
+        problem: what is wrong and what to do.
+    """
+
+    check: str
+    target: int
+    animal: int | None
+    field: str
+    problem: str
+
+
+@dataclass(frozen=True)
+class TargetReport:
+    """Counts over any number of batches; can be pickled, sent between processes and added.
+
+    Attributes:
+        targets: targets that were looked at.
+        animals: animals in them.
+        counts: how many targets or animals failed each check; only those above 0.
+        warnings: likewise what is unusual, and no fault.
+        examples: the first faults of each check, as errors that name sample and field.
+    """
+
+    targets: int = 0
+    animals: int = 0
+    counts: Counter[str] = field(default_factory=Counter)
+    warnings: Counter[str] = field(default_factory=Counter)
+    examples: tuple[tuple[str, SampleError], ...] = ()
+
+    @property
+    def faults(self) -> int:
+        """How many faults there are in all."""
+        return self.counts.total()
+
+    def __add__(self, other: "TargetReport") -> "TargetReport":
+        """The report of both."""
+        return TargetReport(
+            self.targets + other.targets,
+            self.animals + other.animals,
+            self.counts + other.counts,
+            self.warnings + other.warnings,
+            first_examples((*self.examples, *other.examples)),
+        )
+
+    def __str__(self) -> str:
+        lines = [f"{self.targets} targets, {self.animals} animals: {self.faults} faults"]
+        lines += [f"  {count} x {check}" for check, count in self.counts.most_common()]
+        lines += [f"  warning: {count} x {check}" for check, count in self.warnings.most_common()]
+        lines += [f"  {check}: {error}" for check, error in self.examples]
+        return "\n".join(lines)
+
+
+def first_examples(examples: Iterable[tuple[str, SampleError]]) -> tuple[tuple[str, SampleError], ...]:
+    """At most EXAMPLES of each check."""
+    seen: Counter[str] = Counter()
+    kept = []
+    for check, error in examples:
+        seen[check] += 1
+        if seen[check] <= EXAMPLES:
+            kept.append((check, error))
+    return tuple(kept)

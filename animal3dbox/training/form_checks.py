@@ -1,0 +1,78 @@
+"""Types, shapes and counts of one target's fields: slow and thorough, for the targets that could not be packed."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.training.findings import Finding
+from animal3dbox.training.packed import FORMS, FREE, KNOWN, PER_IMAGE, SHARED, Target
+
+KINDS = {"masks": (torch.uint8, torch.bool), "keypoints": (torch.float32, torch.float64)}
+
+
+def form_findings(targets: Sequence[Target], index: Sequence[int]) -> list[Finding]:
+    """What keeps targets from being one array: in each by itself, else between them."""
+    found = [finding for target, number in zip(targets, index, strict=True) for finding in target_form(target, number)]
+    return found or list(_unlike(targets, index))
+
+
+def target_form(target: Target, number: int) -> Iterator[Finding]:
+    """Types, shapes and counts of the fields of one target."""
+    counts: dict[str, int] = {}
+    for name, value in target.items():
+        if name not in KNOWN:
+            continue
+        if name == "quality":
+            counts[name] = len(value)
+            continue
+        if not isinstance(value, Tensor | np.ndarray):
+            yield Finding("dtype", number, None, name, f"must be a tensor, got {type(value).__name__}")
+            continue
+        shared = name in PER_IMAGE or (name in SHARED and value.ndim == len(SHARED[name]))
+        wrong = _wrong_shape(name, value, shared=shared)
+        if wrong is not None:
+            yield Finding("shape", number, None, name, wrong)
+        elif not shared:
+            counts[name] = int(value.shape[0])
+        kinds = KINDS.get(name) or FORMS[name][1]
+        if value.dtype not in kinds and _kind(value) not in map(_kind, kinds):
+            yield Finding("dtype", number, None, name, f"must be {' or '.join(map(_kind, kinds))}, got {_kind(value)}")
+    if len(set(counts.values())) > 1:
+        usual = max(counts.values(), key=list(counts.values()).count)
+        name = next(name for name, count in counts.items() if count != usual)
+        yield Finding("count", number, None, name, f"has {counts[name]} entries, but other fields are of {usual} animals: {counts}")
+
+
+def _wrong_shape(name: str, value: Tensor | np.ndarray, *, shared: bool) -> str | None:
+    shape = tuple(value.shape)
+    if name in FREE:
+        last_is_wrong = name == "keypoints" and len(shape) == 3 and shape[2] != 3
+        return None if len(shape) == 1 + FREE[name] and not last_is_wrong else f"must have {1 + FREE[name]} dimensions (N, ...), got shape {shape}"
+    entry, _ = FORMS[name]
+    if shared:
+        return None if shape == entry else f"must have shape {entry}, got {shape}"
+    return None if len(shape) > 0 and shape[1:] == entry else f"must have shape (N, {', '.join(map(str, entry))}), got {shape}"
+
+
+def _kind(value: Any) -> str:
+    return str(getattr(value, "dtype", value)).removeprefix("torch.")
+
+
+def _unlike(targets: Sequence[Target], index: Sequence[int]) -> Iterator[Finding]:
+    """Fields that are right in each target and do not fit together: another number of keypoints, another device or library."""
+    for name, value in targets[0].items():
+        if name not in KNOWN or name in ("masks", "quality"):
+            continue
+        for target, number in zip(targets[1:], index[1:], strict=True):
+            first, other = (_likeness(name, v) for v in (value, target[name]))
+            if first != other:
+                yield Finding("batch", number, None, name, f"is {other}, but {first} in the first target of the batch: they cannot be one batch")
+
+
+def _likeness(name: str, value: Any) -> str:
+    where = f"a tensor on {value.device}" if isinstance(value, torch.Tensor) else "an array"
+    of_keypoints = f" of {value.shape[1]} keypoints" if name == "keypoints" else ""
+    return f"{where} of {value.ndim} dimensions{of_keypoints}"

@@ -1,0 +1,79 @@
+"""``animal3dbox check``: what is wrong with labels and cuboids on disk, by the checks of training loops."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import labels_of_one_animal, ran
+from cuboid_sets import random_set
+
+from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
+
+Content = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Content:
+    """The content of a labels.json with one label."""
+    folder = labels_of_one_animal(tmp_path_factory.mktemp("good"))
+    content: Content = json.loads((folder / "labels.json").read_text())
+    return content
+
+
+def checked(tmp_path: Path, content: Content, *options: str) -> tuple[int, str]:
+    (tmp_path / "labels.json").write_text(json.dumps(content))
+    return ran("check", tmp_path, *options)
+
+
+def test_good_labels_pass(tmp_path: Path, good: Content) -> None:
+    code, said = checked(tmp_path, good)
+    assert (code, said.splitlines()[0]) == (0, f"1 animals in {tmp_path}: 0 faults")
+
+
+SPOILT: dict[str, tuple[Callable[[Content], None], str, str]] = {
+    "mirrored corners": (lambda a: a.update(corners_3d=[a["corners_3d"][k] for k in (3, 2, 1, 0, 7, 6, 5, 4)]), "corner_order", "corners_3d"),
+    "another K": (lambda a: a["K"][0].__setitem__(0, a["K"][0][0] * 1.5), "projection", "corners_2d"),
+    "opposite faces": (lambda a: a.update(face_visible=[True] * 6), "opposite_faces", "face_visible"),
+    "shares": (lambda a: a.update(face_share=[0.5] * 6), "shares", "face_share"),
+    "truncation": (lambda a: a.update(truncation=0.5), "truncation", "truncation"),
+    "box turned": (lambda a: a.update(box=[a["box"][k] for k in (2, 3, 0, 1)]), "boxes", "boxes"),
+    "seven corners": (lambda a: a["corners_3d"].pop(), "shape", "corners_3d"),
+    "ragged": (lambda a: a["rotation"][0].pop(), "reading", "rotation"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT)
+def test_spoilt_labels_are_named_with_their_check(tmp_path: Path, good: Content, case: str) -> None:
+    spoil, check, field = SPOILT[case]
+    content = json.loads(json.dumps(good))
+    spoil(content["animals"][0])
+    code, said = checked(tmp_path, content, "--json")
+    assert code == 4
+    report = json.loads(said)
+    assert any(f["check"] == check and f["field"] == field and f["sample_id"] == "a.jpg" for f in report["faults"]), report["faults"]
+    code, said = checked(tmp_path, content)
+    assert code == 4
+    assert f" x {check}" in said
+    assert f"a.jpg: {field}: " in said
+
+
+def test_an_omni3d_file_is_checked_too(tmp_path: Path) -> None:
+    write_omni3d(random_set(in_view=True), tmp_path / "a.json")
+    assert ran("check", tmp_path / "a.json")[0] == 0
+    content = json.loads((tmp_path / "a.json").read_text())
+    content["annotations"][0]["center_cam"][0] += 1
+    content["annotations"][1]["bbox2D_tight"] = [-50.0, -40.0, -30.0, -20.0]
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    code, said = ran("check", tmp_path / "a.json", "--json")
+    assert code == 4
+    report = json.loads(said[said.index("{") :])
+    assert report["animals"] == 10
+    assert {(f["check"], f["sample_id"]) for f in report["faults"]} == {("reading", "images/0.jpg"), ("boxes", "images/0.jpg#1")}
+
+
+def test_nothing_to_check_is_an_input_error(tmp_path: Path) -> None:
+    assert ran("check", tmp_path / "none.json")[0] == 3
+    (tmp_path / "other.json").write_text("[]")
+    assert ran("check", tmp_path / "other.json")[0] == 3

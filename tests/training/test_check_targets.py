@@ -1,0 +1,269 @@
+"""Sanity checks of targets: what is right raises nothing, and each check catches the fault that was planted for it."""
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from scenes import scenes, training_target
+from torch import Tensor
+
+from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES
+from animal3dbox.training.check_targets import check_targets
+from animal3dbox.training.findings import CHECKS, EXAMPLES, WARNINGS, TargetReport
+from animal3dbox.transforms import Compose, RandomHorizontalFlip, RandomResizedCrop, RandomVirtualCamera
+
+HW = (240, 320)
+Batch = list[dict[str, Any]]
+
+
+def good_batch(animals: int = 2, size: int = 4, masks: bool = True, seed: int = 0) -> Batch:
+    return [training_target(animals, HW, seed + n, masks=masks) for n in range(size)]
+
+
+def images_of(batch: Batch) -> Tensor:
+    return torch.zeros(len(batch), 3, *HW)
+
+
+@pytest.mark.parametrize("animals", [0, 1, 3])
+@pytest.mark.parametrize("masks", [False, True])
+def test_good_targets_raise_nothing(animals: int, masks: bool) -> None:
+    batch = good_batch(animals, 5, masks)
+    for step in range(6):
+        report = check_targets((images_of(batch), batch), step=step)
+        assert (report.faults, report.targets, report.animals) == (0, 5, 5 * animals)
+    assert check_targets([]).targets == 0
+
+
+@settings(max_examples=150, deadline=None)
+@given(scenes())
+def test_random_scenes_in_float32_raise_nothing(made: tuple[dict[str, Any], tuple[int, int]]) -> None:
+    target, image_hw = made
+    target = {k: v.float() if isinstance(v, Tensor) and v.is_floating_point() else v for k, v in target.items() if k not in ("boxes", "keypoints")}
+    check_targets([target], [torch.zeros(3, *image_hw)])
+
+
+@settings(max_examples=150, deadline=None)
+@given(scenes(anywhere=True))
+def test_random_scenes_round_the_camera_raise_nothing(made: tuple[dict[str, Any], tuple[int, int]]) -> None:
+    target, image_hw = made
+    target = {k: v.float() if isinstance(v, Tensor) and v.is_floating_point() else v for k, v in target.items() if k not in ("boxes", "keypoints")}
+    check_targets([target], [torch.zeros(3, *image_hw)])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_transformed_targets_raise_nothing(seed: int) -> None:
+    augment = Compose([RandomHorizontalFlip(), RandomVirtualCamera(3, 3, 8), RandomResizedCrop((200, 260), scale=(0.6, 1.0))], seed=seed)
+    pairs = [augment(torch.zeros(3, *HW, dtype=torch.uint8), target, key=(0, n)) for n, target in enumerate(good_batch(size=6, seed=10 * seed))]
+    report = check_targets(([image for image, _ in pairs], [target for _, target in pairs]))
+    assert report.faults == 0
+    assert any(target["mirrored"] for _, target in pairs)
+
+
+def put(field: str, change: Callable[[Tensor], Any]) -> Callable[[Batch], None]:
+    """A fault in one field of the third target, which keeps its type."""
+
+    def plant(batch: Batch) -> None:
+        batch[2][field] = change(batch[2][field].clone())
+
+    return plant
+
+
+def at(index: Any, value: Any) -> Callable[[Tensor], Tensor]:
+    """Another value at one place."""
+
+    def change(tensor: Tensor) -> Tensor:
+        tensor[index] = value
+        return tensor
+
+    return change
+
+
+def flipped_by_another_library(batch: Batch) -> None:
+    """A flip as a library of 2D and 3D points makes it: all coordinates are mirrored, no name is changed."""
+    target, mirror = batch[2], torch.tensor([-1.0, 1, 1])
+    target["K"] = target["K"].clone()
+    target["K"][0, 2] = HW[1] - 1 - target["K"][0, 2]
+    target["corners_2d"] = torch.stack((HW[1] - 1 - target["corners_2d"][..., 0], target["corners_2d"][..., 1]), dim=-1)
+    for name in ("corners_3d", "center"):
+        target[name] = target[name] * mirror
+    target["rotation"] = torch.diag(mirror) @ target["rotation"]
+
+
+FAULTS: dict[str, tuple[Callable[[Batch], None], str, str]] = {
+    "labels of another type": (put("labels", lambda v: v.int()), "dtype", "labels"),
+    "half precision": (put("center", lambda v: v.half()), "dtype", "center"),
+    "flags as floats": (put("corner_in_front", lambda v: v.float()), "dtype", "corner_in_front"),
+    "a list": (put("boxes", lambda v: v.tolist()), "dtype", "boxes"),
+    "one box without its dimension": (put("size", lambda v: v[0]), "shape", "size"),
+    "boxes of five numbers": (put("boxes", lambda v: torch.cat((v, v[:, :1]), 1)), "shape", "boxes"),
+    "labels of three animals": (put("labels", lambda v: torch.cat((v, v[:1]))), "count", "labels"),
+    "NaN": (put("center", at((1, 0), float("nan"))), "finite", "center"),
+    "infinite keypoint": (put("keypoints", at((1, 0, 0), float("inf"))), "finite", "keypoints"),
+    "NaN in K": (put("K", at((0, 0), float("nan"))), "finite", "K"),
+    "K transposed": (put("K", lambda v: v.T.contiguous()), "K", "K"),
+    "negative focal": (put("K", at((1, 1), -300.0)), "K", "K"),
+    "K not scaled": (put("K", at((2, 2), 2.0)), "K", "K"),
+    "K of another size": (put("K", lambda v: torch.diag(torch.tensor([0.5, 0.5, 1.0])) @ v), "projection", "corners_2d"),
+    "rotation sheared": (put("rotation", at((1, 0, 0), 1.5)), "orthogonal", "rotation"),
+    "R a reflection": (put("R", lambda v: v * torch.tensor([-1.0, 1, 1])), "handedness", "R"),
+    "rotation mirrored": (put("rotation", lambda v: v * torch.tensor([1.0, -1, 1])), "handedness", "rotation"),
+    "size zero": (put("size", at((1, 2), 0.0)), "size", "size"),
+    "corners in mirrored order": (put("corners_3d", lambda v: v[:, list(MIRRORED_CORNERS)]), "corner_order", "corners_3d"),
+    "corners in Cartesian order": (put("corners_3d", lambda v: v[:, [0, 4, 3, 7, 1, 5, 2, 6]]), "corner_order", "corners_3d"),
+    "corners of another frame": (put("corners_3d", lambda v: v + 0.01), "corners_3d", "corners_3d"),
+    "size halved": (put("size", lambda v: v / 2), "corners_3d", "corners_3d"),
+    "2D moved by 0.1 px": (put("corners_2d", lambda v: v + 0.1), "projection", "corners_2d"),
+    "in front flag": (put("corner_in_front", at((1, 3), False)), "corner_in_front", "corner_in_front"),
+    "behind flag": (put("behind_camera", at(1, True)), "behind_camera", "behind_camera"),
+    "both opposite faces": (put("face_visible", lambda v: v | v[:, [1, 0, 3, 2, 5, 4]]), "opposite_faces", "face_visible"),
+    "left and right of faces swapped": (put("face_visible", lambda v: v[:, list(MIRRORED_FACES)]), "face_visible", "face_visible"),
+    "areas halved": (put("face_area", lambda v: v / 2), "face_area", "face_area"),
+    "area of a hidden face": (put("face_area", lambda v: v + 50.0), "hidden_area", "face_area"),
+    "shares of another box": (put("face_share", lambda v: v.flip(0)), "share_of_area", "face_share"),
+    "shares not normalised": (put("face_share", lambda v: v * 0.9), "shares", "face_share"),
+    "negative share": (put("surface_share", at((1, 0), -0.2)), "shares", "surface_share"),
+    "in-image shares of another box": (put("face_share_in_image", lambda v: v.flip(1)), "shares", "face_share_in_image"),
+    "box turned round": (put("boxes", lambda v: v[:, [2, 1, 0, 3]]), "boxes", "boxes"),
+    "box outside": (put("boxes", lambda v: v + 300.0), "boxes_in_frame", "boxes"),
+    "box of another animal": (put("boxes", lambda v: torch.tensor([[0.0, 0, 3, 3]] * 2)), "boxes_on_cuboid", "boxes"),
+    "truncation out of range": (put("truncation", at(1, -0.25)), "truncation", "truncation"),
+    "truncation not of this crop": (put("truncation", lambda v: (v + 0.3).clamp(0, 1)), "truncation", "truncation"),
+    "label -1": (put("labels", at(1, -1)), "labels", "labels"),
+    "keypoints marked outside": (put("keypoints", at((1, 0), torch.tensor([900.0, 5, 1]))), "keypoints", "keypoints"),
+    "negative visibility": (put("keypoints", at((1, 0, 2), -1.0)), "keypoints", "keypoints"),
+    "mask of 255": (put("masks", lambda v: v * 255), "masks", "masks"),
+    "mask flipped": (put("masks", lambda v: v.flip(-2)), "masks", "masks"),
+    "mask of another size": (put("masks", lambda v: v[:, ::2, ::2].contiguous()), "masks", "masks"),
+    "flipped by another library": (flipped_by_another_library, "handedness", "rotation"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_each_check_catches_its_planted_fault(fault: str) -> None:
+    plant, check, field = FAULTS[fault]
+    batch = good_batch(seed=3)
+    plant(batch)
+    reports = [check_targets(batch, images_of(batch), on_fault="count", step=step) for step in range(16)]  # masks are looked at in turns
+    report = sum(reports, TargetReport())
+    assert report.counts[check] > 0, str(report)
+    assert any(name == check and error.field == field for name, error in report.examples), str(report)
+    assert all(error.sample_id is not None and error.sample_id.startswith("scene5.jpg") for _, error in report.examples), str(report)
+    step = next(step for step in range(16) if check_targets(batch, images_of(batch), on_fault="count", step=step).faults)
+    with pytest.raises(SampleError, match=r"^scene5\.jpg"):
+        check_targets(batch, images_of(batch), step=step)
+
+
+def test_every_check_has_a_planted_fault_and_its_line_in_the_documents() -> None:
+    elsewhere = {"batch", "mirrored", "H_out_in", "share_in_image"}  # below
+    assert {check for _, check, _ in FAULTS.values()} | elsewhere == set(CHECKS)
+    page = (Path(__file__).parents[2] / "docs" / "checks.md").read_text()
+    assert [name for name, meaning in {**CHECKS, **WARNINGS}.items() if f"| `{name}` | {meaning} |" not in page] == []
+
+
+def test_a_stale_crop_is_caught_by_what_the_frame_cuts() -> None:
+    batch = good_batch(masks=False)
+    report = check_targets(batch, [torch.zeros(3, 120, 160) for _ in batch], on_fault="count")
+    assert {"truncation", "share_in_image", "boxes_in_frame", "keypoints"} <= set(report.counts)
+    padded = torch.zeros(4, 3, 400, 400)
+    assert check_targets((padded, batch), [HW] * 4).faults == 0
+
+
+def test_an_error_names_image_animal_field_and_remedy() -> None:
+    batch = good_batch()
+    batch[1]["face_visible"] = batch[1]["face_visible"][:, list(MIRRORED_FACES)]
+    with pytest.raises(SampleError, match=r"^scene1\.jpg#\d: face_visible: is wrong for left, right.*exchange left and right"):
+        check_targets(batch)
+
+
+def test_a_mirror_flag_that_contradicts_the_map_is_caught() -> None:
+    batch = good_batch()
+    for target in batch:
+        target |= {"H_out_in": torch.eye(3), "mirrored": False}
+    assert check_targets(batch).faults == 0
+    batch[1]["mirrored"] = True
+    assert check_targets(batch, on_fault="count").counts["mirrored"] == 1
+    batch[1]["H_out_in"] = torch.zeros(3, 3)
+    assert check_targets(batch, on_fault="count").counts["H_out_in"] == 1
+
+
+def test_a_principal_point_outside_the_image_is_a_warning_only() -> None:
+    batch = [{"K": torch.tensor([[300.0, 0, 500], [0, 300, 100], [0, 0, 1]]), "image_id": "a"}]
+    report = check_targets(batch, images_of(batch))
+    assert (report.faults, report.warnings["principal_point"]) == (0, 1)
+    assert "warning: 1 x principal_point" in str(report)
+
+
+def test_any_subset_of_the_fields_is_checked() -> None:
+    batch = good_batch()
+    for name in batch[0]:
+        assert check_targets([{name: target[name]} for target in batch], images_of(batch)).faults == 0
+    mixed = [{name: value for name, value in target.items() if number % 2 or name != "rotation"} for number, target in enumerate(batch)]
+    assert check_targets(mixed, images_of(batch)).faults == 0
+    mixed[2]["corners_3d"] = mixed[2]["corners_3d"][:, list(MIRRORED_CORNERS)]  # without a rotation: by the corners alone
+    assert check_targets(mixed, images_of(batch), on_fault="count").counts["corner_order"] == 2
+
+
+def test_lenses_are_taken_into_account() -> None:
+    from scenes import target_of
+
+    from animal3dbox.geometry.camera import intrinsics
+    from animal3dbox.geometry.cuboid import Cuboid
+
+    box = Cuboid(torch.tensor([[0.3, 0.2, 6.0]], dtype=torch.float64), torch.eye(3, dtype=torch.float64)[None], torch.ones(1, 3, dtype=torch.float64))
+    K = intrinsics(300.0, HW)
+    bent = target_of(box, K, HW, torch.float32, torch.tensor([-0.2, 0.05, 0.001, -0.002], dtype=torch.float64))
+    keys = ("corners_3d", "corners_2d", "K", "distortion")
+    assert check_targets([{name: bent[name] for name in keys}]).faults == 0
+    assert check_targets([{name: bent[name] for name in keys[:3]}], on_fault="count").counts["projection"] == 1
+
+
+def test_arrays_shared_rotations_and_gradients_are_taken() -> None:
+    batch = [{name: value.numpy() if isinstance(value, Tensor) else value for name, value in target.items()} for target in good_batch()]
+    assert check_targets(batch, np.zeros((4, 3, *HW))).faults == 0
+    shared = [{**target, "R": target["R"][0], "t": target["t"][0]} for target in good_batch()]
+    assert check_targets(shared).faults == 0
+    shared[3]["R"] = shared[3]["R"] * -1
+    assert check_targets(shared, on_fault="count").counts["handedness"] == 1
+    learned = good_batch()
+    learned[0]["center"].requires_grad_()
+    assert check_targets(learned).faults == 0
+
+
+def test_counting_keeps_first_examples_adds_up_and_travels_between_processes() -> None:
+    batch = good_batch(size=6)
+    for target in batch:
+        target["labels"] = target["labels"] - 5
+    report = check_targets(batch, on_fault="count")
+    assert report.counts["labels"] == 12
+    assert len(report.examples) == EXAMPLES
+    both = pickle.loads(pickle.dumps(report)) + report  # noqa: S301
+    assert (both.targets, both.counts["labels"], len(both.examples)) == (12, 24, EXAMPLES)
+    assert str(both).startswith("12 targets, 24 animals: 24 faults\n  24 x labels\n")
+
+
+def test_targets_that_cannot_be_one_batch_say_why() -> None:
+    batch = good_batch()
+    batch[2]["keypoints"] = batch[2]["keypoints"][:, :3]
+    report = check_targets(batch, on_fault="count")
+    assert report.counts == {"batch": 1}
+    assert "of 3 keypoints, but a tensor on cpu of 3 dimensions of 5 keypoints" in str(report.examples[0][1])
+
+
+def test_steps_can_be_skipped_and_wrong_options_are_refused() -> None:
+    batch = good_batch()
+    batch[0]["labels"] = batch[0]["labels"] - 9
+    assert check_targets(batch, every=4, step=3).targets == 0
+    with pytest.raises(SampleError):
+        check_targets(batch, every=4, step=4)
+    for wrong in ({"on_fault": "ignore"}, {"every": 0}, {"every": 2}, {"images": torch.zeros(2, 3, 8, 8)}):
+        with pytest.raises(ConfigError):
+            check_targets(batch, **wrong)
+    for nothing in (None, {"labels": torch.zeros(1)}, [1, 2, 3]):
+        with pytest.raises(ConfigError, match="a batch is"):
+            check_targets(nothing)
