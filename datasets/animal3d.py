@@ -28,7 +28,7 @@ SPLITS = ("train.json", "test.json")
 VOCABULARY = VOCABULARIES["animal3d26"]
 
 
-class _File(msgspec.Struct):
+class SplitFile(msgspec.Struct):
     """A split's file; only data is required."""
 
     data: list[msgspec.Raw]
@@ -97,14 +97,14 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
         ModelFileError: the model is refused.
 
     """
-    found = _Found([], [], {}, {}, set())
+    found = _Found([], [], {}, {}, set(), Counter())
     vids: list[list[int]] | None = None
     names: list[str] = []
     for file in find_splits(path):
         root = images or file.parent
         if not root.is_dir():
             raise DatasetNotFoundError(f"there is no folder of images {root}")
-        split: _File = decode_json(file, _File)
+        split: SplitFile = decode_json(file, SplitFile)
         vids = vids or split.keypoint_vids
         names += [name for name in _names(split).values() if name not in names]
         _read_split(split, file.name, root, found)
@@ -137,23 +137,21 @@ def _about_tails(without: int, animals: int) -> str:
 
 @dataclass(frozen=True)
 class _Found:
-    """What has been read so far; parameters and keypoints_3d by sample id; tailless are those fitted without a tail."""
+    """What has been read so far; parameters and keypoints_3d by sample id; tailless are those fitted without a tail; seen counts images."""
 
     records: list[AnimalRecord]
     faults: list[SampleError]
     parameters: dict[str, SmalParameters]
     keypoints_3d: dict[str, NDArray[np.float64]]
     tailless: set[str]
+    seen: Counter[str]
 
 
-def _read_split(split: _File, name: str, root: Path, found: _Found) -> None:
+def _read_split(split: SplitFile, name: str, root: Path, found: _Found) -> None:
     """Add a file's animals; several of one image are told apart by "#1", "#2"."""
-    seen: Counter[str] = Counter(record.image_id for record in found.records)
     for i, raw in enumerate(split.data):
         try:
-            image = decoded(raw, _Named, f"{name} entry {i}").img_path
-            sample_id = f"{image}#{seen[image]}" if seen[image] else image
-            seen[image] += 1
+            sample_id = numbered_id(raw, f"{name} entry {i}", found.seen)
             entry = decoded(raw, Animal3DEntry, sample_id)
             record, fitted = _record(entry, sample_id, root, split), _parameters(entry, sample_id)
         except SampleError as error:
@@ -166,6 +164,13 @@ def _read_split(split: _File, name: str, root: Path, found: _Found) -> None:
                 found.tailless.add(sample_id)
         if entry.keypoint_3d is not None and {len(row) for row in entry.keypoint_3d} == {3}:
             found.keypoints_3d[sample_id] = np.array(entry.keypoint_3d, dtype=np.float64)
+
+
+def numbered_id(raw: msgspec.Raw, place: str, seen: Counter[str]) -> str:
+    """An entry's sample id, and one more of its image seen; raises SampleError, which names its place, if it has no image."""
+    image = decoded(raw, _Named, place).img_path
+    seen[image] += 1
+    return image if seen[image] == 1 else f"{image}#{seen[image] - 1}"
 
 
 def _model_with_landmarks(path: Path, vids: list[list[int]] | None) -> SmalModel:
@@ -181,7 +186,7 @@ def _model_with_landmarks(path: Path, vids: list[list[int]] | None) -> SmalModel
         raise DatasetFormatError(f"keypoint_vids do not belong to the model {path}: {error}") from error
 
 
-def _record(entry: Animal3DEntry, sample_id: str, root: Path, split: _File) -> AnimalRecord:
+def _record(entry: Animal3DEntry, sample_id: str, root: Path, split: SplitFile) -> AnimalRecord:
     """One record, checked."""
     image_hw = image_size(entry.height, entry.width, sample_id)
     if split.flength is not None and not (np.isfinite(split.flength) and split.flength > 0):
@@ -224,12 +229,12 @@ def _mask_path(entry: Animal3DEntry, root: Path, sample_id: str) -> tuple[Path |
     return None, "dataset"
 
 
-def _category(category: int | str | None, split: _File) -> str:
+def _category(category: int | str | None, split: SplitFile) -> str:
     """The animal's name, as the file names its category; else what the entry says."""
     return _names(split).get(str(category), "animal" if category is None else str(category))
 
 
-def _names(split: _File) -> dict[str, str]:
+def _names(split: SplitFile) -> dict[str, str]:
     """Category id -> name, by the file's list of names or of {id, name}, or its dictionary by id."""
     listed = split.categories
     if isinstance(listed, dict):

@@ -1,4 +1,4 @@
-"""The command line: ``animal3dbox demo``, ``label``, ``synth``, ``evaluate``, ``export``, ``check`` and ``convert-model``.
+"""The command line: ``animal3dbox demo``, ``label``, ``synth``, ``evaluate``, ``inspect``, ``export``, ``check`` and ``convert-model``.
 
 Nothing heavy is imported until a command runs, so that ``--help`` answers at once.
 
@@ -169,6 +169,20 @@ def check(
     return run_check(CheckJob(path, images, json))
 
 
+def inspect(
+    path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH", help="a dataset's folder or its annotation file")],
+    format: Annotated[Format, tyro.conf.arg(help="the annotations' format")] = "auto",
+    images: Annotated[Path | None, tyro.conf.arg(help="folder that the annotations' image paths are relative to")] = None,
+    model: Annotated[Path | None, tyro.conf.arg(help="the SMAL model of the dataset's own parameters or meshes: tells the most")] = None,
+    vocabulary: Annotated[str | None, tyro.conf.arg(help="what the keypoints are if their names do not tell")] = None,
+    json: Annotated[bool, tyro.conf.arg(help="print JSON (docs/formats.md) instead of words")] = False,
+) -> int:
+    """Say what is in a copy of a dataset: counts, keys, masks, cameras and frames, sides, faults. Changes nothing."""
+    from animal3dbox.cli.inspect import InspectJob, run_inspect
+
+    return run_inspect(InspectJob(path, format, images, model, vocabulary, json))
+
+
 def convert_model(
     source: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="IN", help="a SMAL model, .pkl or .safetensors")],
     target: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="OUT", help="the .safetensors file to write")],
@@ -188,6 +202,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "evaluate": evaluate,
         "export": export,
         "check": check,
+        "inspect": inspect,
         "convert-model": convert_model,
     }
     about = "3D boxes with named faces for animals."

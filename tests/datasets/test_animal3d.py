@@ -1,7 +1,6 @@
 """Animal3D folders, written from the synthetic world and read back, and every way in which a copy can be off."""
 
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from animal3d_copies import TURN, copy_with, in_pytorch3d_frame
 from PIL import Image
 from torch.testing import assert_close
 
@@ -20,10 +20,8 @@ from animal3dbox.datasets.reading import ReadOptions, read_dataset, recognised_f
 from animal3dbox.datasets.synthetic_set import SyntheticSet, animal3d_world
 from animal3dbox.datasets.world.config import WorldConfig
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
-from animal3dbox.geometry.rigid import axis_angle_from_rotation, rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
-from animal3dbox.smal.quadruped import load_quadruped
 
 Entry = dict[str, Any]
 KEYS = {
@@ -50,17 +48,6 @@ def home(made: SyntheticSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def read(home: Path) -> Animal3D:
     return read_animal3d(home / "animals", home / "body.pkl")
-
-
-def copy_with(home: Path, target: Path, change: Callable[[dict[str, Any]], None]) -> Path:
-    """The dataset, with another train.json and no test.json, its pictures linked."""
-    target.mkdir()
-    for name in ("images", "masks", "rd_masks"):
-        shutil.copytree(home / "animals" / name, target / name)
-    content = json.loads((home / "animals" / "train.json").read_text())
-    change(content)
-    (target / "train.json").write_text(json.dumps(content))
-    return target
 
 
 # The way there and back -----------------------------------------------------------------------------------------------
@@ -146,21 +133,16 @@ def test_the_stored_camera_is_recognised_in_our_frame(read: Animal3D) -> None:
 
 
 def test_the_stored_camera_is_recognised_in_pytorch3ds_frame(home: Path, read: Animal3D, tmp_path: Path) -> None:
-    turn, model = torch.diag(torch.tensor([-1.0, -1.0, 1.0], dtype=torch.float64)), load_quadruped()
-
     def turned(content: dict[str, Any]) -> None:
+        in_pytorch3d_frame(content)
         for entry in content["data"]:
-            pose, betas = torch.tensor(entry["pose"]), torch.tensor([entry["shape"] + entry["shape_extra"]], dtype=torch.float64)
-            root = model.J_regressor[0] @ model.shaped(betas)[0]
-            entry["pose"][:3] = axis_angle_from_rotation(turn @ rotation_from_axis_angle(pose[:3].double())).tolist()
-            entry["trans"] = (turn @ (root + torch.tensor(entry["trans"], dtype=torch.float64)) - root).tolist()
             entry["keypoint_3d"] = (np.array(entry["keypoint_3d"]) * 2).tolist()
 
     found = read_animal3d(copy_with(home, tmp_path / "turned", turned), home / "body.pkl")
     assert found.bodies is not None
     record, before = found.records.records[0], read.records.records[0]
     assert record.stored_pose is not None
-    assert record.stored_pose[0].tolist() == turn.tolist()
+    assert record.stored_pose[0].tolist() == TURN.tolist()
     assert any("x left, y up, z forward" in note for note in found.records.notes)
     assert any("keypoint_3d differs" in note for note in found.records.notes)
     assert not any("keypoint_3d" in note for note in read.records.notes)

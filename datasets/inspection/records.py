@@ -1,0 +1,119 @@
+"""What can be told of any dataset by its records: files, masks, cameras."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from animal3dbox.datasets.bodies import BodySource
+from animal3dbox.datasets.exif import header_facts
+from animal3dbox.datasets.images import read_image, stored_size
+from animal3dbox.datasets.inspection.measures import residual, spread
+from animal3dbox.datasets.inspection.result import CameraFacts, FaultFacts, FaultLine, ImageFacts, MaskFacts
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.errors import SampleError
+from animal3dbox.geometry.camera import project
+
+IMAGES, MASKS, BODIES = 200, 100, 60
+"""So many are looked at."""
+FIRST = 20
+"""So many faults are listed."""
+
+
+def image_facts(records: Sequence[AnimalRecord]) -> ImageFacts:
+    """Image files against their annotated sizes."""
+    by_file = {record.image_path: record for record in records if record.image_path is not None}
+    found, examples = Counter[str](), []
+    looked_at = spread(list(by_file.items()), IMAGES)
+    for path, record in looked_at:
+        try:
+            size = stored_size(path, record.sample_id)
+        except SampleError as error:
+            found["unreadable"] += 1
+            examples.append(str(error))
+            continue
+        found["turned"] += header_facts(path).orientation != 1
+        if size != record.image_hw:
+            found["other"] += 1
+            examples.append(f"{record.sample_id}: is {size[1]} x {size[0]}, annotated {record.image_hw[1]} x {record.image_hw[0]}")
+    return ImageFacts(len(looked_at), found["other"], found["turned"], found["unreadable"], examples[:5])
+
+
+def mask_facts(records: Sequence[AnimalRecord]) -> MaskFacts:
+    """Which levels masks hold; those of run lengths are 0 and 1."""
+    masked = [record for record in records if record.mask_path is not None or record.mask_runs is not None]
+    levels, unusable, examples = Counter[str](), 0, []
+    looked_at = spread(masked, MASKS)
+    for record in looked_at:
+        try:
+            levels[_levels(record)] += 1
+        except SampleError as error:
+            unusable += 1
+            examples.append(str(error))
+    return MaskFacts(len(masked), len(looked_at), dict(levels.most_common()), unusable, examples[:5])
+
+
+def _levels(record: AnimalRecord) -> str:
+    """Which values a mask's file holds."""
+    if record.mask_path is None:
+        return "run lengths"
+    values = np.unique(read_image(record.mask_path, record.sample_id, record.image_hw).max(axis=2))
+    if len(values) > 2 or values[0] != 0:
+        return f"{len(values)} levels from {values[0]} to {values[-1]}" if len(values) > 1 else f"only {values[0]}"
+    return " and ".join(str(value) for value in values) if len(values) == 2 else "only 0"
+
+
+def camera_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> CameraFacts:
+    """Intrinsics and poses, and how well bodies project onto their keypoints."""
+    sources = Counter("unknown" if record.K is None else record.K_source for record in records)
+    posed = [record for record in records if record.K is not None and (record.pose or record.stored_pose) is not None]
+    compared = residual(_projected(spread(posed, BODIES), bodies)) if bodies is not None else None
+    return CameraFacts(
+        intrinsics=dict(sources.most_common()),
+        exact_poses=sum(record.pose is not None for record in records),
+        stored_poses=sum(record.stored_pose is not None for record in records),
+        lenses=sum(record.distortion is not None for record in records),
+        residual=compared,
+    )
+
+
+def _projected(records: Iterable[AnimalRecord], bodies: BodySource) -> Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Landmarks (N, 2) in the picture and the keypoints marked there (N, 2), of each animal that has four such."""
+    for record in records:
+        pose = record.pose or record.stored_pose
+        if record.K is None or pose is None:
+            continue
+        try:
+            landmarks = bodies.body(record).landmarks
+        except SampleError:
+            continue  # it is a fault of the body, which check and label report
+        R, t, K = (torch.from_numpy(np.asarray(part, dtype=np.float64)) for part in (*pose, record.K))
+        lens = None if record.distortion is None else torch.from_numpy(record.distortion)
+        px, depth = project(K, landmarks @ R.mT + t, lens)
+        marked = (record.keypoints_2d[:, 2] > 0) & torch.isfinite(px).all(1).numpy()
+        if int(marked.sum()) >= 4 and bool((depth[torch.from_numpy(marked)] > 0).all()):
+            yield px.numpy()[marked], record.keypoints_2d[marked, :2]
+
+
+def fault_facts(records: RecordSet) -> FaultFacts:
+    """Faults by field, and the first of them."""
+    lines = [FaultLine(fault.sample_id or "", fault.field, fault.problem) for fault in records.faults]
+    return FaultFacts(len(lines), dict(Counter(line.field for line in lines).most_common()), lines[:FIRST])
+
+
+def confidences(records: Sequence[AnimalRecord]) -> dict[str, int]:
+    """Value -> keypoints; those between 0 and 1 by tenths, if there are many."""
+    values = Counter(float(value) for record in records for value in record.keypoints_2d[:, 2])
+    if len(values) > 5:
+        grouped = Counter[str]()
+        for value, count in values.items():
+            grouped["0" if value == 0 else f"up to {np.ceil(10 * value) / 10:g}"] += count
+        return dict(sorted(grouped.items()))
+    return {f"{value:g}": count for value, count in sorted(values.items())}
+
+
+def marked_median(records: Sequence[AnimalRecord]) -> float:
+    """Marked keypoints of the median animal."""
+    return float(np.median([int((record.keypoints_2d[:, 2] > 0).sum()) for record in records])) if records else 0.0
