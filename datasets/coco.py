@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.coco_file import CocoImage, CocoParts, Species, read_coco_file, species_by_id, take_apart
 from animal3dbox.datasets.elements import check_in_box, decoded, image_size, read_box, read_rows
-from animal3dbox.datasets.images import resolve_inside, stored_size
+from animal3dbox.datasets.images import is_file, resolve_inside, stored_size
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.segmentation import read_segmentation
 from animal3dbox.errors import DatasetNotFoundError, SampleError
@@ -93,15 +93,8 @@ def _images_root(annotations: Path, images: Sequence[CocoImage]) -> Path:
     """Where the first image lies, of the places where datasets have them."""
     home = annotations.parent
     places = (home / "images", home, home.parent / "images", home.parent / "data", home.parent)
-    there = (place for place in places if images and _is_file(place / images[0].name))
+    there = (place for place in places if images and is_file(place / images[0].name))
     return next(there, places[0] if places[0].is_dir() else home)
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name that no file has: resolve_inside says so
-        return False
 
 
 def _animal(entry: CocoEntry, sample_id: str, image: CocoImage, root: Path, species: dict[str, Species], corners: bool) -> _Animal:
@@ -115,7 +108,7 @@ def _animal(entry: CocoEntry, sample_id: str, image: CocoImage, root: Path, spec
     height, width = image.image_hw
     image_hw = stored_size(path, sample_id) if height is None or width is None else image_size(height, width, sample_id, "width, height of the image")
     marked = _keypoints(entry, kind.keypoints, sample_id)
-    keypoints = np.array([marked[column] if column is not None else (0.0, 0.0, 0.0) for column in kind.match.columns], dtype=np.float64)
+    keypoints = kind.match.rows(marked)
     form = "xmin, ymin, xmax, ymax" if corners else "x, y, w, h"
     box = None if entry.bbox is None else read_box(entry.bbox, sample_id, "bbox", form)
     if box is not None:

@@ -19,6 +19,9 @@ from PIL import ExifTags, Image
 from animal3dbox.datasets.exif import FORMATS, PhotoFacts, facts_of
 from animal3dbox.errors import SampleError
 
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
+"""Files of these names are taken for images where nothing but a folder names them."""
+
 _T = TypeVar("_T")
 
 MAX_PIXELS = 100_000_000
@@ -58,6 +61,14 @@ def resolve_inside(root: Path, relative: str, sample_id: str, field: str) -> Pat
     if not is_file:
         raise SampleError(sample_id, field, f"there is no file {relative!r} under {root}")
     return path
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; no, too, for what no file can be called, of which resolve_inside says why."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def read_image(path: Path, sample_id: str, expected_hw: tuple[int, int] | None = None) -> NDArray[np.uint8]:

@@ -5,10 +5,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from animal3dbox.datasets.images import IMAGE_SUFFIXES
 from animal3dbox.datasets.mesh_files import MESH_SUFFIXES
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 COMMON_CAMERA = "camera.json"
 _NUMBERED = re.compile(r"(?P<name>.+)(?P<number>[._]\d+)")
 

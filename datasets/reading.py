@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from animal3dbox.datasets import animal3d, coco, mesh_folder, stanfordextra
+from animal3dbox.datasets import animal3d, coco, deeplabcut, deeplabcut_h5, mesh_folder, stanfordextra
 from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import RecordSet
@@ -81,6 +81,11 @@ def _read_mesh_folder(path: Path, options: ReadOptions) -> Source:
     return Source(read.records, read.bodies)
 
 
+def _read_deeplabcut(path: Path, options: ReadOptions) -> Source:
+    _refuse_model(options, "DeepLabCut")
+    return Source(deeplabcut.read_deeplabcut(path, options.images, options.vocabulary), None)
+
+
 def _refuse_model(options: ReadOptions, name: str) -> None:
     if options.model is not None:
         raise ConfigError(f"--model {options.model} is for parameters that a dataset comes with, and {name} has none: give it as --body")
@@ -107,6 +112,12 @@ def _is_coco(peek: Peek) -> bool:
     return peek.keys is not None and {"images", "annotations"} <= peek.keys
 
 
+def _is_deeplabcut(peek: Peek) -> bool:
+    if peek.path.is_dir():
+        return bool(deeplabcut.label_files(peek.path))
+    return peek.path.suffix.lower() in (".csv", *deeplabcut_h5.SUFFIXES)
+
+
 def _is_stanfordextra(peek: Peek) -> bool:
     return peek.is_list or peek.path.is_dir()  # whose reader says what it looked for
 
@@ -123,6 +134,7 @@ READERS: dict[str, Reader] = {
     animal3d.FORMAT: Reader(_is_animal3d, _read_animal3d),
     mesh_folder.FORMAT: Reader(_is_mesh_folder, _read_mesh_folder),
     coco.FORMAT: Reader(_is_coco, _read_coco),
+    deeplabcut.FORMAT: Reader(_is_deeplabcut, _read_deeplabcut),
     stanfordextra.FORMAT: Reader(_is_stanfordextra, _read_stanfordextra),
 }
 """Every format, in the order in which they are asked whether a path is theirs."""

@@ -17,7 +17,7 @@ from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError
 
 EXIT_USAGE, EXIT_INPUT, EXIT_OUTPUT = 2, 3, 5
 
-Format = Literal["auto", "animal3d", "mesh_folder", "coco", "stanfordextra"]
+Format = Literal["auto", "animal3d", "mesh_folder", "coco", "deeplabcut", "stanfordextra"]
 """The formats of datasets.reading; a test compares them."""
 
 

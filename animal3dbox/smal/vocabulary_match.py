@@ -4,6 +4,9 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.vocabularies import VOCABULARIES
 from animal3dbox.smal.vocabulary import Vocabulary
@@ -42,6 +45,10 @@ class NameMatch:
     def is_exact(self) -> bool:
         """Whether both have the same keypoints."""
         return not self.unused and None not in self.columns
+
+    def rows(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The vocabulary's keypoints (J, 3) of points (N, 3) in the order of the names; zeros for those that are not there."""
+        return np.array([(0.0, 0.0, 0.0) if column is None else points[column] for column in self.columns], dtype=np.float64)
 
 
 def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMatch:
