@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from animal3dbox.datasets.animal3d_camera import stored_camera
 from animal3dbox.datasets.bodies import ParametersBody
 from animal3dbox.datasets.elements import decoded, image_size, read_rows
-from animal3dbox.datasets.images import resolve_inside
+from animal3dbox.datasets.images import resolve_inside, stored_size
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
-from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError, ShapeError
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError, ShapeError
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.model_files import load_model
@@ -26,6 +26,7 @@ from animal3dbox.smal.vocabularies import ANIMAL3D_26, VOCABULARIES
 FORMAT = "animal3d"
 SPLITS = ("train.json", "test.json")
 VOCABULARY = VOCABULARIES["animal3d26"]
+SCALED = "scales the limbs, as dog models do and SMAL does not: the body would be wrong. Leave --model out, or remove the key to pose it without"
 
 
 class SplitFile(msgspec.Struct):
@@ -44,11 +45,11 @@ class _Named(msgspec.Struct):
 
 
 class Animal3DEntry(_Named):
-    """One element of "data"; other keys are left alone. 2D-only sets have no parameters."""
+    """One element of "data"; other keys are left alone. 2D-only sets have no parameters, and relatives no sizes."""
 
-    height: int
-    width: int
     keypoint_2d: list[list[float | None]]
+    height: int | None = None
+    width: int | None = None
     mask_path: str | None = None
     rd_mask_path: str | None = None
     category: int | str | None = None
@@ -58,6 +59,7 @@ class Animal3DEntry(_Named):
     trans: list[float] | None = None
     keypoint_3d: list[list[float]] | None = None
     with_tail: int | bool = 1
+    bone: list[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -94,10 +96,11 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
     Raises:
         DatasetNotFoundError: no such file or folder.
         DatasetFormatError: not JSON, or without data.
+        ConfigError: nothing tells where the model has its landmarks.
         ModelFileError: the model is refused.
 
     """
-    found = _Found([], [], {}, {}, set(), Counter())
+    found = _Found([], [], {}, {}, set(), {}, Counter())
     vids: list[list[int]] | None = None
     names: list[str] = []
     for file in find_splits(path):
@@ -111,6 +114,9 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
     if not found.records and not found.faults:  # one empty split beside another is a small dataset
         raise DatasetFormatError(f"{' and '.join(str(file) for file in find_splits(path))} has an empty data list")
     records, faults = found.records, tuple(found.faults)
+    if model is not None and found.scaled:
+        records = [record for record in records if record.sample_id not in found.scaled]
+        faults = (*faults, *found.scaled.values())
     if model is None or not found.parameters:
         return Animal3D(RecordSet(FORMAT, tuple(records), faults, _about_masks(records), tuple(names)), None)
     bodies = ParametersBody(_model_with_landmarks(model, vids), found.parameters)
@@ -137,13 +143,24 @@ def _about_tails(without: int, animals: int) -> str:
 
 @dataclass(frozen=True)
 class _Found:
-    """What has been read so far; parameters and keypoints_3d by sample id; tailless are those fitted without a tail; seen counts images."""
+    """What has been read so far.
+
+    Attributes:
+        records: in the files' order.
+        faults: likewise.
+        parameters: by sample id.
+        keypoints_3d: by sample id.
+        tailless: those fitted without a tail.
+        scaled: those whose limbs have scales of their own, and the error that this is.
+        seen: image -> entries.
+    """
 
     records: list[AnimalRecord]
     faults: list[SampleError]
     parameters: dict[str, SmalParameters]
     keypoints_3d: dict[str, NDArray[np.float64]]
     tailless: set[str]
+    scaled: dict[str, SampleError]
     seen: Counter[str]
 
 
@@ -162,6 +179,8 @@ def _read_split(split: SplitFile, name: str, root: Path, found: _Found) -> None:
             found.parameters[sample_id] = fitted
             if not entry.with_tail:
                 found.tailless.add(sample_id)
+            if any(entry.bone or ()):
+                found.scaled[sample_id] = SampleError(sample_id, "bone", SCALED)
         if entry.keypoint_3d is not None and {len(row) for row in entry.keypoint_3d} == {3}:
             found.keypoints_3d[sample_id] = np.array(entry.keypoint_3d, dtype=np.float64)
 
@@ -176,8 +195,12 @@ def numbered_id(raw: msgspec.Raw, place: str, seen: Counter[str]) -> str:
 def _model_with_landmarks(path: Path, vids: list[list[int]] | None) -> SmalModel:
     """The model; one without landmarks, as a pickle of another topology than SMAL's is, gets the dataset's."""
     model = load_model(path)
-    if model.landmarks or not vids:
+    if model.landmarks:
         return model
+    if not vids:
+        raise ConfigError(
+            f"{path} has no landmarks (its vertices are not SMAL's) and the dataset no keypoint_vids: nothing tells its nose from its tail"
+        )
     if len(vids) != len(ANIMAL3D_26):
         raise DatasetFormatError(f"keypoint_vids must be {len(ANIMAL3D_26)} lists of vertex ids, got {len(vids)}")
     try:
@@ -188,14 +211,16 @@ def _model_with_landmarks(path: Path, vids: list[list[int]] | None) -> SmalModel
 
 def _record(entry: Animal3DEntry, sample_id: str, root: Path, split: SplitFile) -> AnimalRecord:
     """One record, checked."""
-    image_hw = image_size(entry.height, entry.width, sample_id)
+    image = resolve_inside(root, entry.img_path, sample_id, "img_path")
+    unsaid = entry.height is None or entry.width is None
+    image_hw = stored_size(image, sample_id) if unsaid else image_size(entry.height or 0, entry.width or 0, sample_id)
     if split.flength is not None and not (np.isfinite(split.flength) and split.flength > 0):
         raise SampleError(sample_id, "flength", f"must be a focal length in px, got {split.flength}")
     mask_path, mask_source = _mask_path(entry, root, sample_id)
     return AnimalRecord(
         sample_id=sample_id,
         image_id=entry.img_path,
-        image_path=resolve_inside(root, entry.img_path, sample_id, "img_path"),
+        image_path=image,
         image_hw=image_hw,
         vocabulary=VOCABULARY,
         keypoints_2d=_keypoints(entry.keypoint_2d, sample_id),
@@ -247,7 +272,7 @@ def _names(split: SplitFile) -> dict[str, str]:
 
 def _parameters(entry: Animal3DEntry, sample_id: str) -> SmalParameters | None:
     """The body's parameters; None in 2D-only sets."""
-    if entry.pose is None and entry.shape is None and entry.trans is None:
+    if not entry.pose and not entry.shape and not entry.trans:
         return None
     for field in ("pose", "shape", "trans"):
         if getattr(entry, field) is None:

@@ -238,7 +238,6 @@ FAULTS = {
     "trans": (drop("trans"), "trans: is missing"),
     "shape": (drop("shape"), "shape: is missing"),
     "words": (spoil(trans=["a", "b", "c"]), "Expected `float`"),
-    "no size": (drop("width"), "width: .*missing required field"),
 }
 
 
