@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from scenes import training_target
 
-from animal3dbox.training.check_targets import check_targets
+from animal3dbox.training.checks import check_targets
 
 IMAGES, SIDE = 16, 512
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.by_format import Animal3DDataset as Animal3DDataset
     from animal3dbox.datasets.by_format import AnnotatedDataset as AnnotatedDataset
     from animal3dbox.datasets.by_format import CocoKeypointsDataset as CocoKeypointsDataset
+    from animal3dbox.datasets.by_format import DeepLabCutDataset as DeepLabCutDataset
     from animal3dbox.datasets.by_format import MeshFolderDataset as MeshFolderDataset
     from animal3dbox.datasets.by_format import Omni3DDataset as Omni3DDataset
     from animal3dbox.datasets.by_format import StanfordExtraDataset as StanfordExtraDataset
@@ -29,9 +30,10 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "AltitudeScale": "scale", "Animal3DDataset": "by_format", "AnnotatedDataset": "by_format", "CocoKeypointsDataset": "by_format",
-    "KnownScale": "scale", "LabelDataset": "label_dataset", "LabelFilter": "filters", "MeshFolderDataset": "by_format",
-    "Omni3DDataset": "by_format", "Skipped": "label_dataset", "SpeciesScale": "scale", "StanfordExtraDataset": "by_format",
-    "SyntheticDataset": "by_format", "SyntheticSet": "synthetic_set", "collate": "batches", "collate_stacked": "batches",
+    "DeepLabCutDataset": "by_format", "KnownScale": "scale", "LabelDataset": "label_dataset", "LabelFilter": "filters",
+    "MeshFolderDataset": "by_format", "Omni3DDataset": "by_format", "Skipped": "label_dataset", "SpeciesScale": "scale",
+    "StanfordExtraDataset": "by_format", "SyntheticDataset": "by_format", "SyntheticSet": "synthetic_set", "collate": "batches",
+    "collate_stacked": "batches",
 }  # fmt: skip
 
 __all__ = sorted(_HOMES)

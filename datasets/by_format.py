@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, TypedDict, Unpack
 
-from animal3dbox.datasets import animal3d, coco, mesh_folder, stanfordextra
+from animal3dbox.datasets import animal3d, coco, deeplabcut, mesh_folder, stanfordextra
 from animal3dbox.datasets.bodies import BodySource, ParametersBody
 from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
 from animal3dbox.datasets.exchange.omni3d_reader import read_omni3d
@@ -134,6 +134,30 @@ class CocoKeypointsDataset(AnnotatedDataset):
         **options: Unpack[Options],
     ) -> None:
         super().__init__(path, format=coco.FORMAT, images=images, vocabulary=vocabulary, body=body, **options)
+
+
+class DeepLabCutDataset(AnnotatedDataset):
+    """DeepLabCut's h5 or csv beside a folder of images; h5 needs the extra animal3dbox[deeplabcut].
+
+    Args:
+        path: the file, or its folder.
+        images: the folder that the index's paths are relative to.
+        vocabulary: what the body parts are, if they are not SuperAnimal's.
+        body: of all animals.
+        **options: LabelDataset's.
+
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        images: Path | str | None = None,
+        vocabulary: str | Vocabulary | None = None,
+        body: str | BodySource = DEFAULT_BODY,
+        **options: Unpack[Options],
+    ) -> None:
+        super().__init__(path, format=deeplabcut.FORMAT, images=images, vocabulary=vocabulary, body=body, **options)
 
 
 class MeshFolderDataset(AnnotatedDataset):

@@ -13,7 +13,7 @@ from animal3dbox.cli.export import is_labels, read_cuboids
 from animal3dbox.errors import SampleError
 from animal3dbox.report.label_files import labels_file, read_labels_json
 from animal3dbox.report.label_targets import target_of_record, target_of_row
-from animal3dbox.training.check_targets import examined
+from animal3dbox.training.checks import examined
 from animal3dbox.training.findings import WARNINGS
 
 EXIT_OK, EXIT_FAULTY = 0, 4

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES
-from animal3dbox.training.check_targets import check_targets
+from animal3dbox.training.checks import check_targets
 from animal3dbox.training.findings import CHECKS, EXAMPLES, WARNINGS, TargetReport
 from animal3dbox.transforms import Compose, RandomHorizontalFlip, RandomResizedCrop, RandomVirtualCamera
 
