@@ -80,7 +80,7 @@ def kinds(root: Path, model: Path, cache: Path) -> dict[str, Dataset[Any]]:
         "decode only": Decoded(exact),
         "cached labels": Animal3DDataset(root, model, pose="exact", cache=cache),
         "labels, known pose": exact,
-        "labels, pose searched": Animal3DDataset(root, model),
+        "labels, pose searched": Animal3DDataset(root, model, on_bad="skip"),
         "cached labels, transforms": Animal3DDataset(root, model, pose="exact", cache=cache, transform=augment),
         "known pose, transforms": Animal3DDataset(root, model, pose="exact", transform=augment),
     }

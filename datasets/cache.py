@@ -31,6 +31,7 @@ class _State:
     places: np.ndarray  # (N, 2) segment and offset, newest last among equal keys
     writer: SegmentWriter | None
     looked: float
+    problems: tuple[str, ...]
 
 
 class LabelCache:
@@ -82,20 +83,23 @@ class LabelCache:
         self._refresh(state)
         return len(state.keys)
 
-    def problems(self) -> list[str]:
+    def problems(self) -> tuple[str, ...]:
         """What is wrong with the files, in whole sentences; nothing in them is lost but what the sentences name, and that is made anew."""
+        return self._opened().problems
+
+    def _problems_of(self, readers: list[SegmentReader]) -> tuple[str, ...]:
         told = []
-        for reader in self._opened().readers:
+        for reader in readers:
             if reader.damaged:
                 told.append(f"{reader.path.name} has {reader.damaged} damaged places: the disk or a program changed it; their labels are made anew")
             if reader.unfinished:
                 told.append(f"{reader.path.name} ends within an entry: its process was killed or the file was cut; what is missing is made anew")
-        return told
+        return tuple(told)
 
     def _opened(self) -> _State:
         if self._state is None or self._state.process != os.getpid():
             empty = (np.zeros(0, np.uint64), np.zeros((0, 2), np.int64))
-            self._state = _State(os.getpid(), [], set(), *empty, None, 0.0)
+            self._state = _State(os.getpid(), [], set(), *empty, None, 0.0, ())
             self._refresh(self._state)
         return self._state
 
@@ -117,10 +121,13 @@ class LabelCache:
             merged = np.concatenate(keys)
             order = np.argsort(merged, kind="stable")
             state.keys, state.places = merged[order], np.concatenate(places)[order]
+        state.problems = self._problems_of(state.readers)
 
     def _read(self, state: _State, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
-        half = np.frombuffer(key[:8], dtype="<u8")[0]
-        first, stop = int(np.searchsorted(state.keys, half)), int(np.searchsorted(state.keys, half, side="right"))
+        half = np.frombuffer(key, dtype="<u8", count=1)[0]
+        first = stop = int(state.keys.searchsorted(half))
+        while stop < len(state.keys) and state.keys[stop] == half:
+            stop += 1
         damaged = False
         for number, offset in reversed(state.places[first:stop].tolist()):
             payload = state.readers[number].payload(offset, key)

@@ -5,6 +5,7 @@ The row is float64 with a fixed layout, so that reading one costs no more than l
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,11 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
 LAYOUT: dict[str, tuple[int, ...]] = {
-    "corners_3d": (8, 3), "center": (3,), "rotation": (3, 3), "size": (3,), "corners_2d": (8, 2), "corner_in_front": (8,),
-    "face_visible": (6,), "face_area": (6,), "face_share": (6,), "face_share_in_image": (6,), "K": (3, 3), "R": (3, 3), "t": (3,),
-    "box": (4,), "truncation": (), "behind_camera": (), "surface_share": (6,),
+    "corners_3d": (8, 3), "center": (3,), "rotation": (3, 3), "size": (3,), "corners_2d": (8, 2), "face_area": (6,), "face_share": (6,),
+    "face_share_in_image": (6,), "K": (3, 3), "R": (3, 3), "t": (3,), "box": (4,), "truncation": (), "surface_share": (6,),
+    "corner_in_front": (8,), "face_visible": (6,), "behind_camera": (),
 }  # fmt: skip
-"""Fields of a CuboidLabel in the row, in order; surface_share is all -1 where it was not measured."""
+"""Fields of a CuboidLabel in the row, in order, the boolean ones last; surface_share is all -1 where it was not measured."""
 BOOLEAN = ("corner_in_front", "face_visible", "behind_camera")
 _WIDTHS = {name: int(np.prod(shape)) for name, shape in LAYOUT.items()}
 SPANS = {name: (start, start + width) for (name, width), start in zip(_WIDTHS.items(), np.cumsum([0, *_WIDTHS.values()]).tolist(), strict=False)}
@@ -90,10 +91,20 @@ def unpacked_outcome(data: bytes | memoryview) -> LabelRow | Rejection:
 
 
 def columns(rows: Sequence[LabelRow]) -> dict[str, NDArray[Any]]:
-    """The fields of several animals, (N, ...) each: float64, bool where LAYOUT's field is one."""
-    table = np.stack([row.values for row in rows]) if rows else np.zeros((0, WIDTH))
+    """The fields of several animals, (N, ...) each, contiguous: float32, bool where LAYOUT's field is one."""
+    count = len(rows)
+    flat = rows[0].values if count == 1 else np.concatenate([row.values for row in rows])[_by_field(count)] if rows else np.zeros(0)
+    booleans = SPANS[BOOLEAN[0]][0] * count
+    numbers, flags = flat[:booleans].astype(np.float32), flat[booleans:] > 0.5
     found: dict[str, NDArray[Any]] = {}
     for name, (start, stop) in SPANS.items():
-        column = table[:, start:stop].reshape(len(rows), *LAYOUT[name])
-        found[name] = column > 0.5 if name in BOOLEAN else column
+        held, offset = (flags, booleans) if name in BOOLEAN else (numbers, 0)
+        found[name] = held[start * count - offset : stop * count - offset].reshape(count, *LAYOUT[name])
     return found
+
+
+@lru_cache(maxsize=64)
+def _by_field(count: int) -> NDArray[np.int64]:
+    """The order that puts the fields of several rows, one row after the other, together field by field."""
+    places = np.arange(count * WIDTH).reshape(count, WIDTH)
+    return np.concatenate([places[:, start:stop].ravel() for start, stop in SPANS.values()])

@@ -17,6 +17,44 @@ from animal3dbox.datasets.codec import Codec
 T = TypeVar("T")
 
 
+class Arena:
+    """Pieces of bytes one after the other, in two tensors that workers share.
+
+    Args:
+        parts: the pieces.
+
+    """
+
+    def __init__(self, parts: Iterable[bytes]) -> None:
+        held = list(parts)
+        ends = np.cumsum([0, *(len(part) for part in held)], dtype=np.int64)
+        self._take(torch.from_numpy(ends), torch.from_numpy(np.frombuffer(bytearray(b"".join(held)), dtype=np.uint8).copy()))
+
+    def _take(self, ends: Tensor, content: Tensor) -> None:
+        self._ends, self._content = ends, content
+        self._ends_array, self._view = ends.numpy(), content.numpy().data  # the same memory: cheaper to look at than tensors
+
+    def __getstate__(self) -> tuple[Tensor, Tensor]:
+        return self._ends, self._content
+
+    def __setstate__(self, state: tuple[Tensor, Tensor]) -> None:
+        self._take(*state)
+
+    def __len__(self) -> int:
+        return len(self._ends_array) - 1
+
+    def __getitem__(self, index: int) -> bytes:
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"index {index} of {len(self)}")
+        index %= len(self)
+        return bytes(self._view[self._ends_array[index] : self._ends_array[index + 1]])
+
+    @property
+    def nbytes(self) -> int:
+        """What it holds in memory."""
+        return int(self._content.nbytes + self._ends.nbytes)
+
+
 class PackedList(Sequence[T], Generic[T]):
     """A sequence of frozen dataclasses of one kind, as bytes; each is made anew when it is asked for.
 
@@ -29,29 +67,26 @@ class PackedList(Sequence[T], Generic[T]):
 
     def __init__(self, kind: type[T], values: Iterable[T], shared: Sequence[object] = ()) -> None:
         self.kind, self.codec = kind, Codec(shared)
-        parts = [self.codec.pack(value) for value in values]
-        self._ends = torch.from_numpy(np.cumsum([0, *(len(part) for part in parts)], dtype=np.int64))
-        self._bytes: Tensor = torch.from_numpy(np.frombuffer(bytearray(b"".join(parts)), dtype=np.uint8).copy())
+        self._arena = Arena(self.codec.pack(value) for value in values)
 
     def __len__(self) -> int:
-        return len(self._ends) - 1
+        return len(self._arena)
 
     def packed(self, index: int) -> bytes:
         """The bytes of one, the same for the same content."""
-        start, stop = self._ends[index : index + 2].tolist()
-        return self._bytes[start:stop].numpy().tobytes()
+        return self._arena[index]
+
+    def unpacked(self, index: int, **changes: Any) -> T:
+        """One, with some of its fields replaced."""
+        return self.kind(**{**self.codec.unpack(self._arena[index]), **changes})
 
     def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"index {index} of {len(self)}")
-        return self.kind(**self.codec.unpack(self.packed(index % len(self))))
+        return [self[i] for i in range(*index.indices(len(self)))] if isinstance(index, slice) else self.unpacked(index)
 
     @property
     def nbytes(self) -> int:
         """What it holds in memory."""
-        return int(self._bytes.nbytes + self._ends.nbytes)
+        return self._arena.nbytes
 
 
 class PackedMapping(Mapping[str, T], Generic[T]):
@@ -95,9 +130,11 @@ class PackedMapping(Mapping[str, T], Generic[T]):
 
     def _place(self, name: str) -> int | None:
         wanted, hashes = _hash(name), self._hashes.numpy()
-        for place in range(int(np.searchsorted(hashes, wanted)), int(np.searchsorted(hashes, wanted, side="right"))):
+        place = int(hashes.searchsorted(wanted))
+        while place < len(hashes) and hashes[place] == wanted:
             if self._names[place] == name:
                 return place
+            place += 1
         return None
 
 
@@ -105,20 +142,15 @@ class PackedNames(Sequence[str]):
     """A sequence of strings, as bytes."""
 
     def __init__(self, names: Iterable[str]) -> None:
-        parts = [name.encode("utf-8", "surrogatepass") for name in names]
-        self._ends = torch.from_numpy(np.cumsum([0, *(len(part) for part in parts)], dtype=np.int64))
-        self._bytes = torch.from_numpy(np.frombuffer(bytearray(b"".join(parts)), dtype=np.uint8).copy())
+        self._arena = Arena(name.encode("utf-8", "surrogatepass") for name in names)
 
     def __len__(self) -> int:
-        return len(self._ends) - 1
+        return len(self._arena)
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"index {index} of {len(self)}")
-        start, stop = self._ends[index % len(self) :][:2].tolist()
-        return self._bytes[start:stop].numpy().tobytes().decode("utf-8", "surrogatepass")
+        return self._arena[index].decode("utf-8", "surrogatepass")
 
 
 def _hash(name: str) -> int:

@@ -82,7 +82,10 @@ class RowMaker:
 
     def _cases(self, cache: LabelCache, record: AnimalRecord) -> list[Case]:
         """What is wrong with the cache's files, each told once."""
-        new = [problem for problem in cache.problems() if problem not in self._told]
+        problems = cache.problems()
+        if not problems:
+            return []
+        new = [problem for problem in problems if problem not in self._told]
         self._told.update(new)
         return [_cache_case(record, problem) for problem in new]
 

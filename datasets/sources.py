@@ -150,7 +150,7 @@ class FileSource:
         """The records of an image, made anew."""
         start, stop = self._ends[index : index + 2].tolist()
         path = Path(self._paths[index]) if self._paths[index] else None
-        records = tuple(replace(self._records[i], image_path=path, **self._mask(i)) for i in range(start, stop))
+        records = tuple(self._records.unpacked(i, image_path=path, **self._mask(i)) for i in range(start, stop))
         name, contents = self.image_id(index), tuple(self._records.packed(i) for i in range(start, stop))
         alone = None if records else replace(self._listed[index], image_path=path)
         return ImageSample(name, records, name in self._unread, contents, self.bodies, alone)

@@ -1,6 +1,6 @@
 """Targets: what a Dataset gives beside an image, made of label rows."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from animal3dbox.datasets.label_rows import LabelRow, columns
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.vocabulary import Vocabulary
 
+APART = ("box", "K", "surface_share")
 FACES = ("face_visible", "face_area", "face_share", "face_share_in_image")
 
 
@@ -37,39 +38,37 @@ def target_of(
 
     """
     found = columns(rows)
-    box = found.pop("box")
-    K = found.pop("K")
-    if not named_faces:
-        for name in FACES:
-            del found[name]
-    if not named_faces or (found["surface_share"] < 0).any():
-        del found["surface_share"]
-    target: dict[str, Any] = {name: _tensor(value) for name, value in found.items()}
-    target["K"], target["boxes"] = _tensor(K[0].copy()), _tensor(box)
-    target["labels"] = torch.tensor(labels, dtype=torch.int64)
+    target = _tensors(found, named_faces)
+    target["boxes"], target["K"] = torch.from_numpy(found["box"]), torch.from_numpy(found["K"][0].copy())
+    if named_faces and (found["surface_share"] >= 0).all():
+        target["surface_share"] = torch.from_numpy(found["surface_share"])
+    target["labels"] = torch.from_numpy(np.array(labels, dtype=np.int64))
     if rows[0].distortion is not None:
-        target["distortion"] = _tensor(rows[0].distortion)
+        target["distortion"] = torch.from_numpy(rows[0].distortion.astype(np.float32))
     if vocabulary is not None and all(row.keypoints is not None for row in rows):
-        target["keypoint_mirror"] = torch.tensor(vocabulary.flip, dtype=torch.int64)
-        target["keypoints"] = _tensor(np.stack([row.keypoints for row in rows if row.keypoints is not None]))
+        target["keypoint_mirror"] = torch.from_numpy(np.array(vocabulary.flip, dtype=np.int64))
+        target["keypoints"] = torch.from_numpy(np.array([row.keypoints for row in rows], dtype=np.float32))
     if masks is not None:
         target["masks"] = torch.from_numpy(masks)
-    known = [row.scale_m_per_unit is not None for row in rows]
-    target["scale_known"] = torch.tensor(known)
-    target["scale_m_per_unit"] = torch.tensor([row.scale_m_per_unit or 1.0 for row in rows], dtype=torch.float32)
+    scales = [row.scale_m_per_unit for row in rows]
+    target["scale_known"] = torch.from_numpy(np.array([scale is not None for scale in scales]))
+    target["scale_m_per_unit"] = torch.from_numpy(np.array([scale or 1.0 for scale in scales], dtype=np.float32))
     target["scale_source"] = [row.scale_source for row in rows]
     target["quality"] = [row.quality for row in rows]
     target["image_id"], target["K_source"] = image_id, rows[0].quality["K_source"]
     return target
 
 
+def _tensors(found: Mapping[str, NDArray[Any]], named_faces: bool) -> dict[str, Any]:
+    """The fields that every target has."""
+    left_out = (*APART, *(() if named_faces else FACES))
+    return {name: torch.from_numpy(value) for name, value in found.items() if name not in left_out}
+
+
 def empty_target(image_id: str, K: NDArray[np.float64], named_faces: bool = True) -> dict[str, Any]:
     """The target of an image of boxes without any: the same fields, N = 0."""
-    found = columns([])
-    for name in ("box", "K", "surface_share", *(() if named_faces else FACES)):
-        del found[name]
-    target: dict[str, Any] = {name: _tensor(value) for name, value in found.items()}
-    target |= {"K": _tensor(K), "boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64)}
+    target = _tensors(columns([]), named_faces)
+    target |= {"K": torch.from_numpy(K.astype(np.float32)), "boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64)}
     target |= {"scale_known": torch.zeros(0, dtype=torch.bool), "scale_m_per_unit": torch.zeros(0), "scale_source": [], "quality": []}
     return {**target, "image_id": image_id, "K_source": "given"}
 
@@ -80,11 +79,6 @@ def check_one_camera(sample_id: str, rows: Sequence[LabelRow]) -> None:
     for row in rows[1:]:
         if not np.array_equal(row.field("K"), first):
             raise SampleError(sample_id, "K", f"the animals {rows[0].sample_id} and {row.sample_id} of this image have different intrinsics")
-
-
-def _tensor(array: NDArray[Any]) -> torch.Tensor:
-    """float32 of numbers, bool of booleans."""
-    return torch.from_numpy(array if array.dtype == np.bool_ else array.astype(np.float32))
 
 
 def image_tensor(pixels: NDArray[np.uint8]) -> torch.Tensor:
