@@ -55,6 +55,8 @@ def _tensor(row: AnimalRow, name: str, value: object) -> Tensor:
 
 
 def _clipped(box: Tensor, image_hw: tuple[int, int]) -> Tensor:
+    """The part of a box in the frame; the box itself if there is none, which the checks will tell."""
     height, width = image_hw
     last = torch.tensor([width - 0.5, height - 0.5] * 2, dtype=torch.float64)
-    return torch.minimum(torch.maximum(box.double(), torch.full_like(last, -0.5)), last)
+    inside = torch.minimum(torch.maximum(box.double(), torch.full_like(last, -0.5)), last)
+    return inside if bool((inside[2:] > inside[:2]).all()) else box.double()

@@ -40,7 +40,10 @@ CHECKS = {
 }
 """Every check, by the name under which a report counts it."""
 
-WARNINGS = {"principal_point": "the principal point of an image that was not augmented lies outside it"}
+WARNINGS = {
+    "principal_point": "the principal point of an image that was not augmented lies outside it",
+    "empty_box": "a box on the frame's border has no area, for its animal left the picture; some detectors refuse such boxes",
+}
 """Checks whose failure is unusual and no fault: they are counted, never raised."""
 
 EXAMPLES = 3

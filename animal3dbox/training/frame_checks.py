@@ -35,24 +35,35 @@ def frame_findings(packed: Packed) -> Iterator[Finding]:
 def _boxes(packed: Packed, boxes: Floats) -> Iterator[Finding]:
     flat = boxes[:, 2:] <= boxes[:, :2]
     if flat.any():
-        remedy = "drop animals that left the picture"
-        yield from animal_findings(packed, flat.any(1), "boxes", "boxes", lambda n: f"must be x1 < x2, y1 < y2, got {boxes[n].tolist()}; {remedy}")
+        left = _left_the_picture(packed, boxes)
+        said = "drop it by the transforms' min_visible"
+        yield from animal_findings(
+            packed, left, "empty_box", "boxes", lambda n: f"has no area, {boxes[n].tolist()}: its animal left the picture; {said}"
+        )
+        wrong = flat.any(1) & ~left
+        yield from animal_findings(packed, wrong, "boxes", "boxes", lambda n: f"must be x1 < x2, y1 < y2, got {boxes[n].tolist()}")
     if packed.frame is not None:
         outside = (boxes[:, :2] < -0.5 - EDGE_TOLERANCE_PX) | (boxes[:, 2:] > packed.frame + EDGE_TOLERANCE_PX)
         if outside.any():
+            remedy = "clip it to [-0.5, W - 0.5]"
             yield from animal_findings(
-                packed,
-                outside.any(1),
-                "boxes_in_frame",
-                "boxes",
-                lambda n: f"reaches out of the frame, {boxes[n].tolist()}: clip it to [-0.5, W - 0.5]",
+                packed, outside.any(1), "boxes_in_frame", "boxes", lambda n: f"leaves the frame: {boxes[n].tolist()}; {remedy}"
             )
     if packed.all_in_front is None or packed.outline is None:
         return
     apart = (packed.outline[1] < boxes[:, :2]) | (packed.outline[0] > boxes[:, 2:])
     if apart.any():
-        apart = apart.any(1) & packed.all_in_front
-        yield from animal_findings(packed, apart, "boxes_on_cuboid", "boxes", lambda n: "does not touch the projected cuboid: one of them is stale")
+        apart = apart.any(1) & packed.all_in_front & ~flat.any(1)
+        problem = "does not touch the projected cuboid: one of them is stale"
+        yield from animal_findings(packed, apart, "boxes_on_cuboid", "boxes", lambda _: problem)
+
+
+def _left_the_picture(packed: Packed, boxes: Floats) -> NDArray[np.bool_]:
+    """Boxes (N,) without area that lie on the frame's border, where clipping leaves what is outside."""
+    empty = boxes[:, 2:] == boxes[:, :2]
+    if packed.frame is not None:
+        empty &= (np.abs(boxes[:, :2] + 0.5) < EDGE_TOLERANCE_PX) | (np.abs(boxes[:, :2] - packed.frame) < EDGE_TOLERANCE_PX)
+    return np.asarray(empty.any(1) & (boxes[:, 2:] >= boxes[:, :2]).all(1))
 
 
 def _truncation(packed: Packed) -> Iterator[Finding]:

@@ -70,7 +70,7 @@ def test_an_omni3d_file_is_checked_too(tmp_path: Path) -> None:
     assert code == 4
     report = json.loads(said[said.index("{") :])
     assert report["animals"] == 10
-    assert {(f["check"], f["sample_id"]) for f in report["faults"]} == {("reading", "images/0.jpg"), ("boxes", "images/0.jpg#1")}
+    assert {(f["check"], f["sample_id"]) for f in report["faults"]} == {("reading", "images/0.jpg"), ("boxes_in_frame", "images/0.jpg#1")}
 
 
 def test_nothing_to_check_is_an_input_error(tmp_path: Path) -> None:

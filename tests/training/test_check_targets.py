@@ -2,6 +2,7 @@
 
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from hypothesis import given, settings
 from scenes import scenes, training_target
 from torch import Tensor
 
+from animal3dbox.datasets import SyntheticDataset, SyntheticSet, collate
+from animal3dbox.datasets.world.config import WorldConfig
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES
 from animal3dbox.training.checks import check_targets
@@ -54,6 +57,16 @@ def test_random_scenes_round_the_camera_raise_nothing(made: tuple[dict[str, Any]
     target, image_hw = made
     target = {k: v.float() if isinstance(v, Tensor) and v.is_floating_point() else v for k, v in target.items() if k not in ("boxes", "keypoints")}
     check_targets([target], [torch.zeros(3, *image_hw)])
+
+
+def test_what_a_dataset_gives_raises_nothing_nor_when_augmented() -> None:
+    augment = Compose([RandomHorizontalFlip(), RandomVirtualCamera(5, 5, 10), RandomResizedCrop(128)], seed=4)
+    world = SyntheticSet(4, 6, replace(WorldConfig(), image_hw=HW))
+    for transform in (None, augment):
+        dataset = SyntheticDataset(world, transform=transform)
+        batch = collate([dataset[index] for index in range(6)])
+        for step in range(4):
+            assert check_targets(batch, step=step).animals >= 6
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -197,6 +210,14 @@ def test_a_principal_point_outside_the_image_is_a_warning_only() -> None:
     report = check_targets(batch, images_of(batch))
     assert (report.faults, report.warnings["principal_point"]) == (0, 1)
     assert "warning: 1 x principal_point" in str(report)
+
+
+def test_an_animal_that_left_the_picture_is_a_warning_only() -> None:
+    batch = [{"boxes": torch.tensor([[-0.5, 10, -0.5, 20], [30, 239.5, 60, 239.5], [5, 5, 9, 9]]), "image_id": "a"}]
+    report = check_targets(batch, images_of(batch))
+    assert (report.faults, report.warnings) == (0, {"empty_box": 2})
+    batch[0]["boxes"][0] += 5  # type: ignore[index]
+    assert check_targets(batch, images_of(batch), on_fault="count").counts == {"boxes": 1}
 
 
 def test_any_subset_of_the_fields_is_checked() -> None:
