@@ -10,7 +10,7 @@ import numpy as np
 from animal3dbox.datasets.elements import decoded, image_size
 from animal3dbox.datasets.exchange.conventions import Convention, Floats
 from animal3dbox.datasets.exchange.image_roots import image_path
-from animal3dbox.datasets.exchange.omni3d_schema import Omni3DAnnotation, Omni3DCategory, Omni3DImage
+from animal3dbox.datasets.exchange.omni3d_schema import Key, Omni3DAnnotation, Omni3DCategory, Omni3DImage
 from animal3dbox.datasets.records import CuboidImage
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.checks import check_intrinsics
@@ -47,7 +47,7 @@ class StatedBox:
     truncation: float | None
 
 
-def cuboid_image(raw: msgspec.Raw, number: int, annotations: Path, root: Path | None, convention: Convention) -> tuple[int, CuboidImage]:
+def cuboid_image(raw: msgspec.Raw, number: int, annotations: Path, root: Path | None, convention: Convention) -> tuple[Key, CuboidImage]:
     """The id and the image of an element of images.
 
     Raises:
@@ -68,9 +68,9 @@ def cuboid_image(raw: msgspec.Raw, number: int, annotations: Path, root: Path | 
     return element.id, CuboidImage(name, image_path(root, annotations, element.file_path, name), hw, K)
 
 
-def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[int, str], list[SampleError]]:
+def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[SampleError]]:
     """Names by id, and what is wrong with the rest."""
-    names: dict[int, str] = {}
+    names: dict[Key, str] = {}
     faults = []
     for number, raw in enumerate(raws):
         try:
@@ -82,7 +82,7 @@ def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[int, str], list[Sa
     return names, faults
 
 
-def stated_box(annotation: Omni3DAnnotation, sample_id: str, image: CuboidImage, categories: dict[int, str], convention: Convention) -> StatedBox:
+def stated_box(annotation: Omni3DAnnotation, sample_id: str, image: CuboidImage, categories: dict[Key, str], convention: Convention) -> StatedBox:
     """An annotation checked for form.
 
     Raises:

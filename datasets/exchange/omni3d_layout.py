@@ -63,7 +63,7 @@ def infer_layout(boxes: StatedBoxes) -> Layout:
     problems: dict[int, tuple[str, str]] = {}
     problems |= dict(_corner_problems(boxes, rotation, known & ~recovered))
     local = _local(boxes, rotation)
-    sound = known & ~recovered & ~np.isin(np.arange(len(known)), list(problems))
+    sound = known & ~recovered & ~np.isin(np.arange(len(known)), list(problems)) & ~_flat(boxes, local)
     orders = Counter(_order(signs) for signs in np.sign(local[sound]))
     usual = orders.most_common(1)[0][0] if orders else _order(DOCUMENTED)
     for index in np.flatnonzero(recovered):
@@ -102,15 +102,20 @@ def _tolerance(boxes: StatedBoxes) -> Floats:
     return np.asarray(2 * TOLERANCE * spread)
 
 
+def _flat(boxes: StatedBoxes, local: Floats) -> NDArray[np.bool_]:
+    """Boxes (M,) so thin that rounding decides on which side a corner lies."""
+    return np.asarray(np.abs(local).mean(1).min(1) <= _tolerance(boxes))
+
+
 def _corner_problems(boxes: StatedBoxes, rotation: Floats, asked: NDArray[np.bool_]) -> Iterator[tuple[int, tuple[str, str]]]:
     """Corners that are no box, or not the box that R_cam turns."""
     local, tolerance = _local(boxes, rotation), _tolerance(boxes)
-    half = np.abs(local).mean(1)
+    half, flat = np.abs(local).mean(1), _flat(boxes, local)
     off = np.abs(np.abs(local) - half[:, None]).max((1, 2))
     for index in np.flatnonzero(asked):
         if off[index] > tolerance[index]:
             yield int(index), _misaligned(boxes.corners[index], rotation[index], float(off[index]), float(tolerance[index]))
-        elif len({tuple(row) for row in np.sign(local[index]).tolist()}) < 8:
+        elif not flat[index] and len({tuple(row) for row in np.sign(local[index]).tolist()}) < 8:
             yield int(index), ("bbox3D_cam", "does not hold eight different corners of a box")
 
 

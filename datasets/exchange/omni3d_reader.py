@@ -13,7 +13,7 @@ from animal3dbox.datasets.exchange.conventions import OMNI3D, Convention
 from animal3dbox.datasets.exchange.image_roots import TRIED, image_root
 from animal3dbox.datasets.exchange.omni3d_elements import StatedBox, box_2d, category_names, cuboid_image, stated_box
 from animal3dbox.datasets.exchange.omni3d_layout import Layout, StatedBoxes, infer_layout
-from animal3dbox.datasets.exchange.omni3d_schema import GENERATOR, Omni3DAnnotation, Omni3DInfo, RawOmni3DFile
+from animal3dbox.datasets.exchange.omni3d_schema import GENERATOR, Key, Omni3DAnnotation, Omni3DInfo, RawOmni3DFile
 from animal3dbox.datasets.exchange.seen_boxes import seen_boxes
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
@@ -76,12 +76,12 @@ def _info(raw: msgspec.Raw) -> Omni3DInfo | None:
 
 def _images(
     raws: Sequence[msgspec.Raw], path: Path, images: Path | None, convention: Convention
-) -> tuple[dict[int, CuboidImage | None], list[SampleError], list[str]]:
+) -> tuple[dict[Key, CuboidImage | None], list[SampleError], list[str]]:
     """Images by id, None for the faulty ones."""
     root = image_root(path, images, [_named(raw).file_path for raw in raws[:TRIED]])
-    found: dict[int, CuboidImage | None] = {}
+    found: dict[Key, CuboidImage | None] = {}
     faults: list[SampleError] = []
-    paths: dict[str, int] = {}
+    paths: dict[str, Key] = {}
     for number, raw in enumerate(raws):
         try:
             key, image = cuboid_image(raw, number, path, root, convention)
@@ -103,8 +103,8 @@ def _images(
 class _Named(msgspec.Struct):
     """The keys of an image or annotation that are needed before it is checked."""
 
-    id: int | None = None
-    image_id: int | None = None
+    id: Key | None = None
+    image_id: Key | None = None
     file_path: str = ""
 
 
@@ -116,10 +116,10 @@ def _named(raw: msgspec.Raw) -> _Named:
 
 
 def _stated_boxes(
-    raws: Sequence[msgspec.Raw], images: dict[int, CuboidImage | None], names: dict[int, str], convention: Convention
+    raws: Sequence[msgspec.Raw], images: dict[Key, CuboidImage | None], names: dict[Key, str], convention: Convention
 ) -> tuple[list[StatedBox], list[SampleError], list[str]]:
     """Annotations of the right form, faults, and notes on what was left out."""
-    stated, faults, numbers, counts = [], [], Counter[int](), Counter[str]()
+    stated, faults, numbers, counts = [], [], Counter[Key](), Counter[str]()
     for number, raw in enumerate(raws):
         key = _named(raw).image_id
         image, k = (None, 0) if key is None else (images.get(key), numbers[key])

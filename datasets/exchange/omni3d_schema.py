@@ -8,11 +8,15 @@ GENERATOR: Final = "animal3dbox"
 """What info.generator says in the files that this package writes."""
 
 
+Key = int | str
+"""Omni3D's own ids are whole numbers; files made after it have words, too."""
+
+
 class Omni3DImage(msgspec.Struct, kw_only=True):
     """One image; K row by row."""
 
-    id: int
-    dataset_id: int = 0
+    id: Key
+    dataset_id: Key = 0
     width: int
     height: int
     file_path: str
@@ -22,7 +26,7 @@ class Omni3DImage(msgspec.Struct, kw_only=True):
 class Omni3DCategory(msgspec.Struct, kw_only=True):
     """One category."""
 
-    id: int
+    id: Key
     name: str
     supercategory: str = ""
 
@@ -30,10 +34,10 @@ class Omni3DCategory(msgspec.Struct, kw_only=True):
 class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     """One box. The last two keys are this package's own: metric says that lengths are metres, heading_known that sides have names."""
 
-    id: int
-    image_id: int
-    dataset_id: int = 0
-    category_id: int
+    id: Key
+    image_id: Key
+    dataset_id: Key = 0
+    category_id: Key
     category_name: str | None = None
     valid3D: bool | int = True
     bbox2D_tight: list[float] | None = None
@@ -56,12 +60,13 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
 class Omni3DInfo(msgspec.Struct, kw_only=True):
     """What a file says of itself; generator, units and first_pixel are this package's own keys."""
 
-    id: int = 0
+    id: Key = 0
     source: str = "animal3dbox"
     name: str = "animal3dbox"
     split: str = "train"
     version: str = "1"
     url: str = ""
+    known_category_ids: list[Key] = []
     generator: str | None = None
     units: str | None = None
     first_pixel: float | None = None

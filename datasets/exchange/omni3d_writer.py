@@ -8,7 +8,7 @@ import numpy as np
 
 from animal3dbox.datasets.exchange.conventions import OMNI3D, Floats
 from animal3dbox.datasets.exchange.export import SUPERCATEGORY, Exported, checked_units, heading_note, images_with_boxes
-from animal3dbox.datasets.exchange.omni3d_schema import GENERATOR, Omni3DAnnotation, Omni3DCategory, Omni3DFile, Omni3DImage, Omni3DInfo
+from animal3dbox.datasets.exchange.omni3d_schema import GENERATOR, Key, Omni3DAnnotation, Omni3DCategory, Omni3DFile, Omni3DImage, Omni3DInfo
 from animal3dbox.datasets.exchange.seen_boxes import seen_boxes, stated_truncation
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.files import write_whole
@@ -42,8 +42,10 @@ def write_omni3d(
     names = sorted({category_name(record.category) for record in kept})
     ids = {name: first_category_id + number for number, name in enumerate(names)}
     numbers = {image.image_id: number for number, (image, _) in enumerate(members)}
+    known: list[Key] = list(ids.values())
+    info = Omni3DInfo(id=dataset_id, split=split, known_category_ids=known, generator=GENERATOR, units=units, first_pixel=OMNI3D.first_pixel)
     file = Omni3DFile(
-        info=Omni3DInfo(id=dataset_id, split=split, generator=GENERATOR, units=units, first_pixel=OMNI3D.first_pixel),
+        info=info,
         images=_images(members, numbers, dataset_id),
         categories=[Omni3DCategory(id=number, name=name, supercategory=SUPERCATEGORY) for name, number in ids.items()],
         annotations=_annotations(kept, numbers, ids, dataset_id),

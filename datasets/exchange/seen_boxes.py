@@ -1,7 +1,7 @@
 """How cuboids look in their images: projections, upright boxes round them, truncation; what several formats ask for."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,9 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
 from animal3dbox.geometry.face_visibility import corners_visibility, near_depth_of_corners, projected_faces, visible_faces
 from animal3dbox.geometry.polygon import clip_by_plane
+
+AT_ONCE = 8192
+"""Boxes whose faces are clipped together: about 5 kB each."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ def seen_boxes(records: Sequence[CuboidRecord]) -> SeenBoxes:
     projected = np.concatenate((px.min(1), px.max(1)), axis=-1) if count else np.zeros((0, 4))
     projected[~in_front.all(-1)] = np.nan
     in_frame, truncation = np.full((count, 4), np.nan), np.zeros(count)
-    for image_hw, members in _by_size(records).items():
+    for image_hw, members in _by_size(records):
         in_frame[members] = _bounds_in_frame(corners[members], K[members], image_hw)
         visible = visible_faces(corners[members], np.zeros((len(members), 3)))
         truncation[members] = corners_visibility(corners[members], K[members], image_hw, visible).truncation
@@ -73,11 +76,14 @@ def stated_truncation(record: CuboidRecord, seen: SeenBoxes, index: int) -> floa
     return float(seen.truncation[index]) if record.truncation is None else record.truncation
 
 
-def _by_size(records: Sequence[CuboidRecord]) -> dict[tuple[int, int], list[int]]:
+def _by_size(records: Sequence[CuboidRecord]) -> Iterator[tuple[tuple[int, int], list[int]]]:
+    """Records of images of one size together, at most AT_ONCE of them."""
     members: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
     for index, record in enumerate(records):
         members[record.image_hw].append(index)
-    return members
+    for image_hw, indices in members.items():
+        for start in range(0, len(indices), AT_ONCE):
+            yield image_hw, indices[start : start + AT_ONCE]
 
 
 def _bounds_in_frame(corners: Floats, K: Floats, image_hw: tuple[int, int]) -> Floats:

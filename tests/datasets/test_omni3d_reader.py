@@ -144,6 +144,27 @@ def test_missing_corners_are_no_fault_and_rounded_numbers_neither(tmp_path: Path
     assert all(np.abs(record.rotation @ record.rotation.T - np.eye(3)).max() < 1e-12 for record in back.records)
 
 
+def test_ids_may_be_words(tmp_path: Path, content: Content) -> None:
+    content["info"]["id"] = "herd_train"
+    for image in content["images"]:
+        image |= {"id": f"i{image['id']}", "dataset_id": "herd_train"}
+    for annotation in content["annotations"]:
+        annotation |= {"image_id": f"i{annotation['image_id']}", "dataset_id": "herd_train", "id": f"a{annotation['id']}"}
+    back = read(tmp_path, content)
+    assert back.faults == ()
+    assert_boxes_are_those_written(back)
+
+
+def test_a_box_so_thin_that_rounding_tells_its_sides_apart_is_read(tmp_path: Path) -> None:
+    thin = simple_record(size=np.array([2.0, 0.001, 1.5]))
+    write_omni3d(CuboidSet("labels", (thin, simple_record(sample_id="images/a.jpg#1")), ()), tmp_path / "a.json")
+    content = json.loads((tmp_path / "a.json").read_text())
+    content["annotations"][0]["bbox3D_cam"] = np.round(content["annotations"][0]["bbox3D_cam"], 2).tolist()
+    back = read(tmp_path, content)
+    assert back.faults == ()
+    assert back.records[0].size.tolist() == [2.0, 0.001, 1.5]
+
+
 def first(content: Content) -> Any:
     return content["annotations"][0]
 
