@@ -8,6 +8,7 @@ import msgspec
 
 from animal3dbox.datasets import animal3d, coco, deeplabcut, deeplabcut_h5, mesh_folder, stanfordextra
 from animal3dbox.datasets.bodies import BodySource
+from animal3dbox.datasets.exchange.recognition import is_omni3d
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
@@ -184,4 +185,9 @@ def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None =
     if format not in ("auto", *FORMATS):
         raise ConfigError(f"format must be auto, {' or '.join(FORMATS)}, got {format!r}")
     kind = recognised_format(path) if format == "auto" else format
+    if kind == coco.FORMAT and is_omni3d(path):
+        raise ConfigError(
+            f"{path} holds cuboids in Omni3D's format, so there is nothing to label: load them with animal3dbox.datasets.Omni3DDataset, "
+            "look at them with animal3dbox check, or convert them with animal3dbox export"
+        )
     return READERS[kind].read(path, options or ReadOptions())

@@ -8,8 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from torch.utils.data import DataLoader
+from tqdm import tqdm
 
 from animal3dbox.cli.export import is_labels, read_cuboids
+from animal3dbox.datasets.batches import collate
+from animal3dbox.datasets.by_format import AnnotatedDataset
+from animal3dbox.datasets.exchange.recognition import is_omni3d
+from animal3dbox.datasets.labelling import PosePolicy
 from animal3dbox.errors import SampleError
 from animal3dbox.report.label_files import labels_file, read_labels_json
 from animal3dbox.report.label_targets import target_of_record, target_of_row
@@ -30,6 +36,13 @@ class CheckJob:
     path: Path
     images: Path | None
     json: bool
+    format: str = "auto"
+    model: Path | None = None
+    body: str | None = None
+    vocabulary: str | None = None
+    stored_pose: PosePolicy = "hypothesis"
+    cache: Path | None = None
+    workers: int = 0
 
 
 class CheckedFault(msgspec.Struct, kw_only=True):
@@ -54,7 +67,8 @@ class CheckReport(msgspec.Struct, kw_only=True):
 
 def run_check(job: CheckJob) -> int:
     """Check labels or cuboids, and say what is wrong; returns the exit code."""
-    report = checked(job.path, job.images)
+    on_disk = is_labels(job.path) or is_omni3d(job.path)
+    report = checked(job.path, job.images) if on_disk else checked_dataset(job)
     if job.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     else:
@@ -102,6 +116,39 @@ def checked(path: Path, images: Path | None = None) -> CheckReport:
     counts = Counter(fault.check for fault in faults)
     animals = len(targets) + counts[READING]
     return CheckReport(source=str(path), animals=animals, counts=counts, warnings=warnings, faults=faults, notes=list(notes))
+
+
+def checked_dataset(job: CheckJob) -> CheckReport:
+    """What is wrong with the samples of a dataset, labelled on the way as its Dataset does it.
+
+    Raises:
+        ConfigError: an option that the dataset has no use for.
+        DatasetNotFoundError: nothing there.
+        DatasetFormatError: not readable as a whole.
+
+    """
+    dataset = AnnotatedDataset(
+        job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=job.body, on_bad="skip",
+        pose=job.stored_pose, cache=job.cache,
+    )  # fmt: skip
+    loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
+    found: list[CheckedFault] = []
+    animals = 0
+    for step, (images, targets) in enumerate(tqdm(loader, desc="checking", unit="batch", disable=job.json or None)):
+        findings, count = examined(targets, [(image.shape[1], image.shape[2]) for image in images], step)
+        animals += count
+        for finding in findings:
+            name = str(targets[finding.target]["image_id"])
+            sample_id = f"{name}#{finding.animal}" if finding.animal else name
+            found.append(CheckedFault(check=finding.check, sample_id=sample_id, field=finding.field, problem=finding.problem))
+    report = dataset.report()
+    faults = [CheckedFault(check=READING, sample_id=case.sample_id, field=case.field, problem=case.problem) for case in report.of("fault")]
+    faults += [fault for fault in found if fault.check not in WARNINGS]
+    warnings = Counter(fault.check for fault in found if fault.check in WARNINGS) + Counter(case.field for case in report.of("rejected"))
+    notes = [*dataset.source.notes, *(f"{case.kind}: {case}" for case in report.cases if case.kind != "fault")]
+    counts = Counter(fault.check for fault in faults)
+    animals += counts[READING] + len(report.of("rejected"))
+    return CheckReport(source=str(job.path), animals=animals, counts=counts, warnings=warnings, faults=faults, notes=notes)
 
 
 def _examined(targets: Sequence[dict[str, Any]], sizes: Sequence[tuple[int, int]]) -> list[CheckedFault]:

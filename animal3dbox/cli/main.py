@@ -158,15 +158,25 @@ def export(
 
 def check(
     path: Annotated[
-        tyro.conf.Positional[Path], tyro.conf.arg(metavar="PATH", help="labels.json, the folder that label wrote, or a JSON in Omni3D's format")
+        tyro.conf.Positional[Path],
+        tyro.conf.arg(metavar="PATH", help="labels.json, the folder that label wrote, a JSON in Omni3D's format, or a dataset, which is labelled"),
     ],
-    images: Annotated[Path | None, tyro.conf.arg(help="folder that an Omni3D file's image paths are relative to")] = None,
+    images: Annotated[Path | None, tyro.conf.arg(help="folder that the file's image paths are relative to")] = None,
+    format: Annotated[Format, tyro.conf.arg(help="of a dataset: the annotations' format")] = "auto",
+    model: Annotated[Path | None, tyro.conf.arg(help="of a dataset: the SMAL model of its own parameters or meshes")] = None,
+    body: Annotated[str | None, tyro.conf.arg(help="of a dataset: one body for all, a preset's name or a model's file")] = None,
+    vocabulary: Annotated[str | None, tyro.conf.arg(help="of a dataset: what the keypoints are if their names do not tell")] = None,
+    stored_pose: Annotated[
+        Literal["hypothesis", "exact"], tyro.conf.arg(help="of a dataset: take its stored camera as a guess or as known")
+    ] = "hypothesis",
+    cache: Annotated[Path | None, tyro.conf.arg(help="of a dataset: its label cache")] = None,
+    workers: Annotated[int, tyro.conf.arg(help="of a dataset: processes")] = 0,
     json: Annotated[bool, tyro.conf.arg(help="print everything that is wrong as JSON")] = False,
 ) -> int:
     """Check labels: cuboids against their corners, projections, faces, boxes and cameras, as training loops do."""
     from animal3dbox.cli.check import CheckJob, run_check
 
-    return run_check(CheckJob(path, images, json))
+    return run_check(CheckJob(path, images, json, format, model, body, vocabulary, stored_pose, cache, workers))
 
 
 def inspect(

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from commands import labels_of_one_animal, ran
 from cuboid_sets import random_set
+from planted_faults import plant
+from small_animals import model_of
 
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 
@@ -77,3 +79,25 @@ def test_nothing_to_check_is_an_input_error(tmp_path: Path) -> None:
     assert ran("check", tmp_path / "none.json")[0] == 3
     (tmp_path / "other.json").write_text("[]")
     assert ran("check", tmp_path / "other.json")[0] == 3
+
+
+def test_a_dataset_is_labelled_and_checked(animals: Path) -> None:
+    known = ("--model", str(model_of(animals)), "--stored-pose", "exact")
+    code, said = ran("check", animals, *known, "--json")
+    report = json.loads(said)
+    assert (code, report["faults"]) == (0, [])
+    assert report["animals"] == sum(len(json.loads((animals / name).read_text())["data"]) for name in ("train.json", "test.json"))
+
+
+def test_a_dataset_s_bad_samples_are_named(copied: Path) -> None:
+    image, _ = plant(copied, "train.json", 1, "image of words")
+    code, said = ran("check", copied, "--model", str(model_of(copied)), "--stored-pose", "exact")
+    assert code == 4
+    assert f"{image}: image: " in said
+
+
+def test_cuboids_are_not_taken_for_keypoints(tmp_path: Path) -> None:
+    write_omni3d(random_set(), tmp_path / "boxes.json")
+    code, said = ran("label", tmp_path / "boxes.json", "--out", tmp_path / "out")
+    assert code == 2
+    assert "nothing to label" in said
