@@ -6,6 +6,7 @@ import runpy
 from pathlib import Path
 
 import pytest
+from small_animals import model_of
 
 ROOT = Path(__file__).parent.parent
 ROW = re.compile(r"^\| .* \| (section [^|]+?) \| `([^`]+)` \| `([^`]+)` \|$", re.MULTILINE)
@@ -68,3 +69,22 @@ def test_the_readmes_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_readmes_test_command_is_what_ci_runs() -> None:
     assert "make test" in (ROOT / "README.md").read_text()
     assert "make test" in (ROOT / ".ci" / "run").read_text()
+
+
+def code_with(page: str, words: str) -> str:
+    """The block of Python in a page that holds some words."""
+    (block,) = [block for block in re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL) if words in block]
+    return str(block)
+
+
+def test_the_readme_s_training_loop_runs(animals: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(code_with("README.md", "AnnotatedDataset("), {"PATH": animals, "augment": None})  # noqa: S102
+    assert "left out: " in capsys.readouterr().out
+    assert (tmp_path / "labels-cache").is_dir()
+
+
+def test_the_training_loop_of_the_datasets_page_runs(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    known = {"root": animals, "model": model_of(animals), "cache": tmp_path / "cache"}
+    exec(code_with("docs/datasets.md", "EpochSampler("), known)  # noqa: S102
+    assert "left out: " in capsys.readouterr().out
