@@ -143,9 +143,12 @@ def test_images_are_found_where_datasets_have_them(tmp_path: Path, folder: str) 
     if folder == ".":
         for path in list((tmp_path / "moved").iterdir()):
             path.rename(tmp_path / path.name)
+        (tmp_path / "images").mkdir()  # of something else
     else:
         (tmp_path / "moved").rename(tmp_path / folder)
     assert read_coco(write_coco(tmp_path, content, "annotations/train.json")).faults == ()
+    if folder != "data":
+        assert read_coco(write_coco(tmp_path, content)).faults == ()
 
 
 def test_the_users_vocabulary_is_used_by_name_or_for_a_file_without_names(tmp_path: Path) -> None:

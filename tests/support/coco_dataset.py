@@ -154,6 +154,7 @@ COCO_FAULTS = {
     "mask_cut_off": CocoFault(A, "segmentation", "but the image has", in_annotation(segmentation={"size": list(HW), "counts": [5, 3]})),
     "empty_mask": CocoFault(A, "segmentation", "is an empty mask", in_annotation(segmentation={"size": list(HW), "counts": EMPTY})),
     "polygon_of_two_points": CocoFault(A, "segmentation", "at least three points", in_annotation(segmentation=[[1, 1, 9, 9]])),
+    "polygon_of_half_a_point": CocoFault(A, "segmentation", "at least three points", in_annotation(segmentation=[[1, 1, 9, 9, 9, 1, 5]])),
     "polygon_outside": CocoFault(A, "segmentation", "hold no pixel", in_annotation(segmentation=[[200, 1, 220, 1, 220, 20]])),
     "polygon_far_away": CocoFault(A, "segmentation", "ten image sizes", in_annotation(segmentation=[[2e4, 1, 3e4, 1, 3e4, 20]])),
     "polygon_of_words": CocoFault(A, "segmentation", "must be lists of x, y", in_annotation(segmentation=["1 2 3 4 5 6"])),

@@ -81,8 +81,16 @@ def write_csv(path: Path, made: Table) -> Path:
     return path
 
 
-def write_fixed(path: Path, made: Table, **changes: Any) -> Path:
-    """DataFrame.to_hdf(format="fixed"): plain arrays of levels and codes; changes replace attributes of the group."""
+def write_fixed(path: Path, made: Table, transposed: bool = True, **changes: Any) -> Path:
+    """DataFrame.to_hdf(format="fixed"): plain arrays of levels and codes.
+
+    Args:
+        path: the file.
+        made: what goes into it.
+        transposed: whether values are stored by rows, as PyTables does for arrays in C order.
+        **changes: replace attributes of the group.
+
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     with h5py.File(path, "w") as file:
         group = file.create_group("df_with_missing")
@@ -91,8 +99,9 @@ def write_fixed(path: Path, made: Table, **changes: Any) -> Path:
         _write_axis(group, "axis0", made.columns)
         _write_axis(group, "axis1", made.index)
         _write_axis(group, "block0_items", made.columns)
-        values = group.create_dataset("block0_values", data=made.rows)
-        values.attrs["transposed"] = np.uint8(1)
+        values = group.create_dataset("block0_values", data=made.rows if transposed else made.rows.T)
+        if transposed:
+            values.attrs["transposed"] = np.uint8(1)
     return path
 
 
