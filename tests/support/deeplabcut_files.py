@@ -114,7 +114,7 @@ def _write_axis(group: Any, name: str, labels: Sequence[Any]) -> None:
     for level in range(len(labels[0])):
         values = sorted({label[level] for label in labels})
         group.create_dataset(f"{name}_level{level}", data=_bytes(values))
-        group.create_dataset(f"{name}_label{level}", data=np.array([values.index(label[level]) for label in labels], dtype=np.int8))
+        group.create_dataset(f"{name}_label{level}", data=np.array([values.index(label[level]) for label in labels], dtype=np.int64))
 
 
 def _bytes(labels: Sequence[str]) -> NDArray[np.bytes_]:
