@@ -7,8 +7,9 @@ from animal3dbox.datasets.animal3d import VOCABULARY
 from animal3dbox.datasets.bodies import BodySource, ParametersBody
 from animal3dbox.datasets.inspection.animal3d_entries import key_counts, key_forms, read_raw, value_counts, visibility_values
 from animal3dbox.datasets.inspection.fits import Subject, camera_fits, picture_fit
+from animal3dbox.datasets.inspection.measures import spread
 from animal3dbox.datasets.inspection.result import Animal3DFacts
-from animal3dbox.datasets.inspection.stored_points import side_facts, stored_points
+from animal3dbox.datasets.inspection.stored_points import ANIMALS, side_facts, stored_points
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
 
@@ -18,7 +19,7 @@ def animal3d_facts(path: Path, records: Sequence[AnimalRecord], bodies: BodySour
     raw = read_raw(path)
     entries = list(raw.entries.values())
     fitted = bodies if isinstance(bodies, ParametersBody) else None
-    subjects = [_subject(record, raw.entries[record.sample_id], fitted) for record in records]
+    subjects = [_subject(record, raw.entries[record.sample_id], fitted) for record in spread(records, ANIMALS)]
     cameras = camera_fits(subjects)
     best = next((fit for fit in cameras if fit.target == "keypoint_2d"), None)
     pictures = [fit for key in ("reproj_kp_2d", "joints_2d") if (fit := picture_fit(subjects, key)) is not None]

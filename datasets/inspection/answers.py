@@ -21,6 +21,8 @@ def answers(found: Inspection) -> list[str]:
             f"{found.image_files.unreadable} cannot be read"
         )
     said += _about_masks(found)
+    if found.bodies.unusable:
+        said.append(f"{found.bodies.unusable} of {found.bodies.looked_at} bodies looked at cannot be used: {found.bodies.examples[0]}")
     if found.cameras.residual is not None:
         said.append(f"bodies under the cameras that come with them are off their keypoints by {_told(found.cameras.residual)}")
     if found.animal3d is not None:

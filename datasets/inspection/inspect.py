@@ -8,7 +8,7 @@ import msgspec
 from animal3dbox.datasets import animal3d
 from animal3dbox.datasets.inspection.animal3d import animal3d_facts
 from animal3dbox.datasets.inspection.answers import answers
-from animal3dbox.datasets.inspection.records import camera_facts, confidences, fault_facts, image_facts, marked_median, mask_facts
+from animal3dbox.datasets.inspection.records import body_facts, camera_facts, confidences, fault_facts, image_facts, marked_median, mask_facts
 from animal3dbox.datasets.inspection.result import Inspection
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
 
@@ -44,6 +44,7 @@ def inspect_dataset(path: Path, format: str = "auto", options: ReadOptions | Non
         confidences=confidences(records),
         image_files=image_facts(records),
         masks=mask_facts(records),
+        bodies=body_facts(records, read.bodies),
         cameras=camera_facts(records, read.bodies),
         faults=fault_facts(read.records),
         animal3d=own,

@@ -11,7 +11,7 @@ from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.exif import header_facts
 from animal3dbox.datasets.images import read_image, stored_size
 from animal3dbox.datasets.inspection.measures import residual, spread
-from animal3dbox.datasets.inspection.result import CameraFacts, FaultFacts, FaultLine, ImageFacts, MaskFacts
+from animal3dbox.datasets.inspection.result import BodyFacts, CameraFacts, FaultFacts, FaultLine, ImageFacts, MaskFacts
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.camera import project
@@ -65,6 +65,19 @@ def _levels(record: AnimalRecord) -> str:
     return " and ".join(str(value) for value in values) if len(values) == 2 else "only 0"
 
 
+def body_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> BodyFacts:
+    """Whether the animals' own bodies can be had."""
+    looked_at = spread(list(records), BODIES) if bodies is not None else []
+    examples = []
+    for record in looked_at:
+        try:
+            if bodies is not None:
+                bodies.body(record)
+        except SampleError as error:
+            examples.append(str(error))
+    return BodyFacts(len(looked_at), len(examples), examples[:5])
+
+
 def camera_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> CameraFacts:
     """Intrinsics and poses, and how well bodies project onto their keypoints."""
     sources = Counter("unknown" if record.K is None else record.K_source for record in records)
@@ -88,7 +101,7 @@ def _projected(records: Iterable[AnimalRecord], bodies: BodySource) -> Iterable[
         try:
             landmarks = bodies.body(record).landmarks
         except SampleError:
-            continue  # it is a fault of the body, which check and label report
+            continue  # among body_facts
         R, t, K = (torch.from_numpy(np.asarray(part, dtype=np.float64)) for part in (*pose, record.K))
         lens = None if record.distortion is None else torch.from_numpy(record.distortion)
         px, depth = project(K, landmarks @ R.mT + t, lens)

@@ -41,6 +41,14 @@ class MaskFacts(msgspec.Struct, frozen=True):
     examples: list[str]
 
 
+class BodyFacts(msgspec.Struct, frozen=True):
+    """Bodies that come with the dataset: so many were looked at, and so many of these cannot be used."""
+
+    looked_at: int
+    unusable: int
+    examples: list[str]
+
+
 class CameraFacts(msgspec.Struct, frozen=True):
     """What records know of cameras; residual is of bodies under the known or stored poses, None without either."""
 
@@ -187,7 +195,7 @@ class Inspection(msgspec.Struct, frozen=True):
         categories: name -> animals.
         keypoints_marked: of the median animal.
         confidences: value -> keypoints, as they were read.
-        image_files, masks, cameras, faults: see there.
+        image_files, masks, bodies, cameras, faults: see there.
         animal3d: None of other formats.
         notes: the reader's own.
         answers: what follows from all this, in whole sentences.
@@ -205,6 +213,7 @@ class Inspection(msgspec.Struct, frozen=True):
     confidences: dict[str, int]
     image_files: ImageFacts
     masks: MaskFacts
+    bodies: BodyFacts
     cameras: CameraFacts
     faults: FaultFacts
     animal3d: Animal3DFacts | None

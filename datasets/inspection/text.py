@@ -24,6 +24,8 @@ def _counts(found: Inspection) -> Iterator[str]:
     yield from (f"  {example}" for example in files.examples)
     yield f"masks: {masks.animals} animals; levels in {masks.looked_at}: {_told(masks.levels) or 'none'}; {masks.unusable} unusable"
     yield from (f"  {example}" for example in masks.examples)
+    yield f"bodies of its own: {found.bodies.looked_at} looked at, {found.bodies.unusable} unusable"
+    yield from (f"  {example}" for example in found.bodies.examples)
     yield f"intrinsics: {_told(cameras.intrinsics)}; exact poses {cameras.exact_poses}, guessed {cameras.stored_poses}, lenses {cameras.lenses}"
 
 

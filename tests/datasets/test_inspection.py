@@ -268,6 +268,12 @@ def test_other_formats_are_inspected_too(tmp_path: Path) -> None:
     assert found.cameras.exact_poses == 1
     assert found.cameras.residual is not None
     assert found.cameras.residual.median_percent > 15  # the keypoints are another view's
+    assert (found.bodies.looked_at, found.bodies.unusable) == (2, 0)
+    (root / "meshes" / "b.obj").write_text("")
+    found = inspect_dataset(root)
+    assert (found.bodies.looked_at, found.bodies.unusable) == (2, 1)
+    assert "b.jpg: mesh: " in answer(found, "1 of 2 bodies looked at cannot be used")
+    assert found.bodies.examples[0] in as_text(found)
 
 
 def test_the_command_prints_words_or_json(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
