@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from animal3dbox.geometry.cuboid import Cuboid as Cuboid
     from animal3dbox.labels.config import LabelConfig as LabelConfig
     from animal3dbox.labels.label import label_animal as label_animal
+    from animal3dbox.labels.label import label_many as label_many
     from animal3dbox.labels.types import CuboidLabel as CuboidLabel
     from animal3dbox.labels.types import Rejection as Rejection
 
@@ -22,9 +23,10 @@ _HOMES = {
     "LabelConfig": "animal3dbox.labels.config",
     "Rejection": "animal3dbox.labels.types",
     "label_animal": "animal3dbox.labels.label",
+    "label_many": "animal3dbox.labels.label",
 }
 
-__all__ = ["Cuboid", "CuboidLabel", "LabelConfig", "Rejection", "__version__", "label_animal"]
+__all__ = ["Cuboid", "CuboidLabel", "LabelConfig", "Rejection", "__version__", "label_animal", "label_many"]
 
 
 def __getattr__(name: str) -> Any:

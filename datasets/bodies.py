@@ -100,7 +100,7 @@ class ModelBody:
         vertices, words = standing_vertices(self.model, self.betas), record.vocabulary
         known = self.model.joint_names == load_quadruped().joint_names
         sigma = model_mobility(self.model, self.betas, words) if known else None
-        return Body(vertices, self.model.faces, words.on_body(self.model.landmark_groups, vertices), sigma, self.model)
+        return Body(vertices, self.model.faces, self.model.read_keypoints(words, vertices), sigma, self.model)
 
 
 def preset_body(preset: str) -> ModelBody:
@@ -139,7 +139,7 @@ def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocab
     strays = []
     for vertices, R_trunk in zip(body.vertices, trunk_rotation(body.R_world_joint), strict=True):
         upright = (vertices - vertices[torso].mean(0)) @ R_trunk + standing[torso].mean(0)
-        strays.append(vocabulary.on_body(model.landmark_groups, upright) - vocabulary.on_body(model.landmark_groups, standing))
+        strays.append(model.read_keypoints(vocabulary, upright) - model.read_keypoints(vocabulary, standing))
     mean_square = torch.stack(strays).pow(2).mean((0, 2))
     breed = BREED * torso_length(model) / torso_length(load_quadruped())
     return (mean_square.nan_to_num() + breed**2).sqrt()
@@ -193,4 +193,4 @@ class ParametersBody:
             vertices = posed_body(self.model, self.parameters[record.sample_id]).vertices[0]
         except ShapeError as error:
             raise SampleError(record.sample_id, "parameters", str(error)) from error
-        return Body(vertices, self.model.faces, record.vocabulary.on_body(self.model.landmark_groups, vertices), None, self.model)
+        return Body(vertices, self.model.faces, self.model.read_keypoints(record.vocabulary, vertices), None, self.model)

@@ -63,3 +63,10 @@ def at_least(array: AnyArray, least: float) -> AnyArray:
         return array.clamp_min(least)
     floored: np.ndarray = np.maximum(array, least)
     return floored
+
+
+def contiguous(array: AnyArray) -> AnyArray:
+    """The same values, in memory as they are counted."""
+    if isinstance(array, Tensor):
+        return array.contiguous()
+    return np.ascontiguousarray(array)

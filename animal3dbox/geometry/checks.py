@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.arrays import namespace
+from animal3dbox.geometry.arrays import as_numpy, cross
+
+IDENTITY = np.eye(3)
 
 
 def check_shape(name: str, tensor: Tensor | np.ndarray, spec: str) -> None:
@@ -42,33 +43,51 @@ def _parsed(spec: str) -> tuple[bool, tuple[int | None, ...]]:
 
 def check_finite(name: str, tensor: Tensor | np.ndarray) -> None:
     """Raise a ShapeError naming the argument unless every value is finite."""
-    finite = namespace(tensor).isfinite(tensor)
-    if not bool(finite.all()):
+    values = as_numpy(tensor)
+    if values.dtype.kind == "f" and math.isfinite(values.sum()):  # one pass for what is right; a sum that overflows is looked at again
+        return
+    finite = np.isfinite(values)
+    if not finite.all():
         raise ShapeError(f"{name} must be finite, but {int((~finite).sum())} of its {math.prod(tensor.shape)} values are NaN or infinite")
 
 
-def check_rotation(name: str, tensor: Tensor, tolerance: float = 1e-5) -> None:
+def check_rotation(name: str, tensor: Tensor | np.ndarray, tolerance: float = 1e-5) -> None:
     """Raise a ShapeError naming the argument unless it holds rotations, (..., 3, 3) with det +1."""
     check_shape(name, tensor, "... 3 3")
     check_finite(name, tensor)
-    identity = torch.eye(3, dtype=tensor.dtype, device=tensor.device)
-    off = float((tensor @ tensor.mT - identity).abs().amax()) if tensor.numel() else 0.0
+    R = as_numpy(tensor)
+    if not R.size:
+        return
+    off, least = _off_rotation(R.tolist()) if R.ndim == 2 else _off_rotations(R)
     if off > tolerance:
         raise ShapeError(f"{name} must hold rotation matrices, but R @ R.T differs from the identity by {off:.2g}")
-    if tensor.numel() and float(torch.linalg.det(tensor).amin()) < 0:
+    if least < 0:
         raise ShapeError(f"{name} must have determinant +1; a determinant of -1 is a mirrored frame: negate one axis")
+
+
+def _off_rotations(R: np.ndarray) -> tuple[float, float]:
+    """The greatest entry of R R^T - 1 over matrices (..., 3, 3), and the least determinant."""
+    determinants = (R[..., 0, :] * cross(R[..., 1, :], R[..., 2, :])).sum(-1)
+    return float(np.abs(R @ R.mT - IDENTITY).max()), float(determinants.min())
+
+
+def _off_rotation(R: list[list[float]]) -> tuple[float, float]:
+    """The same of one matrix, in plain numbers: nine numbers are not worth the calls."""
+    (a, b, c), (d, e, f), (g, h, i) = R
+    lengths = a * a + b * b + c * c - 1, d * d + e * e + f * f - 1, g * g + h * h + i * i - 1
+    angles = a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i
+    return max(map(abs, (*lengths, *angles))), a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
 def check_intrinsics(name: str, K: Tensor | np.ndarray) -> None:
     """Raise a ShapeError unless K is (..., 3, 3), upper triangular, with positive focal lengths and K[2, 2] = 1."""
     check_shape(name, K, "... 3 3")
     check_finite(name, K)
-    values = K if isinstance(K, np.ndarray) else K.detach().cpu().numpy()
-    below = np.abs(values[..., [1, 2, 2], [0, 0, 1]]).max()
-    if below > 1e-9 or np.abs(values[..., 2, 2] - 1).max() > 1e-9:
-        raise ShapeError(f"{name} must be upper triangular with {name}[2, 2] = 1, got {K.tolist()}")
-    if values[..., [0, 1], [0, 1]].min() <= 0:
-        raise ShapeError(f"{name} must have positive focal lengths, got {K.tolist()}")
+    for (fx, _, _), (skewed, fy, _), (low, lower, one) in as_numpy(K).reshape(-1, 3, 3).tolist():
+        if max(abs(skewed), abs(low), abs(lower), abs(one - 1)) > 1e-9:
+            raise ShapeError(f"{name} must be upper triangular with {name}[2, 2] = 1, got {K.tolist()}")
+        if min(fx, fy) <= 0:
+            raise ShapeError(f"{name} must have positive focal lengths, got {K.tolist()}")
 
 
 def check_image_hw(name: str, image_hw: tuple[int, int]) -> None:

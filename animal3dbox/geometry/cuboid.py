@@ -99,20 +99,3 @@ class Cuboid:
             raise ShapeError("Q must have determinant -1 to mirror; a rotation goes through transformed")
         flip_y = torch.diag(torch.tensor([1.0, -1.0, 1.0], dtype=Q.dtype, device=Q.device))
         return Cuboid((Q @ self.center[..., None])[..., 0], Q @ self.rotation @ flip_y, self.size)
-
-
-def cuboid_from_bounds(least: Tensor, greatest: Tensor, R_box: Tensor, origin: Tensor) -> Cuboid:
-    """The box between two opposite corners given in the box frame.
-
-    Args:
-        least: (..., 3) in the box frame, about origin.
-        greatest: (..., 3) likewise.
-        R_box: (..., 3, 3), R_world_box.
-        origin: (..., 3) in world.
-
-    Returns:
-        The box in world; its centre is the middle of the bounds, which is not the origin.
-
-    """
-    middle = (least + greatest) / 2
-    return Cuboid(origin + (R_box @ middle[..., None])[..., 0], R_box, greatest - least)

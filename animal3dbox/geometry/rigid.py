@@ -3,7 +3,12 @@
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import AnyArray, like, namespace
 from animal3dbox.geometry.checks import check_shape
+
+CROSS = ((0.0, 0, 0, 0, 0, -1, 0, 1, 0), (0.0, 0, 1, 0, 0, 0, -1, 0, 0), (0.0, -1, 0, 1, 0, 0, 0, 0, 0))
+"""What each coordinate of v puts into the nine entries of v's cross-product matrix."""
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def rigid(R: Tensor, t: Tensor) -> Tensor:
@@ -47,14 +52,13 @@ def transform_points(T: Tensor, points: Tensor) -> Tensor:
     return points @ T[..., :3, :3].mT + T[..., None, :3, 3]
 
 
-def cross_matrix(vectors: Tensor) -> Tensor:
+def cross_matrix(vectors: AnyArray) -> AnyArray:
     """The matrices (..., 3, 3) whose product with p is the cross product v x p, for v (..., 3)."""
-    x, y, z = vectors.unbind(-1)
-    zero = torch.zeros_like(x)
-    return torch.stack((zero, -z, y, z, zero, -x, -y, x, zero), dim=-1).reshape(*vectors.shape, 3)
+    matrices: AnyArray = (vectors @ like(vectors, CROSS)).reshape(*vectors.shape, 3)
+    return matrices
 
 
-def rotation_from_axis_angle(axis_angle: Tensor) -> Tensor:
+def rotation_from_axis_angle(axis_angle: AnyArray) -> AnyArray:
     """Rotation matrices of axis-angle vectors (Rodrigues), differentiable at zero.
 
     Args:
@@ -65,14 +69,16 @@ def rotation_from_axis_angle(axis_angle: Tensor) -> Tensor:
 
     """
     check_shape("axis_angle", axis_angle, "... 3")
+    xp = namespace(axis_angle)
     square = (axis_angle * axis_angle).sum(-1)[..., None, None]
     small = square < 1e-8
-    safe = torch.where(small, torch.ones_like(square), square)
-    angle = safe.sqrt()
-    sine = torch.where(small, 1 - square / 6, torch.sin(angle) / angle)
-    cosine = torch.where(small, 0.5 - square / 24, (1 - torch.cos(angle)) / safe)
+    safe = xp.where(small, xp.ones_like(square), square)
+    angle = xp.sqrt(safe)
+    sine = xp.where(small, 1 - square / 6, xp.sin(angle) / angle)
+    cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / safe)
     skew = cross_matrix(axis_angle)
-    return torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device) + sine * skew + cosine * (skew @ skew)
+    R: AnyArray = like(axis_angle, IDENTITY) + sine * skew + cosine * (skew @ skew)
+    return R
 
 
 def axis_angle_from_rotation(R: Tensor) -> Tensor:
@@ -136,7 +142,7 @@ def alignment_variation(ideal: Tensor, actual: Tensor) -> Tensor:
     return 0.5 * (apart * apart).sum(-1)
 
 
-def nearest_rotation(M: Tensor) -> Tensor:
+def nearest_rotation(M: AnyArray) -> AnyArray:
     """The rotation nearest to a matrix in the Frobenius norm, det +1 (orthogonal Procrustes).
 
     Args:
@@ -146,7 +152,8 @@ def nearest_rotation(M: Tensor) -> Tensor:
         (..., 3, 3).
 
     """
-    U, _, Vt = torch.linalg.svd(M)
-    sign = torch.linalg.det(U @ Vt)
-    R: Tensor = torch.cat((U[..., :2], U[..., 2:] * sign[..., None, None]), dim=-1) @ Vt
+    xp = namespace(M)
+    U, _, Vt = xp.linalg.svd(M)
+    sign = xp.linalg.det(U @ Vt)
+    R: AnyArray = xp.concatenate((U[..., :2], U[..., 2:] * sign[..., None, None]), -1) @ Vt
     return R

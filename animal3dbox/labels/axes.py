@@ -6,6 +6,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import AnyArray, as_numpy
 from animal3dbox.geometry.rigid import nearest_rotation
 from animal3dbox.labels.axes_landmarks import BodyAxes, landmark_axes
 from animal3dbox.labels.axes_pca import pca_axes
@@ -32,16 +33,16 @@ def body_axes(seen: Observation, axes: str) -> BodyAxes | None:
         The axes and their rule, or None if nothing tells which way the body points.
 
     """
+    if axes == "default" and seen.template is not None and seen.vertices is not None:
+        return BodyAxes(torch.from_numpy(torso_axes(seen.vertices, seen.template)), "torso vertices on the template")
     named = _named_landmarks(seen)
     if axes == "pca":
-        points = seen.vertices if seen.vertices is not None else torch.stack(list(named.values()))
+        points = torch.from_numpy(seen.vertices) if seen.vertices is not None else torch.stack(list(named.values()))
         return BodyAxes(pca_axes(points), "principal components")
     if axes == "landmarks":
         visible = seen.visible if seen.keypoints_2d is not None else seen.has_landmark
         flags = {name: bool(visible[i]) for name in named if (i := seen.vocabulary.index_of(name)) is not None}
         return landmark_axes(named, flags)
-    if seen.template is not None and seen.vertices is not None:
-        return BodyAxes(torso_axes(seen.vertices, seen.template), "torso vertices on the template")
     return trunk_axes(named)
 
 
@@ -50,14 +51,14 @@ def _named_landmarks(seen: Observation) -> dict[str, Tensor]:
     if seen.landmarks is None:
         return {}
     named: dict[str, Tensor] = {}
-    for row, names in enumerate(seen.vocabulary.landmarks):
-        if bool(seen.has_landmark[row]):
+    for point, known, names in zip(torch.from_numpy(seen.landmarks), seen.has_landmark, seen.vocabulary.landmarks, strict=True):
+        if known:
             for name in names:
-                named.setdefault(name, seen.landmarks[row])
+                named.setdefault(name, point)
     return named
 
 
-def torso_axes(vertices_world: Tensor, template: SmalModel) -> Tensor:
+def torso_axes(vertices_world: AnyArray, template: SmalModel) -> AnyArray:
     """The rotation that best turns the template's torso onto this body's (Kabsch on the vertices the spine alone moves).
 
     Args:
@@ -65,12 +66,13 @@ def torso_axes(vertices_world: Tensor, template: SmalModel) -> Tensor:
         template: whose own frame is forward, left, up.
 
     Returns:
-        R_world_box (3, 3).
+        R_world_box (3, 3), float64.
 
     """
-    ids = template.torso_vertices
-    here, there = vertices_world[ids], template.v_template[ids].to(vertices_world.dtype)
-    return nearest_rotation((here - here.mean(0)).mT @ (there - there.mean(0)))
+    here = as_numpy(vertices_world).T.take(as_numpy(template.torso_vertices), 1)
+    R = nearest_rotation((here - here.mean(1)[:, None]) @ template.torso_layout)
+    axes: AnyArray = torch.from_numpy(R) if isinstance(vertices_world, Tensor) else R
+    return axes
 
 
 def trunk_axes(landmarks: Mapping[str, Tensor]) -> BodyAxes | None:

@@ -1,12 +1,16 @@
 """One animal as it comes in, checked: every fault is an error that names the sample and the field."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from animal3dbox.errors import SampleError, ShapeError
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.checks import check_finite, check_image_hw, check_intrinsics, check_rotation, check_shape
 from animal3dbox.geometry.distortion import check_distortion
@@ -16,13 +20,14 @@ from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.vocabularies import find_vocabulary
 from animal3dbox.smal.vocabulary import Vocabulary
 
+Array = NDArray[np.float64]
 ArrayLike = Any
 """A tensor, a NumPy array or nested lists of numbers."""
 
 
 @dataclass(frozen=True)
 class Observation:
-    """One animal, checked, in float64.
+    """One animal, checked: arrays in float64, which nothing may write to.
 
     Attributes:
         sample_id: named in every error.
@@ -32,7 +37,7 @@ class Observation:
         landmarks: (J, 3) the landmarks on the body, world; None without any.
         has_landmark: (J,) which of them the body has.
         landmark_sigma: (J,) how far each may be from where the body has it, in the body's unit; 0 if it is exact.
-        vertices: (V, 3) world, or None.
+        vertices: (V, 3) world, coordinate by coordinate in memory, or None.
         faces: (F, 3) int64, or None.
         template: what the vertices correspond to, or None.
         K: (3, 3).
@@ -47,41 +52,41 @@ class Observation:
     sample_id: str | None
     image_hw: tuple[int, int]
     vocabulary: Vocabulary
-    keypoints_2d: Tensor | None
-    landmarks: Tensor | None
-    has_landmark: Tensor
-    landmark_sigma: Tensor
-    vertices: Tensor | None
+    keypoints_2d: Array | None
+    landmarks: Array | None
+    has_landmark: NDArray[np.bool_]
+    landmark_sigma: Array
+    vertices: Array | None
     faces: Tensor | None
     template: SmalModel | None
-    K: Tensor
+    K: Array
     K_source: str
     pose: PoseEstimate | None
     hypotheses: tuple[PoseEstimate, ...]
-    mask: Tensor | None
+    mask: NDArray[np.bool_] | None
     warnings: tuple[str, ...]
-    distortion: Tensor | None
+    distortion: Array | None
 
     @property
-    def visible(self) -> Tensor:
-        """Which keypoints are seen, (J,) bool."""
+    def visible(self) -> NDArray[np.bool_]:
+        """Which keypoints are seen, (J,)."""
         if self.keypoints_2d is None:
-            return torch.zeros(len(self.vocabulary), dtype=torch.bool)
+            return np.zeros(len(self.vocabulary), dtype=np.bool_)
         return self.keypoints_2d[:, 2] > 0
 
     @property
-    def matched(self) -> Tensor:
-        """Which keypoints are seen and have a landmark on the body, (J,) bool."""
+    def matched(self) -> NDArray[np.bool_]:
+        """Which keypoints are seen and have a landmark on the body, (J,)."""
         return self.visible & self.has_landmark
 
     @property
-    def known_landmarks(self) -> Tensor:
+    def known_landmarks(self) -> Array:
         """The landmarks that the body has, (N, 3) world."""
-        return torch.zeros((0, 3), dtype=torch.float64) if self.landmarks is None else self.landmarks[self.has_landmark]
+        return np.zeros((0, 3)) if self.landmarks is None else self.landmarks[self.has_landmark]
 
 
 class _Reader:
-    """Turns arguments into checked float64 tensors; its errors name the sample and the argument."""
+    """Turns arguments into checked arrays, which may share the caller's memory; its errors name the sample and the argument."""
 
     def __init__(self, sample_id: str | None) -> None:
         self.sample_id = sample_id
@@ -89,89 +94,96 @@ class _Reader:
     def fail(self, field: str, problem: str) -> SampleError:
         return SampleError(self.sample_id, field, problem)
 
-    def tensor(self, field: str, value: ArrayLike, spec: str) -> Tensor:
-        """A float64 copy on the CPU, of a shape."""
+    def raw(self, field: str, value: ArrayLike, spec: str) -> NDArray[Any]:
+        """Numbers of any type, of a shape."""
         try:
-            tensor = torch.as_tensor(value, dtype=torch.float64, device="cpu").detach().clone()
-            check_shape(field, tensor, spec)
+            array: NDArray[Any] = as_numpy(value) if isinstance(value, Tensor) and value.dtype != torch.bfloat16 else np.asarray(value)
+            if array.dtype.kind not in "biuf":
+                raise TypeError(f"its values are {array.dtype}")
+            check_shape(field, array, spec)
         except ShapeError as error:
             raise self.fail(field, str(error)) from error
         except (TypeError, ValueError, RuntimeError) as error:
             raise self.fail(
                 field, f"must be numbers in an array of shape ({', '.join(spec.split())}), got {type(value).__name__}: {error}"
             ) from error
-        return tensor
+        return array
 
-    def finite(self, field: str, value: ArrayLike, spec: str) -> Tensor:
-        tensor = self.tensor(field, value, spec)
+    def array(self, field: str, value: ArrayLike, spec: str) -> Array:
+        return self.raw(field, value, spec).astype(np.float64, copy=False)
+
+    def finite(self, field: str, value: ArrayLike, spec: str) -> Array:
+        array = self.array(field, value, spec)
+        self.check(check_finite, field, array)
+        return array
+
+    def check(self, check: Callable[[str, Array], None], field: str, array: Array) -> None:
+        """One of geometry's checks, its error naming the sample."""
         try:
-            check_finite(field, tensor)
+            check(field, array)
         except ShapeError as error:
             raise self.fail(field, str(error)) from error
-        return tensor
 
     def pose(self, field: str, value: ArrayLike, name: str) -> PoseEstimate:
         """A pair (R, t)."""
         if not isinstance(value, (tuple, list)) or len(value) != 2:
             raise self.fail(field, "must be a pair (R, t) with X_cam = R X + t")
         R, t = self.finite(f"{field} R", value[0], "3 3"), self.finite(f"{field} t", value[1], "3")
-        try:
-            check_rotation(f"{field} R", R)
-        except ShapeError as error:
-            raise self.fail(field, str(error)) from error
-        return PoseEstimate(R, t, name)
+        self.check(check_rotation, f"{field} R", R)
+        return PoseEstimate(torch.from_numpy(R.copy()), torch.from_numpy(t.copy()), name)
 
-    def keypoints(self, value: ArrayLike, count: int, vocabulary: str, image_hw: tuple[int, int]) -> tuple[Tensor, list[str]]:
+    def keypoints(self, value: ArrayLike, count: int, vocabulary: str, image_hw: tuple[int, int]) -> tuple[Array, list[str]]:
         """Keypoints with missing ones zeroed, and warnings."""
-        keypoints = self.tensor("keypoints_2d", value, "J 3")
+        keypoints = self.array("keypoints_2d", value, "J 3")
         if len(keypoints) != count:
             raise self.fail(
                 "keypoints_2d", f"has {len(keypoints)} keypoints, but vocabulary {vocabulary} has {count}: name the vocabulary they are in"
             )
-        confidence = keypoints[:, 2]
-        if not bool(((confidence >= 0) & (confidence <= 1)).all()):
+        confidence, seen = keypoints[:, 2], keypoints[:, 2] > 0
+        if not ((confidence >= 0) & (confidence <= 1)).all():
             raise self.fail("keypoints_2d", "visibility must be 0 or a confidence in (0, 1]; convert COCO's 0/1/2 and clear NaN first")
-        seen = confidence > 0
-        bad = seen & ~torch.isfinite(keypoints[:, :2]).all(1)
-        if bool(bad.any()):
-            raise self.fail("keypoints_2d", f"keypoint {int(bad.nonzero()[0])} is visible but NaN or infinite; give it visibility 0")
-        at_zero = seen & (keypoints[:, :2] == 0).all(1)
-        warnings = [f"{int(at_zero.sum())} visible keypoints at exactly (0, 0) were taken as missing"] if bool(at_zero.any()) else []
-        height, width = image_hw
-        outside = seen & ~at_zero & ((keypoints[:, :2].abs() > 10 * max(height, width)).any(1))
-        if bool(outside.any()):
-            raise self.fail("keypoints_2d", f"keypoint {int(outside.nonzero()[0])} is over ten image sizes away; are these pixels of this image?")
-        return torch.where((seen & ~at_zero)[:, None], keypoints, torch.zeros_like(keypoints)), warnings
+        bad = seen & ~np.isfinite(keypoints[:, :2]).all(1)
+        if bad.any():
+            raise self.fail("keypoints_2d", f"keypoint {int(bad.argmax())} is visible but NaN or infinite; give it visibility 0")
+        at_zero = seen & ~keypoints[:, :2].any(1)
+        warnings = [f"{int(at_zero.sum())} visible keypoints at exactly (0, 0) were taken as missing"] if at_zero.any() else []
+        kept = seen & ~at_zero
+        outside = kept & (np.abs(keypoints[:, :2]) > 10 * max(image_hw)).any(1)
+        if outside.any():
+            raise self.fail("keypoints_2d", f"keypoint {int(outside.argmax())} is over ten image sizes away; are these pixels of this image?")
+        return np.where(kept[:, None], keypoints, 0.0), warnings
 
-    def mask(self, value: ArrayLike, image_hw: tuple[int, int]) -> Tensor:
+    def mask(self, value: ArrayLike, image_hw: tuple[int, int]) -> NDArray[np.bool_]:
         """A mask as bool: anything above 0 is the animal."""
-        mask = self.finite("mask", value, "H W")
-        if tuple(mask.shape) != tuple(image_hw):
-            raise self.fail("mask", f"is {tuple(mask.shape)}, but image_hw is {tuple(image_hw)}: a mask must be of its image's size (height, width)")
-        if not bool((mask > 0).any()):
+        mask = self.raw("mask", value, "H W")
+        if mask.dtype.kind == "f":
+            self.check(check_finite, "mask", mask)
+        if mask.shape != image_hw:
+            raise self.fail("mask", f"is {mask.shape}, but image_hw is {image_hw}: a mask must be of its image's size (height, width)")
+        inside: NDArray[np.bool_] = mask if mask.dtype == np.bool_ else mask > 0
+        if not inside.any():
             raise self.fail("mask", "is empty: leave it out (mask=None) if there is none")
-        return mask > 0
+        return inside
 
-    def sigma(self, value: ArrayLike, words: Vocabulary) -> Tensor:
+    def sigma(self, value: ArrayLike, words: Vocabulary) -> Array:
         """Deviations of the landmarks, one a keypoint, not negative."""
         sigma = self.finite("landmark_sigma", value, "J")
-        if len(sigma) != len(words) or bool((sigma < 0).any()):
+        if len(sigma) != len(words) or (sigma < 0).any():
             raise self.fail("landmark_sigma", f"must be {len(words)} numbers of at least 0, in the mesh's unit, for vocabulary {words.name}")
         return sigma
 
-    def distortion(self, value: ArrayLike) -> Tensor:
-        """Coefficients of a lens."""
-        coefficients = self.tensor("distortion", value, "N")
-        try:
-            check_distortion("distortion", coefficients)
-        except ShapeError as error:
-            raise self.fail("distortion", str(error)) from error
-        return coefficients
-
-    def faces(self, value: ArrayLike, n_vertices: int) -> Tensor:
-        faces = self.finite("faces", value, "F 3").long()
-        if faces.numel() and (int(faces.min()) < 0 or int(faces.max()) >= n_vertices):
-            raise self.fail("faces", f"must index the {n_vertices} vertices, got {int(faces.min())} to {int(faces.max())}")
+    def faces(self, value: ArrayLike, n_vertices: int, template: SmalModel | None) -> Tensor:
+        if template is not None and value is template.faces:  # looked through once a model
+            faces: Tensor = template.faces
+            least, greatest = template.face_range
+        else:
+            array = self.raw("faces", value, "F 3")
+            if array.dtype.kind == "f":
+                self.check(check_finite, "faces", array)
+            faces = torch.as_tensor(array.astype(np.int64))
+            least, greatest = (int(faces.min()), int(faces.max())) if faces.numel() else (0, -1)
+        if least < 0 or greatest >= n_vertices:
+            raise self.fail("faces", f"must index the {n_vertices} vertices, got {least} to {greatest}")
         return faces
 
 
@@ -204,25 +216,26 @@ def observe(
     except (ShapeError, TypeError, ValueError) as error:
         raise read.fail("image_hw", str(error)) from error
     size = (int(image_hw[0]), int(image_hw[1]))
-    body = None if vertices is None else read.finite("vertices", vertices, "V 3")
+    body = None if vertices is None else np.asfortranarray(read.finite("vertices", vertices, "V 3"))
     _check_body(read, body, keypoints_3d, template)
     landmarks = _landmarks(read, keypoints_3d, body, template, words)
     seen, warnings = (None, []) if keypoints_2d is None else read.keypoints(keypoints_2d, len(words), words.name, size)
-    matrix = intrinsics(config.focal_guess * max(size), size) if K is None else read.finite("K", K, "3 3")
-    try:
-        check_intrinsics("K", matrix)
-    except ShapeError as error:
-        raise read.fail("K", str(error)) from error
+    matrix = intrinsics(config.focal_guess * max(size), size).numpy() if K is None else read.finite("K", K, "3 3")
+    read.check(check_intrinsics, "K", matrix)
+    lens = None if distortion is None else read.array("distortion", distortion, "N")
+    if lens is not None:
+        read.check(check_distortion, "distortion", lens)
+    has_landmark: Any = np.zeros(len(words), dtype=np.bool_) if landmarks is None else np.isfinite(landmarks).all(1)
     return Observation(
         sample_id=sample_id,
         image_hw=size,
         vocabulary=words,
         keypoints_2d=seen,
         landmarks=landmarks,
-        landmark_sigma=torch.zeros(len(words), dtype=torch.float64) if landmark_sigma is None else read.sigma(landmark_sigma, words),
-        has_landmark=torch.zeros(len(words), dtype=torch.bool) if landmarks is None else torch.isfinite(landmarks).all(1),
+        landmark_sigma=np.zeros(len(words)) if landmark_sigma is None else read.sigma(landmark_sigma, words),
+        has_landmark=has_landmark,
         vertices=body,
-        faces=None if faces is None or body is None else read.faces(faces, len(body)),
+        faces=None if faces is None or body is None else read.faces(faces, len(body), template),
         template=template,
         K=matrix,
         K_source="guessed" if K is None else "given",
@@ -230,11 +243,11 @@ def observe(
         hypotheses=tuple(read.pose(f"pose_hypotheses[{i}]", h, f"hypothesis_{i}") for i, h in enumerate(pose_hypotheses)),
         mask=None if mask is None else read.mask(mask, size),
         warnings=tuple(warnings),
-        distortion=None if distortion is None else read.distortion(distortion),
+        distortion=lens,
     )
 
 
-def _check_body(read: _Reader, body: Tensor | None, keypoints_3d: ArrayLike, template: SmalModel | None) -> None:
+def _check_body(read: _Reader, body: Array | None, keypoints_3d: ArrayLike, template: SmalModel | None) -> None:
     if body is None and keypoints_3d is None:
         raise read.fail("vertices", "give vertices or keypoints_3d: without either there is nothing to put a box around")
     if body is not None and len(body) < 4:
@@ -246,13 +259,13 @@ def _check_body(read: _Reader, body: Tensor | None, keypoints_3d: ArrayLike, tem
         )
 
 
-def _landmarks(read: _Reader, keypoints_3d: ArrayLike, body: Tensor | None, template: SmalModel | None, words: Vocabulary) -> Tensor | None:
+def _landmarks(read: _Reader, keypoints_3d: ArrayLike, body: Array | None, template: SmalModel | None, words: Vocabulary) -> Array | None:
     """The landmarks as given, else read off the template's vertex groups; NaN rows are landmarks the body lacks."""
     if keypoints_3d is None:
-        return None if template is None or body is None else words.on_body(template.landmark_groups, body)
-    landmarks = read.tensor("keypoints_3d", keypoints_3d, "J 3")
+        return None if template is None or body is None else template.read_keypoints(words, body)
+    landmarks = read.array("keypoints_3d", keypoints_3d, "J 3")
     if len(landmarks) != len(words):
         raise read.fail("keypoints_3d", f"has {len(landmarks)} landmarks, but vocabulary {words.name} has {len(words)}")
-    if bool(torch.isinf(landmarks).any()):
+    if np.isinf(landmarks).any():
         raise read.fail("keypoints_3d", "must not be infinite; a landmark the body does not have is a row of NaN")
     return landmarks

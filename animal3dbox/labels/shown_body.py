@@ -1,6 +1,8 @@
 """What the picture shows of the body itself under a camera: its flat box, its overlap with the mask, its visible surface."""
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from animal3dbox.geometry.camera import project
@@ -8,15 +10,15 @@ from animal3dbox.geometry.distortion import bent_points
 from animal3dbox.geometry.rasterizer import silhouette
 from animal3dbox.labels.assemble import ShownBody, mask_box, points_box
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.observation import Observation
+from animal3dbox.labels.observation import Array, Observation
 from animal3dbox.labels.pose_problem import PoseEstimate
 from animal3dbox.labels.seen_surface import surface_share
 
 
-def mask_overlap(a: Tensor, b: Tensor) -> float:
-    """Intersection over union of two masks (H, W) bool; 0 if both are empty."""
-    union = int((a | b).sum())
-    return int((a & b).sum()) / union if union else 0.0
+def mask_overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+    """Intersection over union of two masks (H, W); 0 if both are empty."""
+    union = np.count_nonzero(a | b)
+    return np.count_nonzero(a & b) / union if union else 0.0
 
 
 def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, config: LabelConfig) -> ShownBody:
@@ -30,25 +32,37 @@ def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, config: Lab
 
     """
     box = None if seen.mask is None else mask_box(seen.mask)
-    if seen.vertices is None:
+    wants_overlap = seen.mask is not None and config.mask_iou
+    draws = seen.faces is not None and (wants_overlap or config.surface_share)
+    if seen.vertices is None or (box is not None and not draws):
         return ShownBody(box, None, None)
-    vertices_cam = seen.vertices @ pose.R.mT + pose.t
+    vertices_cam = (pose.R.numpy() @ seen.vertices.T + pose.t.numpy()[:, None]).T
     overlap = shares = None
-    if seen.faces is not None:
+    if seen.faces is not None and draws:
         straight = bent_points(vertices_cam, seen.distortion)
         if seen.mask is not None and config.mask_iou:
-            overlap = mask_overlap(silhouette(straight, seen.faces, seen.K, seen.image_hw), seen.mask)
+            overlap = mask_overlap(_drawn(seen, straight, seen.faces), seen.mask)
         if config.surface_share:
-            shares = surface_share(vertices_cam, seen.faces, pose.R @ R_box, seen.K, seen.image_hw, straight)
+            mesh = torch.from_numpy(vertices_cam), seen.faces
+            shares = surface_share(*mesh, pose.R @ R_box, torch.from_numpy(seen.K), seen.image_hw, torch.from_numpy(straight))
     return ShownBody(box if box is not None else _mesh_box(seen, vertices_cam), overlap, shares)
 
 
-def _mesh_box(seen: Observation, vertices_cam: Tensor) -> Tensor:
+def _drawn(seen: Observation, straight: Array, faces: Tensor) -> NDArray[np.bool_]:
+    """The silhouette (H, W) of vertices (V, 3) where a pinhole shows them."""
+    return silhouette(torch.from_numpy(straight), faces, torch.from_numpy(seen.K), seen.image_hw).numpy()
+
+
+def _mesh_box(seen: Observation, vertices_cam: Array) -> Tensor:
     """The flat box (4,) xyxy px of a body without a mask: its bounds, as drawn where the frame cuts it."""
-    px, depth = project(seen.K, vertices_cam, seen.distortion)
-    beyond = torch.tensor([seen.image_hw[1] - 0.5, seen.image_hw[0] - 0.5], dtype=torch.float64)
-    if seen.faces is not None and not bool(((px >= -0.5) & (px <= beyond) & (depth[:, None] > 0)).all()):
-        drawn = silhouette(bent_points(vertices_cam, seen.distortion), seen.faces, seen.K, seen.image_hw)
-        if bool(drawn.any()):
+    straight = bent_points(vertices_cam, seen.distortion).T
+    if straight[2].min() > 0:
+        px = (seen.K[:2] @ straight) / straight[2]
+        least, greatest = px.min(1), px.max(1)
+        if least.min() >= -0.5 and greatest[0] <= seen.image_hw[1] - 0.5 and greatest[1] <= seen.image_hw[0] - 0.5:
+            return torch.from_numpy(np.concatenate((least, greatest)))
+    if seen.faces is not None:
+        drawn = _drawn(seen, straight.T, seen.faces)
+        if drawn.any():
             return mask_box(drawn)
-    return points_box(px, depth, seen.image_hw)
+    return points_box(*project(seen.K, vertices_cam, seen.distortion), seen.image_hw)

@@ -1,16 +1,21 @@
 """A SMAL-family body: template, shape columns, skeleton and skin, and its posing by linear blend skinning."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import AnyArray, as_numpy
 from animal3dbox.geometry.checks import check_shape
-from animal3dbox.geometry.rigid import nearest_rotation, rotation_from_axis_angle
+from animal3dbox.geometry.rigid import nearest_rotation
+from animal3dbox.smal.landmark_places import LandmarkPlaces
+from animal3dbox.smal.skinning import BODIES_AT_ONCE, SkinMaps, array_maps, skin, skin_maps
+from animal3dbox.smal.vocabulary import Vocabulary
 
 SPINE_JOINTS = tuple(range(7))  # pelvis to the last vertebra before the neck, in every SMAL topology
 _TAIL_PREFIX = "Tail"
@@ -84,7 +89,7 @@ class SmalModel:
             if not ids or min(ids) < 0 or max(ids) >= v:
                 raise ShapeError(f"landmarks[{name!r}] must hold vertex ids in 0..{v - 1}, got {ids}")
 
-    @property
+    @cached_property
     def landmark_groups(self) -> dict[str, Sequence[int] | Tensor]:
         """Every place that a keypoint can be read off: landmarks, the extra ones too, as vertex ids; "joint:NAME" as weights (V,)."""
         joints = {f"joint:{name}": weights for name, weights in zip(self.joint_names, self.J_regressor, strict=True)}
@@ -115,9 +120,12 @@ class SmalModel:
     def shaped(self, betas: Tensor) -> Tensor:
         """The template with a shape: betas (B, at most S; the rest are 0) -> vertices (B, V, 3)."""
         check_shape("betas", betas, "B S")
+        self._check_beta_count(betas)
+        return self.v_template + torch.einsum("vcs,bs->bvc", self.shapedirs[:, :, : betas.shape[1]], betas)
+
+    def _check_beta_count(self, betas: Tensor) -> None:
         if betas.shape[1] > self.beta_count:
             raise ShapeError(f"betas must have at most {self.beta_count} columns, got {tuple(betas.shape)}")
-        return self.v_template + torch.einsum("vcs,bs->bvc", self.shapedirs[:, :, : betas.shape[1]], betas)
 
     def posed(self, betas: Tensor, pose: Tensor, trans: Tensor) -> PosedBody:
         """Bodies by linear blend skinning; differentiable in all three arguments.
@@ -128,37 +136,64 @@ class SmalModel:
             trans: (B, 3) added at the end, in the template's units.
 
         Returns:
-            The bodies, in the frame in which trans is given.
+            The bodies, in the frame in which trans is given; the vertices lie in memory coordinate by coordinate.
         """
         check_shape("betas", betas, "B S")
         batch = betas.shape[0]
         check_shape("pose", pose, f"{batch} {self.joint_count} 3")
         check_shape("trans", trans, f"{batch} 3")
-        v_shaped = self.shaped(betas)
-        joints_rest = torch.einsum("jv,bvc->bjc", self.J_regressor, v_shaped)
-        rotations = rotation_from_axis_angle(pose)
-        identity = torch.eye(3, dtype=pose.dtype, device=pose.device)
-        feature = (rotations[:, 1:] - identity).flatten(1)
-        v_posed = v_shaped + torch.einsum("vcp,bp->bvc", self.posedirs, feature)
-        R_world_joint, joints = self._along_the_tree(rotations, joints_rest)
-        offsets = joints - torch.einsum("bjmn,bjn->bjm", R_world_joint, joints_rest)
-        R_world_vertex = torch.einsum("vj,bjmn->bvmn", self.weights, R_world_joint)
-        vertices = torch.einsum("bvmn,bvn->bvm", R_world_vertex, v_posed) + torch.einsum("vj,bjm->bvm", self.weights, offsets)
-        return PosedBody(vertices + trans[:, None], joints + trans[:, None], R_world_joint)
+        self._check_beta_count(betas)
+        inputs = (betas, pose, trans)
+        if any(x.requires_grad or x.device.type != "cpu" for x in (*inputs, self.v_template)):
+            return PosedBody(*(x.mT if i == 0 else x for i, x in enumerate(skin(self._tensor_maps, *inputs))))
+        return self.posed_arrays(*(x.numpy() for x in inputs))
 
-    def _along_the_tree(self, rotations: Tensor, joints_rest: Tensor) -> tuple[Tensor, Tensor]:
-        """Compose local rotations (B, J, 3, 3) about rest joints (B, J, 3) from the root outwards."""
-        R_chain, joints = [rotations[:, 0]], [joints_rest[:, 0]]
-        for j, parent in enumerate(self.parents[1:], start=1):
-            bone = joints_rest[:, j] - joints_rest[:, parent]
-            joints.append(joints[parent] + (R_chain[parent] @ bone[:, :, None])[:, :, 0])
-            R_chain.append(R_chain[parent] @ rotations[:, j])
-        return torch.stack(R_chain, dim=1), torch.stack(joints, dim=1)
+    def posed_arrays(self, betas: np.ndarray, pose: np.ndarray, trans: np.ndarray) -> PosedBody:
+        """posed, of arrays of the right shapes; a few bodies at a time, which stay in the processor's cache."""
+        starts = range(0, max(len(betas), 1), BODIES_AT_ONCE)
+        pieces = [skin(self._array_maps, *(x[k : k + BODIES_AT_ONCE] for x in (betas, pose, trans))) for k in starts]
+        vertices, joints, R_world_joint = pieces[0] if len(pieces) == 1 else (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        return PosedBody(torch.from_numpy(vertices).mT, torch.from_numpy(joints), torch.from_numpy(R_world_joint))
+
+    @cached_property
+    def _tensor_maps(self) -> SkinMaps[Tensor]:
+        return skin_maps(self.v_template, self.shapedirs, self.posedirs, self.J_regressor, self.weights, self.parents)
+
+    @cached_property
+    def _array_maps(self) -> SkinMaps[np.ndarray]:
+        return array_maps(self._tensor_maps)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields alone: what is worked out from them is not sent to other processes."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def keypoints(self, vertices: Tensor) -> Tensor:
         """Means of the landmarks' vertices: (..., V, 3) -> (..., number of landmarks, 3), in the order of `landmarks`."""
         check_shape("vertices", vertices, f"... {self.vertex_count} 3")
         return torch.stack([vertices[..., list(ids), :].mean(dim=-2) for ids in self.landmarks.values()], dim=-2)
+
+    def read_keypoints(self, vocabulary: Vocabulary, vertices: AnyArray) -> AnyArray:
+        """A vocabulary's keypoints (..., J, 3) on bodies (..., V, 3) of this model, NaN where it has no place; see Vocabulary.on_body."""
+        places = self._places.get(vocabulary)
+        if places is None:
+            places = self._places[vocabulary] = LandmarkPlaces.of(vocabulary.places(self.landmark_groups, self.vertex_count), self.vertex_count)
+        return places.read(vertices)
+
+    @cached_property
+    def _places(self) -> dict[Vocabulary, LandmarkPlaces]:
+        return {}
+
+    @cached_property
+    def face_range(self) -> tuple[int, int]:
+        """The least and the greatest vertex number in faces; (0, -1) without any."""
+        return (int(self.faces.min()), int(self.faces.max())) if self.faces.numel() else (0, -1)
+
+    @cached_property
+    def torso_layout(self) -> np.ndarray:
+        """The template's torso vertices (T, 3) about their mean, float64."""
+        torso = as_numpy(self.v_template)[as_numpy(self.torso_vertices)].astype(np.float64)
+        about: np.ndarray = torso - torso.mean(0)
+        return about
 
     @cached_property
     def torso_vertices(self) -> Tensor:

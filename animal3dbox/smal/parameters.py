@@ -1,11 +1,14 @@
 """SMAL parameters as datasets store them: flat pose, betas, translation, and the mean of a family."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.checks import check_finite, check_shape
 from animal3dbox.smal.model import PosedBody, SmalModel
 
@@ -31,38 +34,50 @@ class SmalParameters:
 
 
 def posed_body(model: SmalModel, parameters: SmalParameters) -> PosedBody:
-    """The body (B = 1) of one animal's parameters, in the frame that its translation is given in.
+    """The body (B = 1) of one animal's parameters; see posed_bodies."""
+    return posed_bodies(model, (parameters,))
+
+
+def posed_bodies(model: SmalModel, parameters: Sequence[SmalParameters]) -> PosedBody:
+    """The bodies of animals' parameters, each in the frame that its translation is given in; many at once cost less than one by one.
 
     The kinematic tree is the model's own. A pose of 35 joints fits a model of 33 only if its ears are at rest, and one of
     33 leaves a 35-joint model's ears at rest.
 
     Args:
         model: any SMAL-structured model.
-        parameters: of one animal.
+        parameters: (B,) of one animal each.
 
     Raises:
         ShapeError: naming the parameter that does not fit the model.
 
     """
-    pose = fitted_pose(model, parameters.pose)
-    betas = whole_betas(model, parameters.betas, parameters.family_mean)
-    check_shape("trans", parameters.trans, "3")
-    check_finite("trans", parameters.trans)
-    return model.posed(betas[None], pose[None], parameters.trans.to(model.v_template)[None])
+    for one in parameters:
+        check_shape("trans", one.trans, "3")
+        check_finite("trans", one.trans)
+    dtype = as_numpy(model.v_template).dtype
+    betas = np.stack([_whole_betas(model, one.betas, one.family_mean) for one in parameters])
+    pose = np.stack([_fitted_pose(model, one.pose) for one in parameters])
+    trans = np.stack([as_numpy(one.trans) for one in parameters])
+    return model.posed_arrays(*(values.astype(dtype, copy=False) for values in (betas, pose, trans)))
 
 
 def fitted_pose(model: SmalModel, pose: Tensor) -> Tensor:
-    """A pose as (J, 3) of the model's joints; see posed_body."""
+    """A pose as (J, 3) of the model's joints; see posed_bodies."""
+    return torch.from_numpy(_fitted_pose(model, pose)).to(model.v_template)
+
+
+def _fitted_pose(model: SmalModel, pose: Tensor) -> np.ndarray:
     check_finite("pose", pose)
     if pose.numel() % 3 or pose.ndim > 2 or (pose.ndim == 2 and pose.shape[1] != 3):
         raise ShapeError(f"pose must be (3 J,) or (J, 3), got {tuple(pose.shape)}")
-    joints, flat = model.joint_count, pose.to(model.v_template).reshape(-1, 3)
+    joints, flat = model.joint_count, as_numpy(pose).reshape(-1, 3)
     if len(flat) == joints:
         return flat
     if len(flat) == joints - EARS and joints == 35:
-        return torch.cat((flat, torch.zeros(EARS, 3, dtype=flat.dtype)))
+        return np.concatenate((flat, np.zeros((EARS, 3), dtype=flat.dtype)))
     if len(flat) == joints + EARS and joints == 33:
-        if bool(flat[joints:].any()):
+        if flat[joints:].any():
             raise ShapeError("pose turns the ears (joints 33 and 34), but this model has none: take a model of 35 joints")
         return flat[:joints]
     raise ShapeError(f"pose has {len(flat)} joints, but the model has {joints}")
@@ -70,7 +85,11 @@ def fitted_pose(model: SmalModel, pose: Tensor) -> Tensor:
 
 def whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) -> Tensor:
     """Betas (S,) of the model: offsets and mean added, missing ones 0."""
-    whole = torch.zeros(model.beta_count, dtype=model.v_template.dtype)
+    return torch.from_numpy(_whole_betas(model, betas, family_mean)).to(model.v_template)
+
+
+def _whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) -> np.ndarray:
+    whole = np.zeros(model.beta_count)
     for name, part in (("betas", betas), ("family_mean", family_mean)):
         if part is None:
             continue
@@ -78,5 +97,5 @@ def whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) -> 
         check_finite(name, part)
         if len(part) > model.beta_count:
             raise ShapeError(f"{name} has {len(part)} numbers, but the model has {model.beta_count} shape columns: take the model they belong to")
-        whole[: len(part)] += part.to(whole)
+        whole[: len(part)] += as_numpy(part)
     return whole

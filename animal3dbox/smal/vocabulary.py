@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
-import torch
 from torch import Tensor
 
 from animal3dbox.errors import ConfigError
+from animal3dbox.geometry.arrays import AnyArray
+from animal3dbox.smal.landmark_places import LandmarkPlaces
 
 Groups = Mapping[str, Sequence[int] | Tensor]
 """Landmark name -> vertex ids, or weights (V,)."""
@@ -55,7 +56,7 @@ class Vocabulary:
         """The keypoint that a landmark is best read as, or None if the vocabulary has none."""
         return next((i for i, names in enumerate(self.landmarks) if landmark in names), None)
 
-    def on_body(self, groups: Groups, vertices: Tensor) -> Tensor:
+    def on_body(self, groups: Groups, vertices: AnyArray) -> AnyArray:
         """The keypoints of a body.
 
         Args:
@@ -69,11 +70,7 @@ class Vocabulary:
             ConfigError: a keypoint names a vertex that the body does not have.
 
         """
-        points = torch.full((len(self), 3), torch.nan, dtype=vertices.dtype, device=vertices.device)
-        for row, ids in enumerate(self.places(groups, len(vertices))):
-            if ids is not None:
-                points[row] = ids.to(vertices) @ vertices if isinstance(ids, Tensor) else vertices[list(ids)].mean(0)
-        return points
+        return LandmarkPlaces.of(self.places(groups, len(vertices)), len(vertices)).read(vertices)
 
     def places(self, groups: Groups, n_vertices: int) -> list[Sequence[int] | Tensor | None]:
         """Where each keypoint (J,) is read off: vertex ids, weights (V,), or None; see on_body."""

@@ -19,7 +19,6 @@ from animal3dbox.geometry.cuboid import (
     MIRRORED_FACES,
     OPPOSITE_FACES,
     Cuboid,
-    cuboid_from_bounds,
 )
 from animal3dbox.geometry.face_visibility import face_normals
 from animal3dbox.geometry.rigid import rigid
@@ -81,14 +80,6 @@ def test_a_box_contains_what_is_inside_and_nothing_else() -> None:
     points = torch.tensor([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [1.001, 0.0, 0.0], [0.0, -1.1, 0.0]], dtype=torch.float64)
     assert UNIT.contains(points).tolist() == [True, True, False, False]
     assert UNIT.contains(points, tolerance=0.01).tolist() == [True, True, True, False]
-
-
-def test_bounds_give_the_box_whose_centre_is_their_middle() -> None:
-    least, greatest = torch.tensor([-1.0, -2.0, 0.0], dtype=torch.float64), torch.tensor([3.0, 2.0, 1.0], dtype=torch.float64)
-    turn = torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], dtype=torch.float64)
-    box = cuboid_from_bounds(least, greatest, turn, torch.tensor([10.0, 0, 0], dtype=torch.float64))
-    assert box.center.tolist() == [10.0, 1.0, 0.5]
-    assert box.size.tolist() == [4.0, 4.0, 1.0]
 
 
 def test_a_batch_of_boxes_has_the_corners_of_each() -> None:

@@ -39,3 +39,11 @@ def test_a_box_about_known_points_has_the_middle_of_their_bounds_as_its_centre()
 def test_the_papers_margin_is_absolute_and_on_every_side() -> None:
     box = tight_cuboid(torch.tensor([[0.0, 0, 0], [1, 1, 1]], dtype=F64), torch.eye(3, dtype=F64), margin=1e-5)
     assert_close(box.size, torch.full((3,), 1 + 2e-5, dtype=F64), atol=1e-15, rtol=0)
+
+
+def test_the_centre_is_the_middle_of_the_bounds_and_not_the_mean_of_the_points() -> None:
+    turn = torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], dtype=F64)
+    in_box = torch.tensor([[-1.0, -2, 0], [3, 2, 1], [3, 2, 1]], dtype=F64)
+    box = tight_cuboid(in_box @ turn.mT + torch.tensor([10.0, 0, 0], dtype=F64), turn, 0.0)
+    assert_close(box.center, torch.tensor([10.0, 1.0, 0.5], dtype=F64))
+    assert_close(box.size, torch.tensor([4.0, 4.0, 1.0], dtype=F64))

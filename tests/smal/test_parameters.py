@@ -1,3 +1,5 @@
+import pickle
+
 import pytest
 import torch
 from torch import Tensor
@@ -5,7 +7,7 @@ from torch.testing import assert_close
 
 from animal3dbox.errors import ShapeError
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.parameters import SmalParameters, fitted_pose, posed_body, whole_betas
+from animal3dbox.smal.parameters import SmalParameters, fitted_pose, posed_bodies, posed_body, whole_betas
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas
 from animal3dbox.smal.quadruped_poses import named_pose
 
@@ -83,3 +85,34 @@ def test_a_model_in_another_type_poses_in_it_and_is_otherwise_the_same() -> None
     assert model.v_template.dtype == F64
     assert (single.parents, single.landmarks, single.extra_landmarks) == (model.parents, model.landmarks, model.extra_landmarks)
     assert_close(body.vertices[0].double(), model.v_template, atol=1e-6, rtol=0)
+
+
+def test_bodies_posed_together_are_those_posed_one_by_one() -> None:
+    model, generator = load_quadruped(), torch.Generator().manual_seed(0)
+    animals = [
+        SmalParameters(0.2 * torch.randn(105, generator=generator), preset_betas("cow")[:count], torch.randn(3, generator=generator, dtype=F64))
+        for count in range(1, 20)
+    ]
+    together = posed_bodies(model, animals)
+    for i, animal in enumerate(animals):
+        alone = posed_body(model, animal)
+        for name in ("vertices", "joints", "R_world_joint"):
+            assert_close(getattr(together, name)[i], getattr(alone, name)[0], atol=1e-12, rtol=0)
+
+
+def test_a_body_is_the_same_with_and_without_gradients() -> None:
+    model, pose = load_quadruped(), named_pose("walk")[None]
+    betas, trans = preset_betas("dog")[None], torch.ones(1, 3, dtype=F64)
+    plain, with_gradients = model.posed(betas, pose, trans), model.posed(betas.clone().requires_grad_(), pose, trans)
+    assert with_gradients.vertices.requires_grad
+    assert_close(plain.vertices, with_gradients.vertices.detach(), atol=1e-12, rtol=0)
+    assert_close(plain.R_world_joint, with_gradients.R_world_joint.detach(), atol=1e-12, rtol=0)
+
+
+def test_what_a_model_works_out_is_not_sent_along_with_it() -> None:
+    model = load_quadruped().to(torch.float64)
+    before = len(pickle.dumps(model))
+    model.posed(preset_betas("dog")[None], named_pose("walk")[None], torch.zeros(1, 3, dtype=F64))
+    assert len(pickle.dumps(model)) == before
+    again = pickle.loads(pickle.dumps(model))  # noqa: S301  # our own bytes
+    assert torch.equal(again.v_template, model.v_template)

@@ -1,0 +1,45 @@
+"""Reading a vocabulary's keypoints off a body, all at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.geometry.arrays import AnyArray
+
+
+@dataclass(frozen=True)
+class LandmarkPlaces:
+    """Where keypoints are on a body.
+
+    Attributes:
+        ids: (N,) the vertices that some keypoint is read off.
+        weights: (J, N) each keypoint's part of these; NaN for one that the body has no place for.
+    """
+
+    ids: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, places: Sequence[Sequence[int] | Tensor | None], n_vertices: int) -> "LandmarkPlaces":
+        """From each keypoint's place (J,): vertex ids, whose mean it is, weights (V,), or None."""
+        weights = np.zeros((len(places), n_vertices))
+        for row, place in zip(weights, places, strict=True):
+            if isinstance(place, Tensor):
+                row[:] = place.numpy()
+            elif place is not None:
+                np.add.at(row, list(place), 1 / len(place))
+        ids = np.flatnonzero(weights.any(0))
+        weights = weights[:, ids]
+        weights[[place is None for place in places]] = np.nan
+        return cls(ids, weights)
+
+    def read(self, vertices: AnyArray) -> AnyArray:
+        """The keypoints (..., J, 3) on bodies (..., V, 3)."""
+        if isinstance(vertices, Tensor):
+            points: Tensor = torch.from_numpy(self.weights).to(vertices) @ vertices[..., torch.from_numpy(self.ids), :]
+            return points
+        read: np.ndarray = self.weights @ vertices[..., self.ids, :]
+        return read

@@ -1,0 +1,113 @@
+"""What labels cost beside the JPEG decode that every training loader pays, side by side on one thread.
+
+Each call comes right after a decode, as in a loader: the processor's caches are then full of other things, which makes
+short calls several times slower than in a loop of their own. Batches are timed whole, and given per animal.
+
+Run: OMP_NUM_THREADS=1 python benchmarks/label_stages.py
+"""
+
+import io
+import time
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import torch
+from PIL import Image
+
+from animal3dbox.datasets.bodies import ParametersBody
+from animal3dbox.datasets.synthetic_set import SyntheticSet, record_of
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.label import label_animal, label_many
+from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.smal.parameters import posed_bodies
+
+SCENES = 24
+ROUNDS = 15
+QUICK = LabelConfig(surface_share=False, mask_iou=False)
+COLD = LabelConfig(surface_share=False)
+STILL = np.eye(3), np.zeros(3)
+
+
+class Loader:
+    """A synthetic dataset as a training loader holds it."""
+
+    def __init__(self) -> None:
+        samples = [sample for sample in SyntheticSet(0, SCENES).samples() if sample.animal is sample.scene.animals[0]]
+        self.dataset = SyntheticSet(0, SCENES)
+        self.bodies = self.dataset.bodies()
+        self.records = [record_of(sample) for sample in samples]
+        self.masks = [record.mask for record in self.records]
+        self.jpegs = [self._jpeg(sample.scene.image.numpy()) for sample in samples]
+        self.posed = [self.bodies.body(record) for record in self.records]
+        single = self.bodies.model.to(torch.float32)
+        self.float32 = ParametersBody(single, self.bodies.parameters)
+
+    @staticmethod
+    def _jpeg(image: np.ndarray) -> bytes:
+        file = io.BytesIO()
+        Image.fromarray(image).save(file, "JPEG", quality=95)
+        return file.getvalue()
+
+    def decode(self, i: int) -> None:
+        """The floor."""
+        np.asarray(Image.open(io.BytesIO(self.jpegs[i])).convert("RGB"))
+
+    def arguments(self, i: int, **more: object) -> dict[str, object]:
+        """label_animal's, of an animal whose body is posed already."""
+        record, body = self.records[i], self.posed[i]
+        known = {"image_hw": record.image_hw, "keypoints_2d": record.keypoints_2d, "K": record.K, "vocabulary": record.vocabulary}
+        return known | {"keypoints_3d": body.landmarks, "vertices": body.vertices, "faces": body.faces, "template": body.template} | more
+
+    def label(self, i: int, config: LabelConfig, **more: object) -> CuboidLabel | Rejection:
+        """One label of a posed body."""
+        return label_animal(config=config, **self.arguments(i, **more))  # type: ignore[arg-type]
+
+    def with_posing(self, i: int, bodies: ParametersBody) -> CuboidLabel | Rejection:
+        """One label of a known camera from SMAL parameters."""
+        body = bodies.body(self.records[i])
+        return self.label(i, QUICK, keypoints_3d=body.landmarks, vertices=body.vertices, template=body.template, pose=STILL)
+
+    def batch(self, size: int) -> list[CuboidLabel | Rejection]:
+        """Labels of known cameras from SMAL parameters, many at once."""
+        ids = [i % len(self.records) for i in range(size)]
+        vertices = posed_bodies(self.bodies.model, [self.bodies.parameters[self.records[i].sample_id] for i in ids]).vertices
+        return label_many((self.arguments(i, keypoints_3d=None, vertices=v, pose=STILL) for i, v in zip(ids, vertices, strict=True)), QUICK)
+
+
+def main() -> None:
+    """Print the medians and their ratios to the decode."""
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+    load = Loader()
+    stages: dict[str, tuple[int, Callable[[int], object]]] = {
+        "decode a JPEG": (1, load.decode),
+        "pose a body, read its landmarks": (1, lambda i: load.bodies.body(load.records[i])),
+        "  the same in float32": (1, lambda i: load.float32.body(load.records[i])),
+        "label, known camera": (1, lambda i: load.label(i, QUICK, pose=STILL)),
+        "label, known camera and mask": (1, lambda i: load.label(i, QUICK, pose=STILL, mask=load.masks[i])),
+        "pose and label, known camera": (1, lambda i: load.with_posing(i, load.bodies)),
+        "  the same, posed in float32": (1, lambda i: load.with_posing(i, load.float32)),
+        "pose and label, 16 at once": (16, lambda i: load.batch(16)),
+        "pose and label, 64 at once": (64, lambda i: load.batch(64)),
+        "surface share": (1, lambda i: load.label(i, LabelConfig(mask_iou=False), pose=STILL, mask=load.masks[i])),
+        "mask overlap": (1, lambda i: load.label(i, COLD, pose=STILL, mask=load.masks[i])),
+        "cold label, no mask": (1, lambda i: load.label(i, COLD)),
+        "cold label with mask overlap": (1, lambda i: load.label(i, COLD, mask=load.masks[i])),
+    }
+    times: dict[str, list[float]] = {name: [] for name in stages}
+    for turn in range(ROUNDS * 4):
+        for name, (count, stage) in stages.items():
+            if turn % 4 and (count > 1 or "cold" in name):
+                continue
+            load.decode(turn % len(load.records))
+            begin = time.perf_counter()
+            stage(turn % len(load.records))
+            times[name].append((time.perf_counter() - begin) / count)
+    floor = float(np.median(times["decode a JPEG"]))
+    for name, taken in times.items():
+        print(f"{name:36s} {1e3 * float(np.median(taken)):8.2f} ms {float(np.median(taken)) / floor:7.2f} decodes")
+
+
+if __name__ == "__main__":
+    main()
