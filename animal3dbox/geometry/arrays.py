@@ -70,3 +70,15 @@ def contiguous(array: AnyArray) -> AnyArray:
     if isinstance(array, Tensor):
         return array.contiguous()
     return np.ascontiguousarray(array)
+
+
+def large_product(a: AnyArray, b: AnyArray) -> AnyArray:
+    """A @ b of matrices so large that NumPy would share the work among threads of its own.
+
+    A loader's workers have one thread each as far as torch is concerned, but NumPy's threads know nothing of that: with every
+    core busy, their waiting for each other makes such a product a hundred times slower. So torch multiplies.
+    """
+    if isinstance(a, Tensor):
+        return a @ b
+    product: np.ndarray = (torch.from_numpy(a) @ torch.from_numpy(b)).numpy()
+    return product

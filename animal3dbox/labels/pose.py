@@ -2,19 +2,15 @@
 
 import numpy as np
 import torch
-from scipy.optimize import least_squares
 
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.joint_cost import Array, joint_cost, rotate
 from animal3dbox.labels.pose_basic import basic_pose, checked_pose, sqpnp_pose
+from animal3dbox.labels.pose_joint import refine_jointly
 from animal3dbox.labels.pose_problem import PoseEstimate, PoseFailure, PoseProblem, degenerate_points, in_unit_scale
 from animal3dbox.labels.pose_refine import refined_pose
-from animal3dbox.labels.pose_search import CAUCHY_95, Candidates, search_poses
+from animal3dbox.labels.pose_search import search_poses
 
 FINALISTS = 3
-TIGHT = 1e-12
-MASK_SLACK_PX = 1.0
-"""A mask's border is that of pixel centres, and tips thinner than a pixel fall between them: up to 0.8 px (benchmarks/masks_and_visibility.py)."""
 
 
 def estimate_pose(problem: PoseProblem, config: LabelConfig, hypotheses: tuple[PoseEstimate, ...] = ()) -> PoseEstimate | PoseFailure:
@@ -57,27 +53,9 @@ def _default(problem: PoseProblem, config: LabelConfig, hypotheses: list[PoseEst
     """The best of several starts under the robust joint cost."""
     solved = (basic_pose(problem, config), sqpnp_pose(problem), *(checked_pose(problem, h) for h in hypotheses))
     candidates = search_poses(problem, [s for s in solved if isinstance(s, PoseEstimate)])
-    finalists = [_robust_joint(problem, start, candidates, config) for start in candidates.estimates[:FINALISTS]]
-    good = [(cost, estimate) for cost, estimate in finalists if isinstance(checked_pose(problem, estimate), PoseEstimate)]
-    if not good:
-        return PoseFailure("behind_camera", "every refined pose puts the animal behind the camera")
-    return min(good, key=lambda pair: pair[0])[1]
-
-
-def _robust_joint(problem: PoseProblem, start: PoseEstimate, candidates: Candidates, config: LabelConfig) -> tuple[float, PoseEstimate]:
-    """One start refined by the joint cost under a Cauchy loss, and its cost."""
-    extent = "none" if problem.is_cut else config.mask_box or "mesh"
-    cost = joint_cost(problem, start.R.numpy(), extent, MASK_SLACK_PX)
-    by_keypoint = np.sqrt(config.lambda_keypoints) / candidates.scale
-    by_bound = np.sqrt(1 - config.lambda_keypoints) / (candidates.scale * float(problem.sigma_px.median()))
-
-    def residuals(x: Array) -> Array:
-        return np.concatenate(((by_keypoint * cost.keypoints(x)[0]).ravel(), by_bound * cost.box(x)[0]))
-
-    def jacobian(x: Array) -> Array:
-        return np.concatenate(((by_keypoint * cost.keypoints(x)[1]).reshape(-1, 6), by_bound * cost.box(x)[1]))
-
-    pose = np.concatenate((np.zeros(3), start.t.numpy()))
-    solved = least_squares(residuals, pose, jac=jacobian, loss="cauchy", f_scale=CAUCHY_95, xtol=TIGHT, ftol=TIGHT, gtol=TIGHT, max_nfev=60)
-    R = torch.from_numpy(rotate(solved.x[:3])[0] @ cost.R_start)
-    return float(solved.cost), PoseEstimate(R, torch.from_numpy(solved.x[3:].copy()), start.hypothesis)
+    R, t, costs = refine_jointly(problem, candidates, FINALISTS, config)
+    for i in np.argsort(costs, kind="stable").tolist():
+        estimate = checked_pose(problem, PoseEstimate(torch.from_numpy(R[i].copy()), torch.from_numpy(t[i].copy()), candidates.names[i]))
+        if isinstance(estimate, PoseEstimate):
+            return estimate
+    return PoseFailure("behind_camera", "every refined pose puts the animal behind the camera")

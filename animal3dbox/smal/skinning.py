@@ -13,7 +13,7 @@ import torch
 from scipy.sparse import csr_array
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, as_numpy, contiguous, like, namespace
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, contiguous, large_product, like, namespace
 from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
 
 STILL = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -102,7 +102,7 @@ def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray, trans: AnyAr
     joints_rest = (maps.joints + betas @ maps.joints_shape[:used]).reshape(batch, joint_count, 3)
     rotations = rotation_from_axis_angle(pose)
     feature = (rotations[:, 1:] - like(pose, IDENTITY)).reshape(batch, -1)
-    v_posed = betas @ maps.shape[:used]
+    v_posed = large_product(betas, maps.shape[:used])
     v_posed += maps.template
     v_posed += (maps.pose @ feature.mT).mT
     v_posed = v_posed.reshape(batch, 1, 3, -1)

@@ -1,0 +1,108 @@
+"""Batched robust Levenberg-Marquardt on camera poses: many starts at once, with their derivatives by hand.
+
+A step is (w, d): R becomes exp(w) R, t becomes t + d. Depths are held above LEAST_DEPTH by not taking steps beyond it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.geometry.rigid import rotation_from_axis_angle
+
+Array = NDArray[np.float64]
+LEAST_DEPTH = 0.05
+"""Of the landmarks' spread, which is 1: no landmark may come nearer to the camera's plane."""
+FIRST_DAMPING = 1e-3
+SETTLED = 1e-10
+"""Relative gain in cost below which, on an undamped step, a pose counts as found."""
+
+ROUNDING = 1e-13
+"""Relative: a cost that rises by less has not risen."""
+NOTHING = 1e-16
+"""A cost that is none."""
+
+
+@dataclass(frozen=True)
+class Local:
+    """A cost near poses.
+
+    Attributes:
+        cost: (B,); infinite where a pose is not allowed.
+        A: (B, 6, 6) its curvature by a step, positive semidefinite.
+        b: (B, 6) its slope.
+    """
+
+    cost: Array
+    A: Array
+    b: Array
+
+
+def project_with_slopes(points: Array, linear: Array, R: Array, t: Array) -> tuple[Array, Array, Array]:
+    """Where points stand in the picture, about its principal point, and how that moves with a step.
+
+    Args:
+        points: (N, 3), or (B, N, 3) of each pose's own.
+        linear: (2, 2) K's upper left.
+        R: (B, 3, 3).
+        t: (B, 3).
+
+    Returns:
+        px: (B, 2, N) about the principal point.
+        slopes: (B, 6, 2, N).
+        depth: (B, N).
+
+    """
+    turned = R @ points.mT
+    cam = turned + t[..., None]
+    x0, y0, z0 = turned[:, 0], turned[:, 1], turned[:, 2]
+    depth = cam[:, 2]
+    inverse = 1 / np.maximum(depth, 1e-9)
+    plane = cam[:, :2] * inverse[:, None]
+    x, y = plane[:, 0], plane[:, 1]
+    slopes = np.zeros((len(R), 6, 2, points.shape[-2]))
+    by_x, by_y = slopes[:, :, 0], slopes[:, :, 1]
+    by_x[:, 0], by_x[:, 1], by_x[:, 2] = -x * y0, z0 + x * x0, -y0
+    by_y[:, 0], by_y[:, 1], by_y[:, 2] = -z0 - y * y0, y * x0, x0
+    by_x[:, 3] = by_y[:, 4] = 1.0
+    by_x[:, 5], by_y[:, 5] = -x, -y
+    slopes *= inverse[:, None, None]
+    if linear[0, 1] == 0:
+        slopes *= linear.diagonal()[:, None]
+        return plane * linear.diagonal()[:, None], slopes, depth
+    return linear @ plane, linear @ slopes, depth
+
+
+def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: int) -> tuple[Array, Array, Array, bool]:
+    """Poses that cost less, by at most so many damped steps, each kept only if it helps.
+
+    Args:
+        local: the cost of poses.
+        R: (B, 3, 3) where to start.
+        t: (B, 3).
+        rounds: most steps.
+
+    Returns:
+        R, t, their costs (B,), and whether all of them have settled.
+
+    """
+    here, damping = local(R, t), np.full(len(R), FIRST_DAMPING)
+    for _ in range(rounds):
+        diagonal = here.A.diagonal(axis1=-2, axis2=-1)
+        ridge = damping[:, None] * diagonal + 1e-12 * diagonal.max(-1)[:, None] + 1e-300
+        step = -np.linalg.solve(here.A + ridge[..., None] * np.eye(6), here.b[..., None])[..., 0]
+        R_new, t_new = rotation_from_axis_angle(step[:, :3]) @ R, t + step[:, 3:]
+        there = local(R_new, t_new)
+        better = (there.cost <= here.cost * (1 + ROUNDING)) & np.isfinite(there.cost)
+        settled = (better & (there.cost >= here.cost * (1 - SETTLED)) & (damping <= FIRST_DAMPING)) | (here.cost < NOTHING)
+        R, t = np.where(better[:, None, None], R_new, R), np.where(better[:, None], t_new, t)
+        here = Local(
+            np.where(better, there.cost, here.cost),
+            np.where(better[:, None, None], there.A, here.A),
+            np.where(better[:, None], there.b, here.b),
+        )
+        damping = np.clip(np.where(better, damping * 0.1, damping * 8), 1e-12, 1e8)
+        if settled.all():
+            return R, t, here.cost, True
+    return R, t, here.cost, False

@@ -1,0 +1,125 @@
+"""The batched descent: its derivatives, and that it finds what SciPy finds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from animals import IMAGE_HW, K, camera_round, keypoints_seen, toy_landmarks, toy_mesh
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.descent import descend, project_with_slopes
+from animal3dbox.labels.pose_joint import Joint, joint_of
+from animal3dbox.labels.pose_problem import PoseProblem
+from animal3dbox.labels.pose_search import CAUCHY_95, Sight
+
+F64 = torch.float64
+Array = NDArray[np.float64]
+STEPS = 1e-6 * np.eye(6)
+
+
+def problem(noise_px: float = 3.0, wild: int = 0) -> PoseProblem:
+    """The toy animal, about its landmarks' mean and in units of their spread, with a mask box that does not quite fit."""
+    R, t = camera_round(40, 20)
+    generator = torch.Generator().manual_seed(0)
+    keypoints = keypoints_seen(R, t)[:, :2] + noise_px * torch.randn(26, 2, generator=generator, dtype=F64)
+    keypoints[:wild] = torch.rand(wild, 2, generator=generator, dtype=F64) * 400
+    landmarks, (vertices, _) = toy_landmarks(), toy_mesh()
+    px, _ = project(K, vertices @ R.mT + t)
+    box = torch.cat((px.amin(0), px.amax(0))) + torch.tensor([3.0, -4, -5, 6], dtype=F64)
+    middle = landmarks.mean(0)
+    unit = (landmarks - middle).pow(2).sum(-1).mean().sqrt()
+    points = (landmarks - middle) / unit
+    return PoseProblem(points, keypoints, torch.full((26,), 2.0, dtype=F64), K, IMAGE_HW, torch.eye(3, dtype=F64), (vertices - middle) / unit, box)
+
+
+def poses(count: int = 3) -> tuple[Array, Array]:
+    """Some before the camera."""
+    generator = np.random.default_rng(0)
+    R = np.stack([camera_round(40 + 20 * i, 20)[0].numpy() for i in range(count)])
+    return R, np.stack([0.3 * generator.standard_normal(3) + (0, 0, 7) for _ in range(count)])
+
+
+def moved(R: Array, t: Array, step: Array) -> tuple[Array, Array]:
+    return rotation_from_axis_angle(step[:3]) @ R, t + step[3:]
+
+
+@pytest.mark.parametrize("skew", [0.0, 40.0])
+def test_the_slopes_of_projected_points_are_those_of_finite_differences(skew: float) -> None:
+    R, t = poses()
+    linear = np.array([[600.0, skew], [0, 550]])
+    points = np.random.default_rng(1).standard_normal((3, 10, 3))
+    _, slopes, _ = project_with_slopes(points, linear, R, t)
+    for k, step in enumerate(STEPS):
+        ahead, back = (project_with_slopes(points, linear, *moved(R, t, s))[0] for s in (step, -step))
+        assert np.abs((ahead - back) / 2e-6 - slopes[:, k]).max() < 1e-5 * np.abs(slopes).max()
+
+
+def costs() -> list[Sight | Joint]:
+    given = problem(wild=5)
+    assert given.mask_box is not None
+    pixels = given.points_px.numpy().T - K[:2, 2:].numpy()
+    sight = Sight(given.points_world.numpy(), pixels, given.sigma_px.numpy(), K[:2, :2].numpy(), 5.0)
+    joint = joint_of(given, 1.5, LabelConfig()).watching(*poses())
+    return [sight, joint, joint_of(replace(given, mask_box=None), 1.5, LabelConfig())]
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_the_slope_of_each_cost_is_that_of_finite_differences(which: int) -> None:
+    cost, (R, t) = costs()[which], poses()
+    b = cost.local(R, t).b
+    for k, step in enumerate(STEPS):
+        numeric = (cost.local(*moved(R, t, step)).cost - cost.local(*moved(R, t, -step)).cost) / 2e-6
+        assert np.abs(numeric - b[:, k]).max() < 1e-5 * np.abs(b).max()
+
+
+def test_the_watched_points_bound_the_body_like_all_of_them() -> None:
+    R, t = poses()
+    joint = joint_of(problem(), 1.0, LabelConfig())
+    everything = replace(joint, watched=np.tile(np.arange(len(joint.cloud)), (3, 1)))
+    watching = joint.watching(R, t)
+    assert watching.watched.shape[1] < len(joint.cloud) / 2
+    assert np.array_equal(watching.local(R, t).cost, everything.local(R, t).cost)
+
+
+def test_a_descent_never_costs_more_and_stays_before_the_camera() -> None:
+    sight, (R, t) = costs()[0], poses(8)
+    before = sight.local(R, t).cost
+    for rounds in (1, 2, 5, 20):
+        R_end, t_end, cost, _ = descend(sight.local, R, t, rounds)
+        assert (cost <= before * (1 + 1e-12)).all()
+        assert np.allclose(cost, sight.local(R_end, t_end).cost)
+        assert np.isfinite(cost).all()
+
+
+def test_what_is_found_already_has_settled_at_once() -> None:
+    sight, (R, t) = costs()[0], poses(1)
+    R, t, cost, settled = descend(sight.local, R, t, 100)
+    assert settled
+    *_, again, settled = descend(sight.local, R, t, 2)
+    assert settled
+    assert again == pytest.approx(cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("wild", [0, 6])
+def test_the_joint_cost_is_brought_as_low_as_by_scipy(wild: int) -> None:
+    R, t = (x.numpy()[None] for x in camera_round(40, 20))
+    given = problem(wild=wild)
+    t = t + np.array([0, 0, 3.0])
+    joint = joint_of(given, 1.0, LabelConfig())
+    joint = replace(joint, watched=np.arange(len(joint.cloud))[None])
+
+    def residuals(x: Array) -> Array:
+        R_here, t_here = moved(R[0], t[0], x)
+        cam = given.points_world.numpy() @ R_here.T + t_here
+        px = (cam @ K.numpy().T)[:, :2] / cam[:, 2:]
+        off = (px - given.points_px.numpy()) * joint.by_keypoint[:, None]
+        return np.concatenate((off.ravel(), joint._bounds(R_here[None], t_here[None])[0][0]))
+
+    expected = least_squares(residuals, np.zeros(6), loss="cauchy", f_scale=CAUCHY_95, xtol=1e-12, ftol=1e-12, gtol=1e-12).cost
+    *_, cost, _ = descend(joint.local, R, t, 60)
+    assert cost[0] <= expected * (1 + 1e-6)
