@@ -70,7 +70,7 @@ def torso_axes(vertices_world: AnyArray, template: SmalModel) -> AnyArray:
 
     """
     here = as_numpy(vertices_world).T.take(as_numpy(template.torso_vertices), 1)
-    R = nearest_rotation((here - here.mean(1)[:, None]) @ template.torso_layout)
+    R = nearest_rotation((here - here.sum(1)[:, None] / here.shape[1]) @ template.torso_layout)
     axes: AnyArray = torch.from_numpy(R) if isinstance(vertices_world, Tensor) else R
     return axes
 

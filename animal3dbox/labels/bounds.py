@@ -14,7 +14,7 @@ PAPER_MARGIN = 1e-5
 RELATIVE_MARGIN = 1e-6
 """Of the box diagonal, so that a scaled body gets the scaled box."""
 ROUNDING = 32 * torch.finfo(torch.float64).eps
-"""Of the greatest coordinate: what the way into the box frame and back may lose, for a body far from its origin or without extent."""
+"""Of the distance from the origin: what the way into the box frame and back may lose, for a body far from its origin or without extent."""
 
 
 def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array]:
@@ -30,8 +30,8 @@ def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array
     """
     check_shape("vertices_world", vertices_world, "V 3")
     centroid_world = vertices_world.T.mean(1)
-    vertices_box = R_box.T @ (vertices_world.T - centroid_world[:, None])  # columns: R_boxᵀ (v - c)
-    return vertices_box.min(1), vertices_box.max(1), centroid_world
+    vertices_box, centroid_box = R_box.T @ vertices_world.T, R_box.T @ centroid_world  # their difference is R_boxᵀ (v - c)
+    return vertices_box.min(1) - centroid_box, vertices_box.max(1) - centroid_box, centroid_world
 
 
 def tight_cuboid(vertices_world: Tensor | Array, R_box: Tensor, margin: float | None = None) -> Cuboid:
@@ -50,7 +50,7 @@ def tight_cuboid(vertices_world: Tensor | Array, R_box: Tensor, margin: float | 
     vertices = np.asfortranarray(as_numpy(vertices_world), dtype=np.float64)  # what runs along memory is five times faster
     axes = as_numpy(R_box).astype(np.float64, copy=False)
     least, greatest, centroid_world = box_bounds(vertices, axes)
-    rounding = ROUNDING * max(float(vertices.max()), -float(vertices.min()))
+    rounding = ROUNDING * float(norm(centroid_world) + norm(np.maximum(-least, greatest)))
     grown = RELATIVE_MARGIN * float(norm(greatest - least)) + rounding if margin is None else margin
     center = centroid_world + axes @ ((least + greatest) / 2)
     return Cuboid(torch.from_numpy(center), R_box.double(), torch.from_numpy(greatest - least + 2 * grown))

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.distortion import bent_points
+from animal3dbox.geometry.mesh_bounds import bounds_in_frame, frame_box
 from animal3dbox.geometry.rasterizer import silhouette
 from animal3dbox.labels.assemble import ShownBody, mask_box, points_box
 from animal3dbox.labels.config import LabelConfig
@@ -22,7 +23,7 @@ def mask_overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
 
 
 def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, config: LabelConfig) -> ShownBody:
-    """The body under a camera; nothing is drawn unless the configuration or a box that the frame cuts needs it.
+    """The body under a camera; nothing is drawn unless the configuration asks for it, or the body reaches behind the camera.
 
     Args:
         seen: the animal.
@@ -54,15 +55,15 @@ def _drawn(seen: Observation, straight: Array, faces: Tensor) -> NDArray[np.bool
 
 
 def _mesh_box(seen: Observation, vertices_cam: Array) -> Tensor:
-    """The flat box (4,) xyxy px of a body without a mask: its bounds, as drawn where the frame cuts it."""
-    straight = bent_points(vertices_cam, seen.distortion).T
+    """The flat box (4,) xyxy px of a body without a mask: the bounds of what the frame shows of it."""
+    straight, frame = bent_points(vertices_cam, seen.distortion).T, frame_box(seen.image_hw)
     if straight[2].min() > 0:
         px = (seen.K[:2] @ straight) / straight[2]
-        least, greatest = px.min(1), px.max(1)
-        if least.min() >= -0.5 and greatest[0] <= seen.image_hw[1] - 0.5 and greatest[1] <= seen.image_hw[0] - 0.5:
-            return torch.from_numpy(np.concatenate((least, greatest)))
-    if seen.faces is not None:
-        drawn = _drawn(seen, straight.T, seen.faces)
-        if drawn.any():
-            return mask_box(drawn)
+        bounds = np.concatenate((px.min(1), px.max(1)))
+        if (bounds[:2] >= frame[:2]).all() and (bounds[2:] <= frame[2:]).all():
+            return torch.from_numpy(bounds)
+        if seen.faces is not None and (inside := bounds_in_frame(px, seen.faces.numpy(), frame)) is not None:
+            return torch.from_numpy(inside)
+    elif seen.faces is not None and (drawn := _drawn(seen, straight.T, seen.faces)).any():
+        return mask_box(drawn)
     return points_box(*project(seen.K, vertices_cam, seen.distortion), seen.image_hw)

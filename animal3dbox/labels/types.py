@@ -75,8 +75,8 @@ class CuboidLabel:
         K: (3, 3) intrinsics in px.
         R: (3, 3) R_cam_world, world being the mesh's frame.
         t: (3,) t_cam_world.
-        box: (4,) xyxy px: of the mask; else of the projected mesh: its exact bounds if all of it is in the frame, else pixel
-            by pixel of what the frame leaves of it; else of the projected cuboid.
+        box: (4,) xyxy px: of the mask; else of what the frame shows of the projected mesh, exactly (pixel by pixel if
+            it reaches behind the camera); else of the projected cuboid.
         surface_share: (6,) parts of the animal's own visible surface by the side it faces; None without a mesh's faces, or
             if LabelConfig.surface_share is off.
         truncation: part of the projected cuboid outside the frame, 0 to 1.

@@ -51,11 +51,21 @@ def test_the_box_without_a_mask_bounds_the_mesh_exactly() -> None:
     assert_close(label_of(R, t).box, torch.cat((px.amin(0), px.amax(0))), atol=1e-9, rtol=0)
 
 
-def test_the_box_of_a_mesh_that_the_frame_cuts_bounds_what_is_left_of_it() -> None:
+@pytest.mark.parametrize("shift", [(0.0, 1.2), (1.0, 0.8), (-1.6, 0.0), (0.0, -1.0)])
+def test_the_box_of_a_mesh_that_the_frame_cuts_bounds_what_is_left_of_it(shift: tuple[float, float]) -> None:
     R, t = camera_round(50, 15, distance=3)
-    t = t + torch.tensor([0, 1.2, 0])
-    drawn = silhouette(MESH @ R.mT + t, FACES, K, IMAGE_HW)
+    t = t + torch.tensor([*shift, 0])
+    fine = torch.tensor([[8.0, 0, 3.5], [0, 8, 3.5], [0, 0, 1]], dtype=torch.float64) @ K  # eight pixels for one
+    drawn = mask_box(silhouette(MESH @ R.mT + t, FACES, fine, (8 * IMAGE_HW[0], 8 * IMAGE_HW[1])))
     px, _ = project(K, MESH @ R.mT + t)
-    assert float(px[:, 1].amax()) > 480  # cut
-    assert float(mask_box(drawn)[0]) > float(px[:, 0].amin()) + 1  # and what the frame cuts away bounds the whole mesh
-    assert torch.equal(label_of(R, t).box, mask_box(drawn))
+    box = label_of(R, t).box
+    assert float((box - torch.cat((px.amin(0), px.amax(0)))).abs().amax()) > 20  # cut
+    assert_close(box, (drawn + 0.5) / 8 - 0.5, atol=0.4, rtol=0)
+
+
+def test_the_box_of_a_mesh_around_the_camera_is_drawn() -> None:
+    R, t = camera_round(50, 15, distance=0.3)
+    assert float((MESH @ R.mT + t)[:, 2].amin()) < 0
+    label = label_animal(IMAGE_HW, None, toy_landmarks(), MESH, FACES, K=K, pose=(R, t), config=QUICK)
+    assert isinstance(label, CuboidLabel)
+    assert torch.equal(label.box, mask_box(silhouette(MESH @ R.mT + t, FACES, K, IMAGE_HW)))

@@ -1,0 +1,58 @@
+"""The flat box of what the frame shows of a mesh, exactly and without drawing it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+LEFT, TOP, RIGHT, BOTTOM = 1, 2, 4, 8
+
+
+def frame_box(image_hw: tuple[int, int]) -> Array:
+    """The frame (4,) xyxy px."""
+    return np.array([-0.5, -0.5, image_hw[1] - 0.5, image_hw[0] - 0.5])
+
+
+def bounds_in_frame(px: Array, faces: NDArray[np.int64], frame: Array) -> Array | None:
+    """The bounds (4,) xyxy of the part of a projected mesh inside the frame; None if there is none.
+
+    The corners of a triangle cut by a rectangle are those of its own inside, the places where its edges cross the
+    rectangle's sides, and the rectangle's corners inside it.
+
+    Args:
+        px: (2, V) all vertices, none of them behind the camera.
+        faces: (F, 3); vertices of no face do not count.
+        frame: (4,) xyxy px.
+
+    """
+    outside = (px[0] < frame[0]) * LEFT + (px[1] < frame[1]) * TOP + (px[0] > frame[2]) * RIGHT + (px[1] > frame[3]) * BOTTOM
+    codes = outside.astype(np.uint8).take(faces)
+    cut = ((codes[:, 0] | codes[:, 1] | codes[:, 2]) != 0) & ((codes[:, 0] & codes[:, 1] & codes[:, 2]) == 0)
+    used = np.zeros(px.shape[1], dtype=np.bool_)
+    used[faces] = True
+    corners = px[:, faces[cut]]  # (2, T, 3)
+    shown = np.concatenate((px[:, used & (outside == 0)], _crossings(corners, frame), _covered_corners(corners, frame)), 1)
+    return np.concatenate((shown.min(1), shown.max(1))) if shown.shape[1] else None
+
+
+def _crossings(corners: Array, frame: Array) -> Array:
+    """Where the edges of triangles (2, T, 3) cross the frame's four sides, (2, N)."""
+    start, along = corners, corners[:, :, [1, 2, 0]] - corners
+    found = []
+    for side in range(4):
+        axis = side % 2
+        part = (frame[side] - start[axis]) / np.where(along[axis] == 0, np.inf, along[axis])
+        other = start[1 - axis] + part * along[1 - axis]
+        crosses = (part >= 0) & (part <= 1) & (along[axis] != 0) & (other >= frame[1 - axis]) & (other <= frame[3 - axis])
+        at = np.empty((2, np.count_nonzero(crosses)))
+        at[axis], at[1 - axis] = frame[side], other[crosses]
+        found.append(at)
+    return np.concatenate(found, 1)
+
+
+def _covered_corners(corners: Array, frame: Array) -> Array:
+    """Those of the frame's four corners that lie in some of the triangles (2, T, 3), (2, N)."""
+    x, y = frame[[0, 2, 2, 0]], frame[[1, 1, 3, 3]]
+    along = corners[:, :, [1, 2, 0]] - corners
+    turn = along[0][..., None] * (y - corners[1][..., None]) - along[1][..., None] * (x - corners[0][..., None])  # (T, 3, 4)
+    inside = (((turn >= 0).all(1) | (turn <= 0).all(1)) & (turn.sum(1) != 0)).any(0)  # one without area covers nothing
+    return np.stack((x[inside], y[inside]))
