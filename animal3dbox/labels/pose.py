@@ -6,7 +6,7 @@ import torch
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.pose_basic import basic_pose, checked_pose, sqpnp_pose
 from animal3dbox.labels.pose_joint import refine_jointly
-from animal3dbox.labels.pose_problem import PoseEstimate, PoseFailure, PoseProblem, degenerate_points, in_unit_scale
+from animal3dbox.labels.pose_problem import PoseEstimate, PoseFailure, PoseProblem, degenerate_points, in_unit_scale, landmark_frame
 from animal3dbox.labels.pose_refine import refined_pose
 from animal3dbox.labels.pose_search import search_poses
 
@@ -34,8 +34,7 @@ def estimate_pose(problem: PoseProblem, config: LabelConfig, hypotheses: tuple[P
     if failure is not None:
         return failure
     if config.method == "default":
-        middle = problem.points_world.mean(0)
-        unit = float((problem.points_world - middle).pow(2).sum(-1).mean().sqrt())
+        middle, unit = landmark_frame(problem)
         scaled = [PoseEstimate(h.R, (h.t + h.R @ middle) / unit, h.hypothesis) for h in hypotheses]
         return in_unit_scale(problem, lambda p: _default(p, config, scaled))
     return in_unit_scale(problem, lambda p: _published(p, config))

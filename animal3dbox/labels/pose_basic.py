@@ -53,10 +53,10 @@ def sqpnp_pose(problem: PoseProblem) -> PoseEstimate | PoseFailure:
 
 def checked_pose(problem: PoseProblem, estimate: PoseEstimate) -> PoseEstimate | PoseFailure:
     """The pose if it puts the animal before the camera at a believable depth, else why not."""
-    _, depth = reprojection_errors(problem, estimate.R, estimate.t)
-    if not bool(torch.isfinite(depth).all()) or float(depth.abs().amax()) > FARTHEST * float(problem.points_world.abs().amax()):
+    depth = reprojection_errors(problem, estimate.R, estimate.t)[1].numpy()
+    if not np.isfinite(depth).all() or np.abs(depth).max() > FARTHEST * np.abs(problem.points_world.numpy()).max():
         return PoseFailure("no_pose", f"{estimate.hypothesis} puts the animal at depth {float(depth.mean()):.3g}, which is no answer")
-    if float(depth.amin()) <= 0:
+    if depth.min() <= 0:
         return PoseFailure("behind_camera", f"{estimate.hypothesis} puts {int((depth <= 0).sum())} of {len(depth)} keypoints behind the camera")
     return estimate
 

@@ -11,7 +11,7 @@ from animal3dbox.labels.pose_search import CAUCHY_95, Candidates
 
 MASK_SLACK_PX = 1.0
 """A mask's border is that of pixel centres, and tips thinner than a pixel fall between them: up to 0.8 px (benchmarks/masks_and_visibility.py)."""
-ROUNDS = (4, 12, 24)
+ROUNDS = (2, 14, 24)
 BEHIND = 1.5
 """Times the least cost: what a pose may cost more and still be refined further."""
 BAND = 0.06

@@ -1,11 +1,13 @@
 """The camera-pose problem: what is known, and what an answer looks like."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.camera import project
 
 RELATIVE_FLATNESS = 1e-3
@@ -73,30 +75,36 @@ class PoseFailure:
 
 def reprojection_errors(problem: PoseProblem, R: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
     """Distance (N,) in px of each landmark's projection from its keypoint, and depth (N,)."""
-    projected, depth = project(problem.K, problem.points_world @ R.mT + t)
-    distance: Tensor = torch.linalg.vector_norm(projected - problem.points_px, dim=-1)
-    return distance, depth
+    projected, depth = project(problem.K.numpy(), problem.points_world.numpy() @ R.numpy().T + t.numpy())
+    return torch.from_numpy(norm(projected - problem.points_px.numpy())), torch.from_numpy(depth)
 
 
 def degenerate_points(problem: PoseProblem, min_keypoints: int) -> PoseFailure | None:
     """Why the points cannot fix a pose, if they cannot: too few, coinciding, or in one plane."""
-    count = problem.points_world.shape[0]
+    points, pixels = problem.points_world.numpy(), problem.points_px.numpy()
+    count = len(points)
     if count < min_keypoints:
         return PoseFailure("too_few_keypoints", f"{count} visible keypoints, but min_keypoints is {min_keypoints}")
-    about = problem.points_world - problem.points_world.mean(0)
-    spread = torch.linalg.svdvals(about)
-    apart = torch.cdist(about, about, compute_mode="donot_use_mm_for_euclid_dist") > 1e-9 * float(spread[0])
-    distinct = 1 + int(apart.tril(-1).sum(1).eq(torch.arange(count, device=apart.device))[1:].sum())
+    spread = np.linalg.svd(points - points.mean(0), compute_uv=False)
+    apart = norm(points[:, None] - points[None]) > 1e-9 * spread[0]
+    distinct = 1 + int((np.tril(apart, -1).sum(1)[1:] == np.arange(1, count)).sum())
     if distinct < min_keypoints:
         return PoseFailure(
             "coplanar_keypoints",
             f"of {count} visible keypoints only {distinct} lie at different places on the body, but min_keypoints is {min_keypoints}",
         )
-    if float(spread[2]) < RELATIVE_FLATNESS * float(spread[0]):
+    if spread[2] < RELATIVE_FLATNESS * spread[0]:
         return PoseFailure("coplanar_keypoints", f"the {count} visible keypoints lie in one plane of the body")
-    if float((problem.points_px - problem.points_px[0]).abs().amax()) < 1e-6:
-        return PoseFailure("coplanar_keypoints", f"all {count} visible keypoints are at the same pixel {problem.points_px[0].tolist()}")
+    if np.abs(pixels - pixels[0]).max() < 1e-6:
+        return PoseFailure("coplanar_keypoints", f"all {count} visible keypoints are at the same pixel {pixels[0].tolist()}")
     return None
+
+
+def landmark_frame(problem: PoseProblem) -> tuple[Tensor, float]:
+    """The landmarks' mean (3,) and their root mean square distance from it."""
+    points = problem.points_world.numpy()
+    middle = points.mean(0)
+    return torch.from_numpy(middle), float(np.sqrt(((points - middle) ** 2).sum(-1).mean()))
 
 
 def in_unit_scale(problem: PoseProblem, solve: Callable[[PoseProblem], PoseEstimate | PoseFailure]) -> PoseEstimate | PoseFailure:
@@ -110,21 +118,9 @@ def in_unit_scale(problem: PoseProblem, solve: Callable[[PoseProblem], PoseEstim
         The pose of the problem as it was.
 
     """
-    middle = problem.points_world.mean(0)
-    unit = float((problem.points_world - middle).pow(2).sum(-1).mean().sqrt())
+    middle, unit = landmark_frame(problem)
     vertices = None if problem.vertices_world is None else (problem.vertices_world - middle) / unit
-    found = solve(
-        PoseProblem(
-            (problem.points_world - middle) / unit,
-            problem.points_px,
-            problem.sigma_px,
-            problem.K,
-            problem.image_hw,
-            problem.R_box,
-            vertices,
-            problem.mask_box,
-        )
-    )
+    found = solve(replace(problem, points_world=(problem.points_world - middle) / unit, vertices_world=vertices))
     if isinstance(found, PoseFailure):
         return found
     return PoseEstimate(found.R, found.t * unit - found.R @ middle, found.hypothesis, found.warnings)
