@@ -155,6 +155,8 @@ def torso_length(model: SmalModel) -> float:
 class ParametersBody:
     """Each animal's own SMAL-structured body, from its parameters.
 
+    A model in float32 (SmalModel.to) poses in less time; boxes then differ by less than a hundred thousandth of their diagonal.
+
     Attributes:
         model: what the parameters were fitted with.
         parameters: sample id -> the animal's parameters.

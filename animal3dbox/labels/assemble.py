@@ -1,7 +1,8 @@
 """Everything that follows from the box and the camera: projections, faces, 2D box, quality; many animals at once."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -67,9 +68,9 @@ def mask_box(mask: Tensor | NDArray[np.bool_]) -> Tensor:
     return torch.tensor([columns[0] - 0.5, rows[0] - 0.5, columns[-1] + 0.5, rows[-1] + 0.5], dtype=torch.float64)
 
 
-def points_box(px: Array, depth: Array, image_hw: tuple[int, int]) -> Tensor:
+def points_box(px: Tensor | Array, depth: Tensor | Array, image_hw: tuple[int, int]) -> Tensor:
     """The bounds (4,) xyxy of those of the pixels (N, 2) that are in front of the camera, held inside the frame; zeros if none is."""
-    px = px[depth > 0]
+    px = as_numpy(px)[as_numpy(depth) > 0]
     if not len(px):
         return torch.zeros(4, dtype=torch.float64)
     last = np.array([image_hw[1] - 0.5, image_hw[0] - 0.5])
@@ -108,7 +109,7 @@ def _assemble_alike(animals: Sequence[Prepared]) -> list[CuboidLabel]:
     }  # fmt: skip
     return [
         CuboidLabel(
-            **{name: torch.from_numpy(values[i].copy()) for name, values in fields.items()},  # of its own: a view would keep, and pickle, all
+            **_own(fields, i),
             sample_id=one.seen.sample_id,
             image_hw=image_hw,
             box=one.shown.box if one.shown.box is not None else points_box(corners_2d[i], depth[i], image_hw),
@@ -122,6 +123,11 @@ def _assemble_alike(animals: Sequence[Prepared]) -> list[CuboidLabel]:
         )
         for i, one in enumerate(animals)
     ]
+
+
+def _own(fields: Mapping[str, Any], i: int) -> dict[str, Any]:
+    """One animal's fields as tensors of its own: views would keep, and pickle, the whole batch."""
+    return {name: torch.from_numpy(values[i].copy()) for name, values in fields.items()}
 
 
 def _quality(animal: Prepared) -> Quality:

@@ -14,7 +14,7 @@ PAPER_MARGIN = 1e-5
 RELATIVE_MARGIN = 1e-6
 """Of the box diagonal, so that a scaled body gets the scaled box."""
 ROUNDING = 32 * torch.finfo(torch.float64).eps
-"""Of the distance from the origin: what the way into the box frame and back may lose, for a body far from its origin or without extent."""
+"""Of the greatest coordinate: what the way into the box frame and back may lose, for a body far from its origin or without extent."""
 
 
 def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array]:
@@ -50,7 +50,7 @@ def tight_cuboid(vertices_world: Tensor | Array, R_box: Tensor, margin: float | 
     vertices = np.asfortranarray(as_numpy(vertices_world), dtype=np.float64)  # what runs along memory is five times faster
     axes = as_numpy(R_box).astype(np.float64, copy=False)
     least, greatest, centroid_world = box_bounds(vertices, axes)
-    rounding = ROUNDING * float(norm(centroid_world) + norm(np.maximum(-least, greatest)))
+    rounding = ROUNDING * float(np.abs(centroid_world).max() + np.maximum(-least, greatest).max())
     grown = RELATIVE_MARGIN * float(norm(greatest - least)) + rounding if margin is None else margin
     center = centroid_world + axes @ ((least + greatest) / 2)
     return Cuboid(torch.from_numpy(center), R_box.double(), torch.from_numpy(greatest - least + 2 * grown))

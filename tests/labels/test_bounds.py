@@ -47,3 +47,9 @@ def test_the_centre_is_the_middle_of_the_bounds_and_not_the_mean_of_the_points()
     box = tight_cuboid(in_box @ turn.mT + torch.tensor([10.0, 0, 0], dtype=F64), turn, 0.0)
     assert_close(box.center, torch.tensor([10.0, 1.0, 0.5], dtype=F64))
     assert_close(box.size, torch.tensor([4.0, 4.0, 1.0], dtype=F64))
+
+
+def test_a_body_smaller_than_its_square_can_be_still_lies_in_its_box() -> None:
+    vertices = torch.zeros(10, 3, dtype=F64)
+    vertices[9, 2] = 4e-172
+    assert bool(tight_cuboid(vertices, torch.eye(3, dtype=F64)).contains(vertices).all())
