@@ -42,7 +42,6 @@ class JointCost:
         R_start: (3, 3).
         extent: (M, 3) the points whose projected bounding box is compared with the mask's; M = 0 without that term.
         mask_box: (4,) xyxy px.
-        slack_px: bounds that differ by less cost nothing: a mask knows its edge only to about a pixel.
     """
 
     points: Array
@@ -52,7 +51,6 @@ class JointCost:
     R_start: Array
     extent: Array
     mask_box: Array
-    slack_px: float
 
     def _project(self, points: Array, pose: Array) -> tuple[Array, Array]:
         """Pixels (N, 2) and their derivatives (N, 2, 6) by the pose."""
@@ -84,9 +82,7 @@ class JointCost:
         rows = np.concatenate((px.argmin(0), px.argmax(0)))
         bounds, by_pose = self._project(self.extent[rows], pose)
         pick = np.arange(4), np.array([0, 1, 0, 1])
-        off = bounds[pick] - self.mask_box
-        beyond = np.sign(off) * np.maximum(np.abs(off) - self.slack_px, 0)
-        return beyond, by_pose[pick] * (np.abs(off) > self.slack_px)[:, None]
+        return bounds[pick] - self.mask_box, by_pose[pick]
 
 
 def outermost(vertices: Array) -> Array:
@@ -97,14 +93,13 @@ def outermost(vertices: Array) -> Array:
         return vertices
 
 
-def joint_cost(problem: PoseProblem, R_start: Array, extent: str, slack_px: float) -> JointCost:
+def joint_cost(problem: PoseProblem, R_start: Array, extent: str) -> JointCost:
     """The joint cost of a problem about a starting rotation.
 
     Args:
         problem: about its own mean, in units of its own spread.
         R_start: (3, 3).
         extent: what to compare with the mask: "keypoints", "mesh" (the keypoints if there is no mesh) or "none".
-        slack_px: see JointCost.
 
     """
     points = problem.points_world.numpy()
@@ -112,4 +107,4 @@ def joint_cost(problem: PoseProblem, R_start: Array, extent: str, slack_px: floa
     if problem.mask_box is not None and extent != "none":
         cloud = points if extent == "keypoints" or problem.vertices_world is None else outermost(problem.vertices_world.numpy())
     box = np.zeros(4) if problem.mask_box is None else problem.mask_box.numpy()
-    return JointCost(points, problem.points_px.numpy(), problem.sigma_px.numpy(), problem.K.numpy(), R_start, cloud, box, slack_px)
+    return JointCost(points, problem.points_px.numpy(), problem.sigma_px.numpy(), problem.K.numpy(), R_start, cloud, box)

@@ -28,7 +28,7 @@ def refined_pose(problem: PoseProblem, start: PoseEstimate, config: LabelConfig)
         The refined pose, or why it is no answer: SciPy reports success behind the camera, too.
 
     """
-    cost = joint_cost(problem, start.R.numpy(), config.mask_box or "keypoints", slack_px=0.0)
+    cost = joint_cost(problem, start.R.numpy(), config.mask_box or "keypoints")
     pose = np.concatenate((np.zeros(3), start.t.numpy()))
     if config.residual == "vector":
         pose = _solve(cost, pose, np.ones(len(cost.points)), np.ones(4), config)

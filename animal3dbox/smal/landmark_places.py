@@ -32,6 +32,7 @@ class LandmarkPlaces:
             elif place is not None:
                 np.add.at(row, list(place), 1 / len(place))
         ids = np.flatnonzero(weights.any(0))
+        ids = ids if len(ids) else np.zeros(1, dtype=np.intp)  # a row of no numbers could not be NaN
         weights = weights[:, ids]
         weights[[place is None for place in places]] = np.nan
         return cls(ids, weights)

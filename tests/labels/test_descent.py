@@ -123,3 +123,15 @@ def test_the_joint_cost_is_brought_as_low_as_by_scipy(wild: int) -> None:
     expected = least_squares(residuals, np.zeros(6), loss="cauchy", f_scale=CAUCHY_95, xtol=1e-12, ftol=1e-12, gtol=1e-12).cost
     *_, cost, _ = descend(joint.local, R, t, 60)
     assert cost[0] <= expected * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(("off_px", "costs"), [(0.4, False), (0.9, False), (1.5, True)])
+def test_bounds_that_differ_by_less_than_a_mask_can_tell_cost_nothing(off_px: float, costs: bool) -> None:
+    R, t = poses(1)
+    given = problem()
+    assert given.vertices_world is not None
+    px, _ = project(K, given.vertices_world @ torch.from_numpy(R[0]).mT + torch.from_numpy(t[0]))
+    box = torch.cat((px.amin(0), px.amax(0))) + off_px * torch.tensor([1.0, -1, 1, -1], dtype=F64)
+    beyond, slopes = joint_of(replace(given, mask_box=box), 1.0, LabelConfig()).watching(R, t)._bounds(R, t)
+    assert (bool(beyond.all()), bool(slopes.any())) == (costs, costs)
+    assert bool(beyond.any()) == costs

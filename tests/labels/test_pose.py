@@ -165,7 +165,7 @@ def test_five_keypoints_are_too_few() -> None:
 def test_the_derivatives_of_the_joint_cost_are_those_of_finite_differences() -> None:
     R, t = camera_round(30, 20)
     box = torch.tensor([100.0, 90, 500, 400], dtype=F64)
-    cost = joint_cost(problem_of(R, t, mask_box=box), R.numpy(), "mesh", slack_px=0.5)
+    cost = joint_cost(problem_of(R, t, mask_box=box), R.numpy(), "mesh")
     for pose in (np.concatenate(([0.0, 0, 0], t.numpy())), np.concatenate(([0.2, -0.4, 0.3], t.numpy() + 0.1))):
         steps = [np.concatenate((c.keypoints(x)[0].ravel(), c.box(x)[0])) for c, x in ((cost, pose + 1e-6 * axis) for axis in np.eye(6))]
         back = [np.concatenate((c.keypoints(x)[0].ravel(), c.box(x)[0])) for c, x in ((cost, pose - 1e-6 * axis) for axis in np.eye(6))]
@@ -177,18 +177,9 @@ def test_the_derivatives_of_the_joint_cost_are_those_of_finite_differences() -> 
 def test_the_bbox_term_is_the_difference_of_the_boxes_coordinate_by_coordinate() -> None:
     R, t = camera_round(30, 20)
     problem = problem_of(R, t, mask_box=torch.zeros(4, dtype=F64))
-    off, _ = joint_cost(problem, R.numpy(), "keypoints", slack_px=0.0).box(np.concatenate(([0.0, 0, 0], t.numpy())))
+    off, _ = joint_cost(problem, R.numpy(), "keypoints").box(np.concatenate(([0.0, 0, 0], t.numpy())))
     px = problem.points_px
     assert_close(torch.from_numpy(off), torch.cat((px.amin(0), px.amax(0))), atol=1e-9, rtol=0)
-
-
-@pytest.mark.parametrize("slack_px", [0.0, 0.5])
-def test_bounds_within_the_slack_cost_nothing(slack_px: float) -> None:
-    R, t = camera_round(30, 20)
-    px = keypoints_seen(R, t)[:, :2]
-    box = torch.cat((px.amin(0), px.amax(0))) + torch.tensor([0.4, -0.4, 0.4, -0.4], dtype=F64)
-    off, slope = joint_cost(problem_of(R, t, mask_box=box), R.numpy(), "keypoints", slack_px).box(np.concatenate(([0.0, 0, 0], t.numpy())))
-    assert bool((off == 0).all() and (slope == 0).all()) == (slack_px == 0.5)
 
 
 def test_the_literal_reading_has_the_least_unsquared_energy() -> None:
@@ -205,7 +196,7 @@ def test_the_literal_reading_has_the_least_unsquared_energy() -> None:
         config = LabelConfig(method="paper", residual=reading)
         refined = refined_pose(problem, start, config)
         assert isinstance(refined, PoseEstimate)
-        cost = joint_cost(problem, refined.R.numpy(), "keypoints", slack_px=0.0)
+        cost = joint_cost(problem, refined.R.numpy(), "keypoints")
         energies[reading] = literal_energy(cost, np.concatenate((np.zeros(3), refined.t.numpy())), config)
         generator = np.random.default_rng(0)
         if reading == "literal":

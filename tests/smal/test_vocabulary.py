@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch.testing import assert_close
@@ -175,3 +176,12 @@ def test_users_vocabularies_pass_through_and_unknown_names_do_not() -> None:
     assert find_vocabulary(mine) is mine
     with pytest.raises(ConfigError, match="one of animal3d26"):
         find_vocabulary("dogs99")
+
+
+def test_a_body_that_has_no_place_for_any_keypoint_gives_none() -> None:
+    vocabulary = vocabulary_from_names("mine", {"nose": "nose", "dot": None})
+    assert bool(vocabulary.on_body({}, torch.ones(3, 3)).isnan().all())
+    assert np.isnan(vocabulary.on_body({}, np.ones((3, 3)))).all()
+    points = vocabulary.on_body({"nose": (0, 1)}, torch.ones(3, 3))
+    assert points[0].tolist() == [1, 1, 1]
+    assert bool(points[1].isnan().all())
