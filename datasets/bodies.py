@@ -4,7 +4,7 @@ A source gives, for each animal, vertices and landmarks in one frame of its own:
 every animal; each animal's own SMAL parameters; a mesh file (mesh_bodies.py). Fits are sources of the same form.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol
@@ -17,7 +17,7 @@ from animal3dbox.datasets.packed import PackedMapping
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError, ShapeError
 from animal3dbox.smal.model import SmalModel, trunk_rotation
-from animal3dbox.smal.parameters import SmalParameters, posed_body
+from animal3dbox.smal.parameters import SmalParameters, posed_bodies
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas
 from animal3dbox.smal.quadruped_poses import POSES, named_pose
 from animal3dbox.smal.vocabulary import Vocabulary
@@ -189,10 +189,29 @@ class ParametersBody:
 
     def body(self, record: AnimalRecord) -> Body:
         """The record's posed body with its landmarks; its pose is the animal's own."""
-        if record.sample_id not in self.parameters:
-            raise SampleError(record.sample_id, "parameters", "there are none for this sample")
+        return self.bodies([record])[0]
+
+    def bodies(self, records: Sequence[AnimalRecord]) -> list[Body]:
+        """The posed bodies of several records at once, which costs less; raises SampleError of the first that has none."""
+        for record in records:
+            if record.sample_id not in self.parameters:
+                raise SampleError(record.sample_id, "parameters", "there are none for this sample")
+        if not records:
+            return []
         try:
-            vertices = posed_body(self.model, self.parameters[record.sample_id]).vertices[0]
+            posed = posed_bodies(self.model, [self.parameters[record.sample_id] for record in records])
         except ShapeError as error:
-            raise SampleError(record.sample_id, "parameters", str(error)) from error
-        return Body(vertices, self.model.faces, self.model.read_keypoints(record.vocabulary, vertices), None, self.model)
+            if len(records) == 1:
+                raise SampleError(records[0].sample_id, "parameters", str(error)) from error
+            return [self.body(record) for record in records]  # tells which
+        found = []
+        for record, vertices in zip(records, posed.vertices, strict=True):
+            found.append(Body(vertices, self.model.faces, self.model.read_keypoints(record.vocabulary, vertices), None, self.model))
+        return found
+
+
+def many_bodies(source: BodySource, records: Sequence[AnimalRecord]) -> list[Body]:
+    """The bodies of several records, posed together if the source can; raises SampleError of the first that has none."""
+    if isinstance(source, ParametersBody):
+        return source.bodies(records)
+    return [source.body(record) for record in records]

@@ -14,9 +14,10 @@ from torch.utils.data import Dataset, get_worker_info
 from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.filters import LabelFilter
 from animal3dbox.datasets.label_rows import LabelRow
+from animal3dbox.datasets.labelling import PosePolicy
 from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
 from animal3dbox.datasets.records import AnimalRecord
-from animal3dbox.datasets.row_maker import RowMaker
+from animal3dbox.datasets.row_maker import RowMaker, fault_case, rejected_case
 from animal3dbox.datasets.sources import ImageSample, SampleSource
 from animal3dbox.datasets.targets import check_one_camera, empty_target, image_tensor, target_of
 from animal3dbox.datasets.threads import one_thread
@@ -55,7 +56,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
     Args:
         source: of the samples, see the Datasets named after formats.
-        config: how labels are made; None: LabelConfig(surface_share=False).
+        config: how labels are made; None: default_config(pose, filters).
         on_bad: what to do with an animal that cannot be labelled: "error" raises, "skip" leaves it out and writes it down (report()); an
             image of which no animal is left comes back as Skipped.
         partial: whether an image of which only some animals have labels is kept: "keep", or "skip" to leave it out, since it shows
@@ -88,7 +89,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         classes: Sequence[str] | None = None,
         transform: TransformCall | None = None,
         scale: Any = None,
-        pose: Literal["hypothesis", "exact"] = "hypothesis",
+        pose: PosePolicy = "hypothesis",
         cache: Path | str | None = None,
         masks: bool = True,
         report_to: Path | None = None,
@@ -108,10 +109,10 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         if len(self._numbers) != len(self.classes):
             raise ConfigError(f"classes must differ, got {self.classes}")
         self.ledger = Ledger(report_to)
-        self._rows = RowMaker(source.fingerprint, config or LabelConfig(surface_share=False), scale, pose, cache, reuse)
+        self._rows = RowMaker(source.fingerprint, config or default_config(pose, self.filters), scale, pose, cache, reuse)
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         for fault in source.faults:
-            self.ledger.add(_case("fault", fault))
+            self.ledger.add(fault_case(fault))
 
     def __len__(self) -> int:
         return len(self.source)
@@ -148,7 +149,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                     if get_worker_info() is not None:
                         error.note_for_parent()
                     raise
-                return self._skipped(place, [_case("fault", error)])
+                return self._skipped(place, [fault_case(error)])
 
     def _skipped(self, place: int, cases: list[Case]) -> Skipped:
         for case in cases:
@@ -174,11 +175,15 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         target = target_of(sample.image_id, rows, numbers, whole, _one_vocabulary(sample), self.source.named_faces)
         return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
 
-    def warm(self, index: int) -> tuple[Case, ...]:
-        """Make the labels of a sample, and store them in the cache, without decoding its image; what was left out, and why."""
-        sample = self.source.sample(index)
+    def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
+        """Store the labels of some samples in the cache, made together and without decoding their images; what could not be, and why."""
+        samples = [self.source.sample(index) for index in indices]
+        known = [(sample, self.source.facts(sample)) for sample in samples]
+        by_bodies: dict[int, list[tuple[ImageSample, PhotoFacts]]] = {}
+        for sample, facts in known:
+            by_bodies.setdefault(id(sample.bodies), []).append((sample, facts))
         with one_thread():
-            _, cases = self._labelled(sample, self.source.facts(sample))
+            cases = [case for group in by_bodies.values() for case in self._rows.fill(group)]
         for case in cases:
             self.ledger.add(case)
         return tuple(cases)
@@ -193,7 +198,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             except SampleError as error:
                 if self.on_bad == "error":
                     raise
-                cases.append(_case("fault", error))
+                cases.append(fault_case(error))
                 continue
             if row is not None:
                 made.append((row, self._numbers[record.category], mask))
@@ -211,7 +216,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             if self.on_bad == "error":
                 problem = f"cannot be made, {outcome.reason}: {outcome.detail}; on_bad='skip' leaves such animals out and reports them"
                 raise SampleError(record.sample_id, "label", problem)
-            cases.append(Case(kind="rejected", sample_id=record.sample_id, field=outcome.reason, problem=outcome.detail))
+            cases.append(rejected_case(record.sample_id, outcome))
             return None, None
         missed = self.filters.problem(outcome)
         if missed is not None:
@@ -232,11 +237,12 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             raise
 
 
+def default_config(pose: PosePolicy, filters: LabelFilter) -> LabelConfig:
+    """How a Dataset labels: without what needs drawing, but for the mask's overlap where the pose is estimated or a filter looks at it."""
+    return LabelConfig(surface_share=False, mask_iou=pose == "hypothesis" or filters.min_mask_iou is not None or filters.min_confidence is not None)
+
+
 def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
     """The vocabulary of the image's keypoints; None if there are none, or its animals are of kinds that are marked differently."""
     words = {record.vocabulary.name: record.vocabulary for record in sample.records if isinstance(record, AnimalRecord)}
     return next(iter(words.values())) if len(words) == 1 else None
-
-
-def _case(kind: str, error: SampleError) -> Case:
-    return Case(kind=kind, sample_id=error.sample_id or "sample", field=error.field, problem=error.problem)

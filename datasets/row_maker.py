@@ -1,17 +1,19 @@
 """From an annotated animal to its label row: from the cache if it is there, made and stored otherwise."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.cache import LabelCache
 from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.fingerprint import code_digest, content_digest, digest, file_digest
 from animal3dbox.datasets.given_boxes import given_label
 from animal3dbox.datasets.label_rows import LabelRow, label_row
-from animal3dbox.datasets.labelling import PosePolicy, label_record, posed_as_stored
+from animal3dbox.datasets.labelling import Given, PosePolicy, label_record, label_records, posed_as_stored
 from animal3dbox.datasets.ledger import Case
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
 from animal3dbox.datasets.scale import ScaleSource
@@ -58,27 +60,68 @@ class RowMaker:
         record = sample.records[animal]
         if isinstance(record, CuboidRecord):
             return label_row(given_label(record)), []
+        key, found, cases = self._kept(sample, animal, facts)
+        if found is not None:
+            return found, cases
+        outcome = label_record(posed_as_stored(record, self.pose), _bodies_of(sample, record), self.config, facts, self.scale, mask)
+        made = outcome if isinstance(outcome, Rejection) else label_row(outcome)
+        return made, [*cases, *self._store(record, key, made)]
+
+    def fill(self, samples: Sequence[tuple[ImageSample, PhotoFacts]]) -> list[Case]:
+        """Store the rows of all animals of some samples that share their source of bodies, labelled together; what could not be, and why."""
+        missing, cases = self._missing(samples)
+        if not missing:
+            return cases
+        bodies = _bodies_of(samples[0][0], missing[0][0].record)
+        for (given, key), outcome in zip(missing, label_records([one for one, _ in missing], bodies, self.config, self.scale), strict=True):
+            if isinstance(outcome, SampleError):
+                cases.append(fault_case(outcome))
+                continue
+            if isinstance(outcome, Rejection):
+                cases.append(rejected_case(given.record.sample_id, outcome))
+            cases += self._store(given.record, key, outcome if isinstance(outcome, Rejection) else label_row(outcome))
+        return cases
+
+    def _missing(self, samples: Sequence[tuple[ImageSample, PhotoFacts]]) -> tuple[list[tuple[Given, bytes]], list[Case]]:
+        """The animals that the cache does not hold, with their keys, and cases of the others."""
+        missing: list[tuple[Given, bytes]] = []
+        cases: list[Case] = []
+        for sample, facts in samples:
+            for animal, record in enumerate(sample.records):
+                if isinstance(record, CuboidRecord):
+                    continue
+                try:
+                    key, found, told = self._kept(sample, animal, facts)
+                except SampleError as error:
+                    cases.append(fault_case(error))
+                    continue
+                cases += told
+                if found is None:
+                    missing.append((Given(posed_as_stored(record, self.pose), facts), key))
+                elif isinstance(found, Rejection):
+                    cases.append(rejected_case(record.sample_id, found))
+        return missing, cases
+
+    def _kept(self, sample: ImageSample, animal: int, facts: PhotoFacts) -> tuple[bytes, LabelRow | Rejection | None, list[Case]]:
+        """The key of an animal, what the cache holds under it, and what is wrong with the cache."""
         if self.cache is None:
-            return self._made(record, sample, facts, mask), []
-        key = _key(record, sample, sample.contents[animal], facts)
-        cases = self._cases(self.cache, record)
+            return b"", None, []
+        record: Any = sample.records[animal]
+        key, cases = _key(record, sample, sample.contents[animal], facts), self._cases(self.cache, record)
         found, damaged = self.cache.get(key) if self.reuse else (None, False)
         if damaged:
             cases.append(_cache_case(record, "its label was damaged and is made anew" if found is None else "one copy of its label is damaged"))
-        if found is not None:
-            return found, cases
-        made = self._made(record, sample, facts, mask)
+        return key, found, cases
+
+    def _store(self, record: AnimalRecord, key: bytes, made: LabelRow | Rejection) -> list[Case]:
+        """Put a row into the cache, if there is one; the case that it could not be."""
+        if self.cache is None:
+            return []
         try:
             self.cache.put(key, made)
         except OSError as error:
-            cases.append(_cache_case(record, f"its label could not be stored ({error}): it is used, and made anew the next time"))
-        return made, cases
-
-    def _made(self, record: AnimalRecord, sample: ImageSample, facts: PhotoFacts, mask: NDArray[np.bool_] | None) -> LabelRow | Rejection:
-        if sample.bodies is None:
-            raise SampleError(record.sample_id, "body", "there is no source of bodies")
-        outcome = label_record(posed_as_stored(record, self.pose), sample.bodies, self.config, facts, self.scale, mask)
-        return outcome if isinstance(outcome, Rejection) else label_row(outcome)
+            return [_cache_case(record, f"its label could not be stored ({error}): it is used, and made anew the next time")]
+        return []
 
     def _cases(self, cache: LabelCache, record: AnimalRecord) -> list[Case]:
         """What is wrong with the cache's files, each told once."""
@@ -88,6 +131,22 @@ class RowMaker:
         new = [problem for problem in problems if problem not in self._told]
         self._told.update(new)
         return [_cache_case(record, problem) for problem in new]
+
+
+def fault_case(error: SampleError) -> Case:
+    """The case of an unusable sample."""
+    return Case(kind="fault", sample_id=error.sample_id or "sample", field=error.field, problem=error.problem)
+
+
+def rejected_case(sample_id: str, rejection: Rejection) -> Case:
+    """The case of an animal without a label."""
+    return Case(kind="rejected", sample_id=sample_id, field=rejection.reason, problem=rejection.detail)
+
+
+def _bodies_of(sample: ImageSample, record: AnimalRecord) -> BodySource:
+    if sample.bodies is None:
+        raise SampleError(record.sample_id, "body", "there is no source of bodies")
+    return sample.bodies
 
 
 def _key(record: AnimalRecord, sample: ImageSample, content: bytes, facts: PhotoFacts) -> bytes:

@@ -18,18 +18,21 @@ from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.ledger import Case
 from animal3dbox.errors import ConfigError
 
+AT_ONCE = 32
+"""So many images are labelled together."""
+
 
 class Warmed(Dataset[tuple[Case, ...]]):
-    """The samples of a shard: asking for one stores its labels and gives what was left out."""
+    """The samples of a shard, some at a time: asking for them stores their labels and gives what was left out."""
 
     def __init__(self, dataset: LabelDataset, indices: Sequence[int]) -> None:
         self.dataset, self.indices = dataset, indices
 
     def __len__(self) -> int:
-        return len(self.indices)
+        return -(-len(self.indices) // AT_ONCE)
 
     def __getitem__(self, place: int) -> tuple[Case, ...]:
-        return self.dataset.warm(self.indices[place])
+        return self.dataset.warm(self.indices[place * AT_ONCE : (place + 1) * AT_ONCE])
 
 
 def run_fill(job: LabelJob) -> int:
@@ -38,14 +41,15 @@ def run_fill(job: LabelJob) -> int:
         raise ConfigError("give --out for labels and pictures, or --cache to fill a Dataset's label cache, not both")
     torch.set_num_threads(1)
     body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    config = replace(job.config, surface_share=False, mask_iou=job.mask_iou or job.stored_pose == "hypothesis")
     dataset = AnnotatedDataset(
         job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=body, on_bad="skip",
-        config=replace(job.config, surface_share=False), scale=job.scale, pose=job.stored_pose, cache=job.cache, reuse=job.resume,
+        config=config, scale=job.scale, pose=job.stored_pose, cache=job.cache, reuse=job.resume,
     )  # fmt: skip
     first, step = shard_of(job.shard)
     indices = range(first, len(dataset), step)
     loader = DataLoader(Warmed(dataset, indices), batch_size=None, num_workers=job.workers)
-    for _ in tqdm(loader, desc="labelling", unit="image", disable=job.json or None):
+    for _ in tqdm(loader, desc="labelling", unit=f"{AT_ONCE} images", disable=job.json or None):
         pass
     return _told(dataset, job, len(indices), sum(dataset.source.animals(i) for i in indices))
 

@@ -45,6 +45,7 @@ class LabelJob:
     shard: str | None = None
     resume: bool = False
     workers: int = 0
+    mask_iou: bool = False
 
 
 def scale_of(metres_per_unit: float | None, species_scale: bool, altitude_m: float | None) -> ScaleSource | None:

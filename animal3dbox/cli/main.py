@@ -65,6 +65,9 @@ def label(
     shard: Annotated[str | None, tyro.conf.arg(help="with --cache: i/n, only the images i, i + n, ... counted from 1")] = None,
     resume: Annotated[bool, tyro.conf.arg(help="with --cache: keep the labels that are in it")] = False,
     workers: Annotated[int, tyro.conf.arg(help="with --cache: processes")] = 0,
+    mask_iou: Annotated[
+        bool, tyro.conf.arg(help="with --cache and --stored-pose exact: measure the masks' overlap too, as a Dataset does whose filters ask for it")
+    ] = False,
     json: Annotated[bool, tyro.conf.arg(help="print report.json instead of words; no progress bar")] = False,
 ) -> int:
     """Label the animals of a dataset: cuboids with named faces, tables, pictures and a gallery."""
@@ -74,7 +77,9 @@ def label(
 
     config = LabelConfig(method=method, axes=axes, residual=residual, tail=tail, min_keypoints=min_keypoints)
     scale = scale_of(metres_per_unit, species_scale, altitude_m)
-    job = LabelJob(path, out, format, images, model, body, landmarks, vocabulary, config, json, scale, stored_pose, cache, shard, resume, workers)
+    job = LabelJob(
+        path, out, format, images, model, body, landmarks, vocabulary, config, json, scale, stored_pose, cache, shard, resume, workers, mask_iou
+    )
     return run_label(job) if cache is None else run_fill(job)
 
 

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 from small_animals import model_of, small_dataset
 
 from animal3dbox.cli.main import main
-from animal3dbox.datasets import Animal3DDataset, KnownScale, Skipped
+from animal3dbox.datasets import Animal3DDataset, KnownScale, LabelFilter, Skipped
 from animal3dbox.datasets.cache import LabelCache
 
 
@@ -110,3 +111,24 @@ def test_labels_in_metres_say_so(animals: Path, tmp_path: Path, capsys: pytest.C
     sample = dataset[0]
     assert not isinstance(sample, Skipped)
     assert sample[1]["center"][0].tolist() == pytest.approx(row["center"], rel=1e-6)
+
+
+def test_labels_made_together_are_those_made_one_by_one(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(capsys, "label", animals, "--model", model_of(animals), "--stored-pose", "exact", "--cache", tmp_path / "cache")
+    stored, made = small_dataset(animals, cache=tmp_path / "cache"), small_dataset(animals)
+    held = entries(tmp_path / "cache")
+    for index in range(len(made)):
+        for name, value in made[index][1].items():  # type: ignore[index]
+            other = stored[index][1][name]  # type: ignore[index]
+            if isinstance(value, torch.Tensor):
+                assert torch.allclose(value.double(), other.double(), rtol=1e-6, atol=1e-6), name
+    assert entries(tmp_path / "cache") == held
+
+
+def test_the_masks_overlap_is_stored_for_datasets_whose_filters_ask_for_it(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ("label", animals, "--model", model_of(animals), "--stored-pose", "exact", "--cache", tmp_path / "cache")
+    run(capsys, *common, "--mask-iou")
+    held = entries(tmp_path / "cache")
+    dataset = small_dataset(animals, cache=tmp_path / "cache", filters=LabelFilter(min_mask_iou=0.1))
+    assert not isinstance(dataset[0], Skipped)
+    assert entries(tmp_path / "cache") == held
