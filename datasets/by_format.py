@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, TypedDict, Unpack
+from typing import ClassVar, Literal, TypedDict, Unpack
 
 from animal3dbox.datasets import animal3d, coco, deeplabcut, mesh_folder, stanfordextra
 from animal3dbox.datasets.bodies import BodySource, ParametersBody
@@ -112,41 +112,19 @@ class StanfordExtraDataset(AnnotatedDataset):
         super().__init__(path, format=stanfordextra.FORMAT, images=images, body=body, **options)
 
 
-class CocoKeypointsDataset(AnnotatedDataset):
-    """COCO keypoints, such as AP-10K and AnimalPose; the animals of an image together.
+class NamedKeypointsDataset(AnnotatedDataset):
+    """Keypoints that are told apart by their names, and no bodies.
 
     Args:
-        path: the json, or its folder.
-        images: the folder that file_name is relative to.
+        path: the annotation file, or its folder.
+        images: the folder that image paths are relative to, if not the usual one.
         vocabulary: what the keypoints are, if their names do not tell.
         body: of all animals.
         **options: LabelDataset's.
 
     """
 
-    def __init__(
-        self,
-        path: Path | str,
-        *,
-        images: Path | str | None = None,
-        vocabulary: str | Vocabulary | None = None,
-        body: str | BodySource = DEFAULT_BODY,
-        **options: Unpack[Options],
-    ) -> None:
-        super().__init__(path, format=coco.FORMAT, images=images, vocabulary=vocabulary, body=body, **options)
-
-
-class DeepLabCutDataset(AnnotatedDataset):
-    """DeepLabCut's h5 or csv beside a folder of images; h5 needs the extra animal3dbox[deeplabcut].
-
-    Args:
-        path: the file, or its folder.
-        images: the folder that the index's paths are relative to.
-        vocabulary: what the body parts are, if they are not SuperAnimal's.
-        body: of all animals.
-        **options: LabelDataset's.
-
-    """
+    FORMAT: ClassVar[str]
 
     def __init__(
         self,
@@ -157,7 +135,19 @@ class DeepLabCutDataset(AnnotatedDataset):
         body: str | BodySource = DEFAULT_BODY,
         **options: Unpack[Options],
     ) -> None:
-        super().__init__(path, format=deeplabcut.FORMAT, images=images, vocabulary=vocabulary, body=body, **options)
+        super().__init__(path, format=self.FORMAT, images=images, vocabulary=vocabulary, body=body, **options)
+
+
+class CocoKeypointsDataset(NamedKeypointsDataset):
+    """COCO keypoints, such as AP-10K and AnimalPose; the animals of an image together."""
+
+    FORMAT = coco.FORMAT
+
+
+class DeepLabCutDataset(NamedKeypointsDataset):
+    """DeepLabCut's h5 or csv beside a folder of images; h5 needs the extra animal3dbox[deeplabcut]."""
+
+    FORMAT = deeplabcut.FORMAT
 
 
 class MeshFolderDataset(AnnotatedDataset):

@@ -8,10 +8,11 @@ import pytest
 import torch
 from coco_dataset import coco_content, write_coco
 from cuboid_sets import random_set
+from deeplabcut_files import table, write_csv, write_images
 from mesh_folder_dataset import write_mesh_folder
 from PIL import Image
 
-from animal3dbox.datasets import CocoKeypointsDataset, LabelDataset, MeshFolderDataset, Omni3DDataset, Skipped, collate
+from animal3dbox.datasets import CocoKeypointsDataset, DeepLabCutDataset, LabelDataset, MeshFolderDataset, Omni3DDataset, Skipped, collate
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.label_dataset import Target
 from animal3dbox.geometry.camera import project
@@ -42,7 +43,13 @@ def omni3d(folder: Path, **options: object) -> LabelDataset:
     return Omni3DDataset(folder / "boxes.json", heading_known=True, **options)  # type: ignore[arg-type]
 
 
-MAKE: dict[str, Callable[..., LabelDataset]] = {"coco": coco, "mesh_folder": mesh_folder, "omni3d": omni3d}
+def deeplabcut(folder: Path, **options: object) -> LabelDataset:
+    write_images(folder, 3)
+    write_csv(folder / "labels.csv", table([[90.0], [-90.0], [30.0]]))
+    return DeepLabCutDataset(folder, on_bad="skip", **options)  # type: ignore[arg-type]
+
+
+MAKE: dict[str, Callable[..., LabelDataset]] = {"coco": coco, "deeplabcut": deeplabcut, "mesh_folder": mesh_folder, "omni3d": omni3d}
 
 
 @pytest.mark.parametrize("name", MAKE)
