@@ -11,6 +11,7 @@ from animal3dbox.datasets.exchange.omni3d_reader import read_omni3d
 from animal3dbox.datasets.filters import LabelFilter
 from animal3dbox.datasets.label_dataset import LabelDataset, OnBad, TransformCall
 from animal3dbox.datasets.labelling import PosePolicy
+from animal3dbox.datasets.mesh_folder_bodies import MeshFolderBodies
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.datasets.scale import ScaleSource
 from animal3dbox.datasets.sources import FileSource
@@ -68,7 +69,7 @@ class AnnotatedDataset(LabelDataset):
         read = read_dataset(Path(path), format, ReadOptions(folder, file, words))
         own = body_source(body) if isinstance(body, str) else body
         bodies = bodies_for(read, own)
-        super().__init__(FileSource(read.records, bodies.packed() if isinstance(bodies, ParametersBody) else bodies), **options)
+        super().__init__(FileSource(read.records, bodies.packed() if isinstance(bodies, ParametersBody | MeshFolderBodies) else bodies), **options)
 
 
 class Animal3DDataset(AnnotatedDataset):

@@ -13,7 +13,7 @@ from animal3dbox.datasets.camera_files import Camera, load_camera
 from animal3dbox.datasets.images import resolve_inside, stored_size
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.mesh_bodies import Place, read_landmarks
-from animal3dbox.datasets.mesh_folder_bodies import MeshFolderBodies
+from animal3dbox.datasets.mesh_folder_bodies import MeshFile, MeshFolderBodies
 from animal3dbox.datasets.mesh_folder_files import AnimalFiles, list_mesh_folder
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
@@ -82,7 +82,7 @@ def read_mesh_folder(root: Path, images: Path | None = None, model: Path | None 
             faults.append(error)
             continue
         records.append(record)
-        meshes[record.sample_id] = mesh
+        meshes[record.sample_id] = MeshFile(mesh)
     landmarks = _landmarks(home / LANDMARKS)
     bodies = MeshFolderBodies(home.resolve(), meshes, landmarks, None if model is None else load_model(model))
     return MeshFolder(RecordSet(FORMAT, tuple(records), tuple(faults), tuple(listing.notes)), bodies)

@@ -1,7 +1,7 @@
 """Each animal's own mesh file as its body, read when it is asked for."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from animal3dbox.datasets.bodies import Body, model_digest
 from animal3dbox.datasets.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.mesh_bodies import Place, keypoints_of
 from animal3dbox.datasets.mesh_files import read_mesh, read_npz
+from animal3dbox.datasets.packed import PackedMapping
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
 from animal3dbox.smal.model import SmalModel
@@ -21,6 +22,13 @@ CACHED = 32
 """So many meshes are kept in a process: the animals of one mesh follow each other at most by cameras."""
 
 MeshArrays = tuple[Tensor, Tensor, dict[str, Tensor]]
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """Where an animal's mesh lies."""
+
+    path: Path
 
 
 @dataclass(frozen=True)
@@ -35,19 +43,23 @@ class MeshFolderBodies:
     """
 
     folder: Path
-    meshes: Mapping[str, Path]
+    meshes: Mapping[str, MeshFile]
     landmarks: Mapping[str, Place]
     model: SmalModel | None = None
 
     @property
     def name(self) -> str:
         """How many meshes."""
-        return f"meshes:{len(set(self.meshes.values()))} of {self.folder.name}"
+        return f"meshes:{len({file.path for file in self.meshes.values()})} of {self.folder.name}"
 
     @property
     def fingerprint(self) -> bytes:
         """Of the landmarks and the model."""
         return digest(content_digest(self.landmarks), b"" if self.model is None else model_digest(self.model))
+
+    def packed(self) -> "MeshFolderBodies":
+        """The same with its paths in a few tensors, for workers (packed.py)."""
+        return replace(self, meshes=PackedMapping(MeshFile, self.meshes))
 
     def content(self, record: AnimalRecord) -> bytes:
         """The mesh's file."""
@@ -59,7 +71,7 @@ class MeshFolderBodies:
     def _file(self, record: AnimalRecord) -> Path:
         if record.sample_id not in self.meshes:
             raise SampleError(record.sample_id, "mesh", "there is none for this sample")
-        return self.meshes[record.sample_id]
+        return self.meshes[record.sample_id].path
 
     def body(self, record: AnimalRecord) -> Body:
         """The record's mesh with its landmarks; its pose is the animal's own.

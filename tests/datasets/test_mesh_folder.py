@@ -113,7 +113,7 @@ def test_cameras_share_meshes_and_animals_have_numbers(tmp_path: Path) -> None:
     assert [record.sample_id for record in read.records.records] == [
         f"{camera}/0007.jpg{number}" for camera in ("north", "south") for number in ("", "#1", "#2")
     ]
-    assert [read.bodies.meshes[record.sample_id].name for record in read.records.records] == ["0007_0.obj", "0007_2.obj", "0007_10.obj"] * 2
+    assert [read.bodies.meshes[record.sample_id].path.name for record in read.records.records] == ["0007_0.obj", "0007_2.obj", "0007_10.obj"] * 2
     assert [record.mask_path is not None for record in read.records.records] == [False] * 4 + [True, False]
     assert [bool(record.keypoints_2d.any()) for record in read.records.records] == [False, False, True, False, False, False]
     poses = [record.pose for record in read.records.records]
