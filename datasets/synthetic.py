@@ -27,7 +27,7 @@ from animal3dbox.smal.vocabularies import VOCABULARIES
 from animal3dbox.smal.vocabulary import Vocabulary
 
 LEAST_PIXELS = 60
-"""An animal with fewer visible pixels is part of the picture, but is not told of: nobody would mark it."""
+"""A further animal with fewer visible pixels is part of the picture, but is not told of: nobody would mark it. The first needs one."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class SyntheticScene:
         image_id: seed and index.
         image: (H, W, 3) uint8 RGB.
         camera: in the world.
-        animals: those that are seen, nearest to the camera's aim first.
+        animals: those that are seen, nearest to the camera's aim first; none if the only one is wholly hidden, or too small to fill a pixel.
         owner: (H, W) int64, the number of the animal at each pixel's centre; numbers from len(plan.animals) on are things, -1 background.
         plan: what was drawn.
     """
@@ -188,7 +188,7 @@ def synthetic_scene(seed: int, index: int, config: WorldConfig | None = None) ->
     animals = []
     for number, animal in enumerate(plan.animals):
         mask = made.owner == number
-        if number == 0 or int(mask.sum()) >= LEAST_PIXELS:
+        if int(mask.sum()) >= (1 if number == 0 else LEAST_PIXELS):
             animals.append(_animal(animal, number, plan, config.vocabulary, made.image, mask, mesh))
     return SyntheticScene(f"{seed}-{index:06d}", made.image, plan.camera, tuple(animals), made.owner, plan)
 

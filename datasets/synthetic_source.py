@@ -11,7 +11,7 @@ from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.faults import faulty
 from animal3dbox.datasets.fingerprint import content_digest, digest
 from animal3dbox.datasets.images import Photo
-from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.records import AnimalRecord, CuboidImage
 from animal3dbox.datasets.sources import ImageSample
 from animal3dbox.datasets.synthetic import SyntheticScene, synthetic_scene
 from animal3dbox.datasets.synthetic_set import FORMAT, SyntheticSample, SyntheticSet, record_of
@@ -64,7 +64,8 @@ class SyntheticSource:
         records = tuple(_with_camera(sample) for sample in said)
         what = content_digest((self.made.config, self.made.faults, self.made.hidden))
         contents = tuple(digest(what, str((self.made.seed, index, n)).encode()) for n in range(len(records)))
-        return ImageSample(self.image_id(index), records, False, contents, bodies)
+        alone = None if records else CuboidImage(self.image_id(index), None, scene.camera.image_hw, scene.camera.K.numpy())
+        return ImageSample(self.image_id(index), records, False, contents, bodies, alone)
 
     def photo(self, sample: ImageSample) -> Photo:
         """The picture of a scene."""

@@ -1,9 +1,13 @@
+from dataclasses import replace
+
 import torch
 from torch.testing import assert_close
 
+from animal3dbox.datasets import SyntheticDataset, SyntheticSet
 from animal3dbox.datasets.bodies import BREED, model_mobility
 from animal3dbox.datasets.shading import Light, Surface, render, shade, vertex_normals
-from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.datasets.synthetic import synthetic_animal, synthetic_scene
+from animal3dbox.datasets.world.config import WorldConfig
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics
 from animal3dbox.geometry.rigid import rigid, transform_points
 from animal3dbox.smal.quadruped import load_quadruped, preset_betas
@@ -100,3 +104,16 @@ def test_the_trunk_strays_less_from_the_standing_body_than_paws_head_and_tail() 
     assert mobility["tail_base"] < mobility["left_front_elbow"] < mobility["left_front_paw"]
     assert mobility["left_shoulder"] < mobility["neck"] < mobility["nose"]
     assert min(mobility.values()) >= BREED
+
+
+def test_an_animal_that_fills_no_pixel_is_not_told_of() -> None:
+    world = replace(WorldConfig(), image_hw=(16, 24), animals=(1, 1), fill=(0.02, 0.05))
+    scenes = [synthetic_scene(0, index, world) for index in range(12)]
+    assert all(bool(animal.mask.any()) for scene in scenes for animal in scene.animals)
+    empty = [index for index, scene in enumerate(scenes) if not scene.animals]
+    assert empty
+    dataset = SyntheticDataset(SyntheticSet(0, 12, world))
+    image, target = dataset[empty[0]]  # type: ignore[misc]
+    assert image.shape == (3, 16, 24)
+    assert target["corners_3d"].shape == (0, 8, 3)
+    assert target["K"].shape == (3, 3)
