@@ -15,8 +15,7 @@ import animal3dbox
 import animal3dbox.datasets
 
 CODE = ("geometry", "smal", "labels")
-OWN = ("labelling.py", "scale.py", "label_rows.py", "codec.py", "bodies.py", "mesh_bodies.py", "mesh_files.py", "mesh_folder_bodies.py")
-"""What a label depends on, in the package's folder and in the datasets'."""
+"""What a label depends on in the package's folder; of the datasets' it is every file, since masks, headers and bodies are read there."""
 LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless")
 """Whose versions may change a label's last digits."""
 
@@ -53,14 +52,19 @@ def content_digest(value: Any) -> bytes:
     raise TypeError(f"the content of a {type(value).__name__} has no fingerprint")
 
 
+def code_files() -> list[Path]:
+    """The files of this installation that a label depends on."""
+    home, ours = Path(animal3dbox.__file__).parent, Path(animal3dbox.datasets.__file__).parent
+    files = sorted(ours.glob("*.py"))
+    for folder in CODE:
+        files += sorted(p for p in (home / folder).rglob("*") if p.suffix in (".py", ".npz"))
+    return files
+
+
 @lru_cache(maxsize=1)
 def code_digest() -> bytes:
     """16 bytes that name the label code of this installation, file by file, and the libraries that it computes with."""
-    home, ours = Path(animal3dbox.__file__).parent, Path(animal3dbox.datasets.__file__).parent
-    files = [ours / name for name in OWN]
-    for folder in CODE:
-        files += sorted(p for p in (home / folder).rglob("*") if p.suffix in (".py", ".npz"))
-    sources = [part for file in files for part in (file.name.encode(), file.read_bytes())]
+    sources = [part for file in code_files() for part in (file.name.encode(), file.read_bytes())]
     return digest(*sources, *(f"{name} {version(name)}".encode() for name in LIBRARIES))
 
 

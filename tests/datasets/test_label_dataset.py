@@ -14,6 +14,7 @@ from small_animals import HW, model_of, small_dataset, spoiled
 from animal3dbox.datasets.bodies import preset_body
 from animal3dbox.datasets.by_format import Animal3DDataset, AnnotatedDataset, SyntheticDataset
 from animal3dbox.datasets.filters import LabelFilter
+from animal3dbox.datasets.fingerprint import code_files
 from animal3dbox.datasets.label_dataset import LabelDataset, Skipped, Target
 from animal3dbox.datasets.label_rows import SPANS, WIDTH, LabelRow
 from animal3dbox.datasets.labelling import label_record
@@ -363,3 +364,9 @@ def test_a_scale_that_is_none_is_refused(make: Any) -> None:
 
 def test_the_format_is_recognised(animals: Path) -> None:
     assert len(AnnotatedDataset(animals, model=model_of(animals))) == 8
+
+
+def test_the_label_code_s_digest_sees_every_file_that_labels_depend_on() -> None:
+    seen = {path.name for path in code_files()}
+    assert {"label.py", "images.py", "rle.py", "exif.py", "mesh_files.py", "bodies.py", "rasterizer.py", "model.py", "scale.py"} <= seen
+    assert any(path.suffix == ".npz" for path in code_files())
