@@ -54,6 +54,8 @@ def _record(row: AnimalRow) -> CuboidRecord:
         raise SampleError(row.sample_id, "K", str(error)) from error
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
         raise SampleError(row.sample_id, "rotation", "is no rotation (orthogonal, determinant +1): the file was changed after labelling")
+    if row.distortion is not None and any(row.distortion):
+        raise SampleError(row.sample_id, "distortion", "is a lens, which no exchange format has: straighten the image and label it again")
     if size.min() <= 0:
         raise SampleError(row.sample_id, "size", f"must be positive, got {size.tolist()}")
     return CuboidRecord(

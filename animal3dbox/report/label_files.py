@@ -56,6 +56,7 @@ class AnimalRow(msgspec.Struct, kw_only=True):
     quality: dict[str, float | int | str | list[str] | None]
     scale_m_per_unit: float | None = None
     scale_source: str = "unknown"
+    distortion: list[float] | None = None
 
 
 class RejectedRow(msgspec.Struct, kw_only=True):
@@ -116,6 +117,7 @@ def animal_row(label: CuboidLabel, image: str, animal: int, category: str) -> An
         quality=quality,
         scale_m_per_unit=label.scale_m_per_unit,
         scale_source=label.scale_source,
+        distortion=None if label.distortion is None else label.distortion.tolist(),
     )
 
 

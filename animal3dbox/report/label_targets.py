@@ -30,6 +30,8 @@ def target_of_row(row: AnimalRow) -> dict[str, Any]:
     target["face_visible"] = torch.tensor([row.face_visible])
     target["behind_camera"] = torch.tensor([row.behind_camera])
     target["truncation"] = torch.tensor([row.truncation], dtype=torch.float64)
+    if row.distortion is not None:
+        target["distortion"] = _tensor(row, "distortion", row.distortion)
     box = _tensor(row, "box", row.box)
     target["boxes"] = _clipped(box, row.image_hw)[None] if box.shape == (4,) else box[None]
     return target

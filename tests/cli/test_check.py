@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from commands import labels_of_one_animal, ran
 from cuboid_sets import random_set
+from mesh_folder_dataset import camera_with, write_mesh_folder
 from planted_faults import plant
 from small_animals import model_of
 
@@ -101,3 +102,20 @@ def test_cuboids_are_not_taken_for_keypoints(tmp_path: Path) -> None:
     code, said = ran("label", tmp_path / "boxes.json", "--out", tmp_path / "out")
     assert code == 2
     assert "nothing to label" in said
+
+
+def test_labels_under_a_lens_are_checked_with_it_and_not_exported_without(tmp_path: Path) -> None:
+    capture = write_mesh_folder(tmp_path / "capture")
+    camera_with(distortion=[-0.2, 0.05, 0.001, 0.0])(capture)
+    assert ran("label", capture, "--out", tmp_path / "out")[0] in (0, 4)
+    content: Content = json.loads((tmp_path / "out" / "labels.json").read_text())
+    lenses = [row["sample_id"] for row in content["animals"] if row["distortion"] and any(row["distortion"])]
+    assert lenses
+    assert ran("check", tmp_path / "out")[0] == 0
+    code, said = ran("export", tmp_path / "out", "--to", "omni3d", "--out", tmp_path / "boxes.json", "--scale-free")
+    assert code == 4
+    assert all(f"{name}: distortion: is a lens" in said for name in lenses)
+    for row in content["animals"]:
+        row["distortion"] = None
+    (tmp_path / "labels.json").write_text(json.dumps(content))
+    assert ran("check", tmp_path)[0] == 4
