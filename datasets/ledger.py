@@ -46,11 +46,9 @@ class LoadReport:
 
     Attributes:
         cases: each once, however often it was met; in the order in which they were met first.
-        times: how often each was met.
     """
 
     cases: tuple[Case, ...]
-    times: tuple[int, ...]
 
     @property
     def counts(self) -> dict[str, int]:
@@ -83,14 +81,19 @@ class Ledger:
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.path = path
+        self._written: set[Case] | None = None
 
     def add(self, case: Case) -> None:
-        """Write one case down.
+        """Write one case down, unless it stands there: an epoch that meets it again writes nothing.
 
         Raises:
             LedgerError: it cannot be written.
 
         """
+        if self._written is None:
+            self._written = set(self.report().cases)
+        if case in self._written:
+            return
         line = msgspec.json.encode(case) + b"\n"
         try:
             descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
@@ -102,22 +105,19 @@ class Ledger:
             raise LedgerError(f"{case} could not be written to {self.path}: {error}") from error
         if written != len(line):
             raise LedgerError(f"{case} could not be written whole to {self.path}: is the disk full?")
+        self._written.add(case)
 
     def report(self) -> LoadReport:
         """What all processes have written so far; a last line cut off by a crash is left out."""
-        met: dict[Case, int] = {}
+        met: dict[Case, None] = {}
         lines = self.path.read_bytes().split(b"\n")[:-1] if self.path.exists() else []
         for line in lines:
             try:
                 case = msgspec.json.decode(line, type=Case)
             except msgspec.DecodeError:
                 case = Case(kind="fault", sample_id=self.path.name, field="line", problem=f"is damaged: {line[:80]!r}")
-            met[case] = met.get(case, 0) + 1
-        return LoadReport(tuple(met), tuple(met.values()))
-
-    def clear(self) -> None:
-        """Forget everything."""
-        self.path.write_bytes(b"")
+            met[case] = None
+        return LoadReport(tuple(met))
 
 
 def _remove_in(process: int, path: str) -> None:
