@@ -1,7 +1,8 @@
 """Batches of images with different numbers of animals."""
 
+import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -12,6 +13,7 @@ from animal3dbox.errors import SampleError
 
 BY_VALUE_BYTES = 1 << 16
 """Tensors up to this size travel from a worker inside the message; a larger one gets shared memory, and a file descriptor, of its own."""
+ALIGNMENT = 8
 
 
 class Targets(list[Target]):
@@ -28,7 +30,9 @@ class Targets(list[Target]):
         self.skipped = tuple(skipped)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _received, ([{name: _sent(value) for name, value in target.items()} for target in self], self.skipped)
+        content = bytearray()
+        told = [{name: _sent(value, content) for name, value in target.items()} for target in self]
+        return _received, (told, bytes(content), self.skipped)
 
 
 def collate(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple[list[Tensor], Targets]:
@@ -65,23 +69,35 @@ def collate_stacked(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple
     return (torch.stack(images) if images else torch.zeros(0)), targets
 
 
-def _sent(value: Any) -> Any:
-    """A small tensor as an array, which pickles by value."""
-    small = isinstance(value, Tensor) and value.nbytes <= BY_VALUE_BYTES and value.device.type == "cpu" and not value.requires_grad
-    return _Array(value.numpy()) if small else value
+class _Piece(NamedTuple):
+    """Where a tensor stands in a batch's bytes."""
+
+    dtype: str
+    shape: tuple[int, ...]
+    offset: int
 
 
-class _Array:
-    """An array that was a tensor."""
+def _sent(value: Any, content: bytearray) -> Any:
+    """A small tensor's place in the content, to which it is added; any other value as it is."""
+    small = isinstance(value, Tensor) and value.nbytes <= BY_VALUE_BYTES and value.device.type == "cpu"
+    if not small or value.requires_grad or value.dtype == torch.bfloat16:  # which NumPy has not
+        return value
+    array = value.numpy()
+    content.extend(bytes(-len(content) % ALIGNMENT))
+    offset = len(content)
+    content.extend(array.tobytes())
+    return _Piece(array.dtype.str, array.shape, offset)
 
-    __slots__ = ("array",)
 
-    def __init__(self, array: np.ndarray) -> None:
-        self.array = array
+def _received(told: list[dict[str, Any]], content: bytes, skipped: tuple[Skipped, ...]) -> Targets:
+    held = bytearray(content)  # writable, as tensors' memory must be
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _Array, (self.array,)
+    def opened(value: Any) -> Any:
+        if not isinstance(value, _Piece):
+            return value
+        count = math.prod(value.shape)
+        if count == 0:
+            return torch.from_numpy(np.zeros(value.shape, dtype=value.dtype))
+        return torch.from_numpy(np.frombuffer(held, dtype=value.dtype, count=count, offset=value.offset).reshape(value.shape))
 
-
-def _received(targets: list[dict[str, Any]], skipped: tuple[Skipped, ...]) -> Targets:
-    return Targets(({name: torch.from_numpy(v.array) if isinstance(v, _Array) else v for name, v in target.items()} for target in targets), skipped)
+    return Targets(({name: opened(value) for name, value in target.items()} for target in told), skipped)

@@ -15,6 +15,7 @@ from small_animals import model_of, small_dataset
 from torch.utils.data import DataLoader
 
 from animal3dbox.datasets import LabelDataset, Skipped, collate, collate_stacked
+from animal3dbox.datasets.batches import Targets
 from animal3dbox.datasets.bodies import ParametersBody
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.datasets.records import RecordSet
@@ -177,6 +178,11 @@ def test_stacking_needs_one_size_and_says_which_image_differs(animals: Path) -> 
 def test_a_batch_crosses_processes_without_a_shared_file_a_tensor(animals: Path) -> None:
     _, targets = collate([small_dataset(animals)[i] for i in range(4)])
     assert in_bytes(list(pickle.loads(pickle.dumps(targets)))) == in_bytes(list(targets))  # noqa: S301
+    odd = Targets([{"none": torch.zeros(0, 8, 3), "one": torch.tensor(True), "half": torch.ones(3, dtype=torch.bfloat16), "word": "x"}])
+    back = pickle.loads(pickle.dumps(odd))[0]  # noqa: S301
+    assert back["none"].shape == (0, 8, 3)
+    assert (bool(back["one"]), back["half"].dtype, back["word"]) == (True, torch.bfloat16, "x")
+    back["one"] &= False  # its memory may be written
 
 
 # Memory -----------------------------------------------------------------------------------------------------------------
