@@ -135,13 +135,13 @@ def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
 def epoch_with_faults(folder: Path, images: int) -> None:
     """An epoch over many small images with 5 % planted faults and two workers: it must end, and name every fault."""
     sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
-    from planted_epoch import planted_epoch
+    from planted_epoch import planted_epoch, told_apart
 
     start = time.perf_counter()
     planted, report, loaded = planted_epoch(folder, images)
-    named = {case.sample_id.partition("#")[0] for case in report.of("fault")}
+    unnamed, strangers = told_apart(planted, report)
     print(f"\n{images} small images, {len(planted)} spoiled: {loaded} loaded in {time.perf_counter() - start:.0f} s (written, spoiled and loaded)")
-    print(f"named {len(named & set(planted))} of {len(planted)}, {len(named - set(planted))} others")
+    print(f"named {len(planted) - len(unnamed)} of {len(planted)}, {len(strangers)} others")
 
 
 def main() -> None:

@@ -24,3 +24,17 @@ def planted_epoch(folder: Path, images: int) -> tuple[list[str], LoadReport, int
     loader = DataLoader(dataset, batch_size=16, collate_fn=collate, num_workers=2, multiprocessing_context="fork")
     loaded = sum(len(targets) for _, targets in loader)
     return planted, dataset.report(), loaded
+
+
+def told_apart(planted: list[str], report: LoadReport) -> tuple[list[str], list[str]]:
+    """The planted samples that no case of the report names, each wanting one of its own, and the cases that name no planted sample."""
+    names = [case.sample_id for case in report.of("fault")]
+    strangers = [name for name in names if not any(image in name for image in planted)]
+    unnamed = []
+    for image in sorted(planted, key=len, reverse=True):
+        own = next((name for name in names if image in name), None)
+        if own is None:
+            unnamed.append(image)
+        else:
+            names.remove(own)
+    return unnamed, strangers
