@@ -14,7 +14,7 @@ from torch.utils.data import Dataset, get_worker_info
 from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.filters import LabelFilter
 from animal3dbox.datasets.label_rows import LabelRow
-from animal3dbox.datasets.labelling import PosePolicy
+from animal3dbox.datasets.labelling import PosePolicy, check_pose_policy
 from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.row_maker import RowMaker, fault_case, rejected_case
@@ -66,7 +66,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             an animal has them or not, else sorted. An animal of another category is a fault.
         transform: ``transform(image, target) -> (image, target)``, such as animal3dbox.transforms.Compose.
         scale: what makes labels metric (scale.py); None: only what the dataset itself says.
-        pose: whether a camera that a dataset stores for its bodies is one "hypothesis" among others, or "exact".
+        pose: whether a camera that a dataset stores for its bodies is one "hypothesis" among others, or "exact"; animals without a stored one
+            get theirs estimated all the same, and ``quality`` says so.
         cache: folder of the label cache; None: none.
         masks: whether targets hold masks, of images whose every animal has one.
         report_to: file that cases are appended to; None: a temporary one.
@@ -102,6 +103,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             first, more = source.faults[0], len(source.faults) - 1
             problem = f"{first.problem} (and {more} more that cannot be read; on_bad='skip' leaves them out and reports them)"
             raise SampleError(first.sample_id, first.field, problem)
+        check_pose_policy(pose, source.has_cameras or not len(source), source.notes)
         self.source, self.on_bad, self.partial, self.masks = source, on_bad, partial, masks
         self.filters, self.transform = filters or LabelFilter(), transform
         self.classes = tuple(source.categories if classes is None else classes)

@@ -11,7 +11,7 @@ from animal3dbox.datasets.bodies import Body, BodySource, many_bodies
 from animal3dbox.datasets.exif import PhotoFacts, header_facts
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.scale import ScaleSource, in_metres
-from animal3dbox.errors import SampleError
+from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal, label_many
@@ -142,6 +142,13 @@ def _finished(outcome: CuboidLabel | Rejection, given: Given, body: Body, scale:
     if record.metres_per_unit is not None:
         return in_metres(outcome, record.metres_per_unit, "dataset")
     return outcome if scale is None else in_metres(outcome, *scale.metres_per_unit(record, body, outcome))
+
+
+def check_pose_policy(policy: PosePolicy, has_cameras: bool, notes: Sequence[str] = ()) -> None:
+    """Raise ConfigError if known cameras are asked for of a dataset that has none, or none that agrees with its keypoints."""
+    if policy == "exact" and not has_cameras:
+        said = "".join(f" ({note})" for note in notes if "camera" in note)
+        raise ConfigError(f"pose 'exact' needs cameras that come with the dataset, and there are none to be trusted{said}: take 'hypothesis'")
 
 
 def posed_as_stored(record: AnimalRecord, policy: PosePolicy) -> AnimalRecord:

@@ -68,6 +68,11 @@ class SampleSource(Protocol):
         ...
 
     @property
+    def has_cameras(self) -> bool:
+        """Whether it comes with camera poses, stored or known."""
+        ...
+
+    @property
     def fingerprint(self) -> bytes:
         """Names everything that labels depend on besides the samples' contents: the bodies."""
         ...
@@ -112,6 +117,7 @@ class FileSource:
             raise ConfigError(f"a dataset of animals ({records.name}) needs a source of their bodies, such as preset_body('dog')")
         self.name, self.faults, self.notes, self.bodies = records.name, records.faults, records.notes, bodies
         self.named_faces = all(getattr(record, "heading_known", True) for record in found)
+        self.has_cameras = any(has_camera(record) for record in found)
         used = {record.category for record in found}
         self.categories = (*dict.fromkeys(records.categories), *sorted(used.difference(records.categories)))
         listed = records.listed_images() if isinstance(records, CuboidSet) else ()
@@ -170,6 +176,11 @@ class FileSource:
     def _mask(self, place: int) -> dict[str, Path]:
         name = self._masks[place]
         return {"mask_path": Path(name)} if name else {}
+
+
+def has_camera(record: Record) -> bool:
+    """Whether a record comes with its camera's pose, stored or known; a box always does."""
+    return isinstance(record, CuboidRecord) or record.pose is not None or record.stored_pose is not None
 
 
 def _without_paths(record: Any) -> Any:

@@ -33,6 +33,7 @@ class SyntheticSource:
     faults: tuple[SampleError, ...] = ()
     notes: tuple[str, ...] = ()
     named_faces = True
+    has_cameras = True
 
     def __init__(self, made: SyntheticSet) -> None:
         self.made = made

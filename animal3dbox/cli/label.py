@@ -12,10 +12,11 @@ from tqdm import tqdm
 from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
 from animal3dbox.datasets.images import read_photo
-from animal3dbox.datasets.labelling import PosePolicy, label_record, posed_as_stored
+from animal3dbox.datasets.labelling import PosePolicy, check_pose_policy, label_record, posed_as_stored
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.scale import AltitudeScale, KnownScale, ScaleSource, SpeciesScale
+from animal3dbox.datasets.sources import has_camera
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.run import Labelled, write_run
@@ -78,6 +79,7 @@ def run_label(job: LabelJob) -> int:
     bodies, records = bodies_for(dataset, own_body), dataset.records
     for note in records.notes:
         print(note, file=sys.stderr)
+    check_pose_policy(job.stored_pose, any(has_camera(record) for record in records.records), records.notes)
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
     summary = write_run(job.out, str(job.path), bodies.name, job.config, _results(records, bodies, job))

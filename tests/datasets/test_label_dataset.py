@@ -370,3 +370,8 @@ def test_the_label_code_s_digest_sees_every_file_that_labels_depend_on() -> None
     seen = {path.name for path in code_files()}
     assert {"label.py", "images.py", "rle.py", "exif.py", "mesh_files.py", "bodies.py", "rasterizer.py", "model.py", "scale.py"} <= seen
     assert any(path.suffix == ".npz" for path in code_files())
+
+
+def test_known_cameras_are_not_pretended(animals: Path) -> None:
+    with pytest.raises(ConfigError, match="pose 'exact' needs cameras that come with the dataset"):
+        Animal3DDataset(animals, body="dog", pose="exact")  # without a model nothing tells whether the stored ones are right
