@@ -1,6 +1,7 @@
 """From an annotated animal to its label row: from the cache if it is there, made and stored otherwise."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from animal3dbox.datasets.sources import ImageSample
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import Rejection
+from animal3dbox.smal.vocabulary import Vocabulary
 
 _NOTHING_TOLD = PhotoFacts()
 
@@ -156,7 +158,13 @@ def _key(record: AnimalRecord, sample: ImageSample, content: bytes, facts: Photo
         mask = b"" if record.mask_path is None else file_digest(record.mask_path)
     except OSError as error:
         raise SampleError(record.sample_id, "mask", f"{record.mask_path} cannot be read: {error}") from error
-    return digest(content, body, mask, b"" if facts == _NOTHING_TOLD else content_digest(facts))
+    words = _words_digest(record.vocabulary)  # content only says which of its dataset's vocabularies it is
+    return digest(content, words, body, mask, b"" if facts == _NOTHING_TOLD else content_digest(facts))
+
+
+@lru_cache(maxsize=16)
+def _words_digest(vocabulary: Vocabulary) -> bytes:
+    return content_digest(vocabulary)
 
 
 def _cache_case(record: Any, problem: str) -> Case:
