@@ -141,7 +141,12 @@ def _finished(outcome: CuboidLabel | Rejection, given: Given, body: Body, scale:
     outcome = replace(outcome, quality=quality)
     if record.metres_per_unit is not None:
         return in_metres(outcome, record.metres_per_unit, "dataset")
-    return outcome if scale is None else in_metres(outcome, *scale.metres_per_unit(record, body, outcome))
+    if scale is None:
+        return outcome
+    metres, source = scale.metres_per_unit(record, body, outcome)
+    if metres is not None and not 0 < metres < float("inf"):
+        raise SampleError(record.sample_id, "scale", f"metres per unit must be positive, {type(scale).__name__} gave {metres}")
+    return in_metres(outcome, metres, source)
 
 
 def check_pose_policy(policy: PosePolicy, has_cameras: bool, notes: Sequence[str] = ()) -> None:

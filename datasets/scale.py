@@ -66,7 +66,12 @@ class SpeciesScale:
             word ("polar bear" is a bear).
     """
 
-    lengths_m: Mapping[str, float] = field(default_factory=lambda: HEAD_AND_BODY_M)
+    lengths_m: Mapping[str, float] = field(default_factory=lambda: dict(HEAD_AND_BODY_M))  # a copy: HEAD_AND_BODY_M cannot be pickled
+
+    def __post_init__(self) -> None:
+        wrong = {name: length for name, length in self.lengths_m.items() if not 0 < length < float("inf")}
+        if wrong:
+            raise ConfigError(f"lengths_m must be positive, got {wrong}")
 
     def metres_per_unit(self, record: AnimalRecord, body: Body, label: CuboidLabel) -> tuple[float | None, str]:
         """The scale by the table; unknown for other species, and for bodies without nose or tail base."""

@@ -356,10 +356,27 @@ def test_a_known_altitude_puts_the_lowest_corner_that_far_below(animals: Path) -
     assert not used(some, 1)[1]["scale_known"].any()
 
 
-@pytest.mark.parametrize("make", [lambda: KnownScale(0.0), lambda: AltitudeScale(-1.0), lambda: AltitudeScale(1.0, (0, 0, 0))])
+@pytest.mark.parametrize(
+    "make", [lambda: KnownScale(0.0), lambda: AltitudeScale(-1.0), lambda: AltitudeScale(1.0, (0, 0, 0)), lambda: SpeciesScale({"dog": -1.0})]
+)
 def test_a_scale_that_is_none_is_refused(make: Any) -> None:
     with pytest.raises(ConfigError):
         make()
+
+
+@pytest.mark.parametrize("scale", [SpeciesScale(), KnownScale(2.0), AltitudeScale(3.0)])
+def test_a_scale_reaches_spawned_workers(scale: Any) -> None:
+    assert pickle.loads(pickle.dumps(scale)) == scale  # noqa: S301
+
+
+@pytest.mark.parametrize("metres", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_scale_of_the_user_s_own_that_gives_nonsense_is_a_fault(animals: Path, metres: float) -> None:
+    class Own:
+        def metres_per_unit(self, record: Any, body: Any, label: Any) -> tuple[float, str]:
+            return metres, "own"
+
+    with pytest.raises(SampleError, match="scale: metres per unit must be positive, Own gave"):
+        small_dataset(animals, scale=Own())[0]
 
 
 def test_the_format_is_recognised(animals: Path) -> None:
