@@ -71,7 +71,7 @@ class LabelCache:
     def put(self, key: bytes, outcome: LabelRow | Rejection) -> None:
         """Store an outcome; raises OSError if it cannot be written, and then nothing has changed."""
         state = self._opened()
-        if state.writer is None:
+        if state.writer is None or not state.writer.path.exists():  # somebody emptied the folder: a file without a name would take labels unseen
             state.writer = SegmentWriter(self.folder)
             state.names.add(state.writer.path.name)
             state.readers.append(SegmentReader(state.writer.path))
@@ -106,13 +106,22 @@ class LabelCache:
     def _refresh(self, state: _State) -> None:
         """Take in what has been written since the last look."""
         state.looked = time.monotonic()
-        for name in sorted(entry.name for entry in os.scandir(self.folder) if entry.name.endswith(SUFFIX)):
+        problems = []
+        try:
+            names = sorted(entry.name for entry in os.scandir(self.folder) if entry.name.endswith(SUFFIX))
+        except OSError as error:
+            names, problems = [], [f"the cache's folder cannot be read ({error}): what is not found is made anew"]
+        for name in names:
             if name not in state.names:
                 state.names.add(name)
                 state.readers.append(SegmentReader(self.folder / name))
         keys, places = [state.keys], [state.places]
         for number, reader in enumerate(state.readers):
-            found = list(reader.new_entries())
+            try:
+                found = list(reader.new_entries())
+            except (OSError, ValueError) as error:  # ValueError: cut while it was being mapped
+                problems.append(f"{reader.path.name} cannot be read ({error}): what is not found is made anew")
+                continue
             if found:
                 halves = np.frombuffer(b"".join(key for key, _ in found), dtype="<u8").reshape(-1, KEY_BYTES // 8)[:, 0]
                 keys.append(halves)
@@ -121,7 +130,7 @@ class LabelCache:
             merged = np.concatenate(keys)
             order = np.argsort(merged, kind="stable")
             state.keys, state.places = merged[order], np.concatenate(places)[order]
-        state.problems = self._problems_of(state.readers)
+        state.problems = (*problems, *self._problems_of(state.readers))
 
     def _read(self, state: _State, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
         half = np.frombuffer(key, dtype="<u8", count=1)[0]

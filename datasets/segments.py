@@ -9,6 +9,7 @@ import os
 import struct
 import time
 import uuid
+import weakref
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -39,6 +40,7 @@ class SegmentWriter:
         self.path = folder / f"{uuid.uuid4().hex}{SUFFIX}"
         self.process = os.getpid()
         self._descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o644)
+        self.close = weakref.finalize(self, os.close, self._descriptor)  # by hand, else when nobody refers to the writer any more
         self._size = 0
 
     def append(self, key: bytes, payload: bytes) -> int:
@@ -59,10 +61,6 @@ class SegmentWriter:
             raise OSError(28, f"only {written} of {len(data)} bytes could be written", str(self.path))
         self._size = start + written
         return start
-
-    def close(self) -> None:
-        """End the file."""
-        os.close(self._descriptor)
 
 
 class SegmentReader:

@@ -1,6 +1,7 @@
 """A hundred faults of named classes: none is silent, none loses a good label."""
 
 import errno
+import gc
 import json
 import multiprocessing
 import os
@@ -218,6 +219,36 @@ def test_a_cache_of_another_config_is_not_read(animals: Path, cache: Path) -> No
     dataset = small_dataset(animals, cache=cache, pose="hypothesis")
     dataset[0]
     assert len(list(cache.iterdir())) == 2
+
+
+@pytest.mark.parametrize("gone", ["folder", "file"])
+def test_a_cache_that_is_removed_while_it_is_used_costs_no_label_and_is_told(
+    animals: Path, right: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, gone: str
+) -> None:
+    monkeypatch.setattr("animal3dbox.datasets.cache.REFRESH_S", 0.0)
+    dataset = small_dataset(animals, cache=tmp_path / "cache")
+    dataset[0]
+    shutil.rmtree(tmp_path / "cache") if gone == "folder" else segments(tmp_path / "cache")[0].unlink()
+    assert targets_of(dataset) == right
+    assert any("cannot be read" in case for case in cache_cases(dataset.report()))
+    assert segments_hold(tmp_path / "cache") == segments_hold_when_whole(right)  # what came after went to a file that can be found
+
+
+def test_a_folder_called_like_a_cache_file_is_told(animals: Path, right: dict[str, Any], tmp_path: Path) -> None:
+    dataset = small_dataset(animals, cache=tmp_path / "cache")
+    (next((tmp_path / "cache").iterdir()) / f"x{segment_files.SUFFIX}").mkdir()
+    assert targets_of(dataset) == right
+    assert any("cannot be read" in case for case in cache_cases(dataset.report()))
+
+
+def test_a_dataset_that_is_given_up_closes_its_cache_file(animals: Path, tmp_path: Path) -> None:
+    def once() -> int:
+        small_dataset(animals, cache=tmp_path / "cache", reuse=False)[0]
+        gc.collect()
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    once()
+    assert once() == once()
 
 
 # Files ------------------------------------------------------------------------------------------------------------------
