@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from torch import Tensor
+from torch.utils.data import get_worker_info
 
 from animal3dbox.datasets.label_dataset import Skipped, Target
 from animal3dbox.errors import SampleError
@@ -14,6 +15,12 @@ from animal3dbox.errors import SampleError
 BY_VALUE_BYTES = 1 << 16
 """Tensors up to this size travel from a worker inside the message; a larger one gets shared memory, and a file descriptor, of its own."""
 ALIGNMENT = 8
+
+
+IN_NUMPY = frozenset((
+    torch.bool, torch.uint8, torch.int8, torch.int16, torch.int32, torch.int64, torch.float16, torch.float32, torch.float64,
+))  # fmt: skip
+"""Types that tensors and arrays share."""
 
 
 class Targets(list[Target]):
@@ -65,7 +72,10 @@ def collate_stacked(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple
     for image, target in zip(images, targets, strict=True):
         if image.shape != images[0].shape:
             problem = f"is {tuple(image.shape)}, but the batch begins with {tuple(images[0].shape)}: give a transform that resizes, or use collate"
-            raise SampleError(str(target.get("image_id")), "image", problem)
+            error = SampleError(str(target.get("image_id")), "image", problem)
+            if get_worker_info() is not None:
+                error.note_for_parent()
+            raise error
     return (torch.stack(images) if images else torch.zeros(0)), targets
 
 
@@ -79,8 +89,8 @@ class _Piece(NamedTuple):
 
 def _sent(value: Any, content: bytearray) -> Any:
     """A small tensor's place in the content, to which it is added; any other value as it is."""
-    small = isinstance(value, Tensor) and value.nbytes <= BY_VALUE_BYTES and value.device.type == "cpu"
-    if not small or value.requires_grad or value.dtype == torch.bfloat16:  # which NumPy has not
+    plain = type(value) is Tensor and value.layout is torch.strided and value.dtype in IN_NUMPY  # others, as torchvision's, stay what they are
+    if not plain or value.nbytes > BY_VALUE_BYTES or value.device.type != "cpu" or value.requires_grad:
         return value
     array = value.numpy()
     content.extend(bytes(-len(content) % ALIGNMENT))

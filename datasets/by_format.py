@@ -35,7 +35,7 @@ class Options(TypedDict, total=False):
     pose: PosePolicy
     cache: Path | str | None
     masks: bool
-    report_to: Path | None
+    report_to: Path | str | None
     reuse: bool
 
 

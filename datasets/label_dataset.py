@@ -93,7 +93,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         pose: PosePolicy = "hypothesis",
         cache: Path | str | None = None,
         masks: bool = True,
-        report_to: Path | None = None,
+        report_to: Path | str | None = None,
         reuse: bool = True,
     ) -> None:
         for name, value, known in (("on_bad", on_bad, get_args(OnBad)), ("partial", partial, ("keep", "skip"))):
@@ -115,6 +115,10 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         for fault in source.faults:
             self.ledger.add(fault_case(fault))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._epoch.share_memory_()  # type: ignore[no-untyped-call]  # a copy.deepcopy of it is not shared, and its workers' would stand still
 
     def __len__(self) -> int:
         return len(self.source)
@@ -166,7 +170,10 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
         made, cases = self._labelled(sample, photo.facts)
         partly = len(made) < len(sample.records) or sample.unread
-        if not made or (partly and self.partial == "skip"):
+        if made and partly and self.partial == "skip":
+            cases += [_left_out_too(row.sample_id) for row, _, _ in made]
+            made = []
+        if not made:
             return self._skipped(place, cases)
         for case in cases:
             self.ledger.add(case)
@@ -248,3 +255,8 @@ def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
     """The vocabulary of the image's keypoints; None if there are none, or its animals are of kinds that are marked differently."""
     words = {record.vocabulary.name: record.vocabulary for record in sample.records if isinstance(record, AnimalRecord)}
     return next(iter(words.values())) if len(words) == 1 else None
+
+
+def _left_out_too(sample_id: str) -> Case:
+    problem = "has a label, but others of its image have none: partial='skip' leaves the image out"
+    return Case(kind="filtered", sample_id=sample_id, field="partial", problem=problem)

@@ -72,15 +72,15 @@ class Ledger:
 
     """
 
-    def __init__(self, path: Path | None = None) -> None:
+    def __init__(self, path: Path | str | None = None) -> None:
         if path is None:
             descriptor, name = tempfile.mkstemp(prefix="animal3dbox-", suffix=".jsonl")
             os.close(descriptor)
             self.path = Path(name)
             weakref.finalize(self, _remove_in, os.getpid(), name)
         else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self.path = path
+            self.path = Path(path)
+            self.path.parent.mkdir(parents=True, exist_ok=True)
         self._written: set[Case] | None = None
 
     def add(self, case: Case) -> None:

@@ -130,7 +130,7 @@ class FileSource:
         self._ends = torch.from_numpy(np.cumsum([0, *(len(members) for members in groups.values())], dtype=np.int64))
         self._images = PackedNames(groups)
         self._listed = PackedList(CuboidImage, (replace(image, image_path=None) for image in listed))
-        self._unread = frozenset((fault.sample_id or "").partition("#")[0] for fault in records.faults)
+        self._unread = frozenset(name for fault in records.faults for name in _images_of(fault.sample_id or ""))
         paths = {image.image_id: image.image_path for image in listed} | {record.image_id: record.image_path for record in found}
         self._paths = PackedNames(str(paths[name] or "") for name in groups)
         self._masks = PackedNames(str(getattr(found[i], "mask_path", None) or "") for i in order)
@@ -181,6 +181,12 @@ class FileSource:
 def has_camera(record: Record) -> bool:
     """Whether a record comes with its camera's pose, stored or known; a box always does."""
     return isinstance(record, CuboidRecord) or record.pose is not None or record.stored_pose is not None
+
+
+def _images_of(sample_id: str) -> tuple[str, ...]:
+    """The images that a sample may be of: the one of its name, and of "a.jpg#1" also a.jpg; a file's name may hold a # itself."""
+    name, mark, number = sample_id.rpartition("#")
+    return (sample_id, name) if mark and number.isdecimal() else (sample_id,)
 
 
 def _without_paths(record: Any) -> Any:

@@ -202,6 +202,38 @@ def test_a_bad_animal_takes_nothing_from_its_neighbours(copied: Path) -> None:
     assert whole.report().cases[0].sample_id == first.sample_id
 
 
+def test_partial_images_are_left_out_with_a_word_on_their_good_animals(copied: Path) -> None:
+    place = crowded(small_dataset(copied))
+    first, second, *_ = (record.sample_id for record in small_dataset(copied).source.sample(place).records)
+
+    def change(entries: list[dict[str, Any]]) -> None:
+        entry = next(entry for entry in entries if entry["img_path"] == first)
+        entry["keypoint_2d"] = [[0, 0, 0]] * 26
+
+    spoiled(copied, change)
+    dataset = small_dataset(copied, on_bad="skip", partial="skip", pose="hypothesis")
+    assert isinstance(dataset[place], Skipped)
+    assert [(case.kind, case.sample_id) for case in dataset.report().cases] == [("rejected", first), ("filtered", second)]
+
+
+@pytest.mark.parametrize("name", ["a#b.jpg", "a#1.jpg", "a#1"])
+def test_an_image_with_a_mark_in_its_name_is_known_to_have_unread_animals(copied: Path, name: str) -> None:
+    place = crowded(small_dataset(copied))
+    old = small_dataset(copied).image_id(place)
+    (copied / old).rename(copied / name)
+
+    def change(entries: list[dict[str, Any]]) -> None:
+        mine = [entry for entry in entries if entry["img_path"] == old]
+        mine[-1]["keypoint_2d"] = "x"
+        for entry in mine:
+            entry["img_path"] = name
+
+    spoiled(copied, change)
+    dataset = small_dataset(copied, on_bad="skip", partial="skip")
+    place = next(i for i in range(len(dataset)) if dataset.image_id(i) == name)
+    assert isinstance(dataset[place], Skipped)
+
+
 def test_annotations_that_cannot_be_read_stop_or_are_reported(copied: Path) -> None:
     def cut(entries: list[dict[str, Any]]) -> None:
         entries[1]["keypoint_2d"] = entries[1]["keypoint_2d"][:5]

@@ -1,5 +1,6 @@
 """The Dataset under DataLoader: workers, epochs, processes, memory."""
 
+import copy
 import multiprocessing
 import pickle
 import subprocess
@@ -62,9 +63,11 @@ def test_a_cache_does_not_change_a_byte(animals: Path, expected: list[Any], tmp_
         assert loaded(augmented(animals, cache=tmp_path / "cache"), 2, "fork") == expected
 
 
+@pytest.mark.parametrize("copied_first", [False, True])
 @pytest.mark.parametrize("context", ["fork", "spawn"])
-def test_persistent_workers_learn_of_the_next_epoch(animals: Path, context: str) -> None:
+def test_persistent_workers_learn_of_the_next_epoch(animals: Path, context: str, copied_first: bool) -> None:
     dataset, plain = augmented(animals), augmented(animals)
+    dataset = copy.deepcopy(dataset) if copied_first else dataset
     loader = DataLoader(dataset, batch_size=4, collate_fn=collate, num_workers=2, persistent_workers=True, multiprocessing_context=context)
     for epoch in range(3):
         dataset.set_epoch(epoch)
@@ -173,6 +176,32 @@ def test_stacking_needs_one_size_and_says_which_image_differs(animals: Path) -> 
     with pytest.raises(SampleError, match=r"image: is .*give a transform that resizes"):
         collate_stacked([(one, target), (two[:, :50], other)])
     assert collate_stacked([Skipped(7, "x", ())])[0].shape == (0,)
+
+
+def test_what_stacking_refuses_in_a_worker_keeps_its_sample_and_field(copied: Path) -> None:
+    dataset = small_dataset(copied, transform=lambda image, target: (image[:, : 60 + target["sample_key"][1]], target))
+    loader = DataLoader(dataset, batch_size=2, collate_fn=collate_stacked, num_workers=1, multiprocessing_context="fork")
+    with pytest.raises(SampleError) as raised:
+        next(iter(loader))
+    assert (raised.value.sample_id, raised.value.field) == (dataset.image_id(1), "image")
+
+
+class Boxes(torch.Tensor):
+    """A tensor of a kind of its own, as torchvision's tv_tensors are."""
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("kind", [Boxes, torch.bfloat16])
+def test_tensors_of_other_kinds_cross_processes_as_they_are(animals: Path, kind: Any, workers: int) -> None:
+    def turned(image: torch.Tensor, target: dict[str, Any]) -> tuple[torch.Tensor, dict[str, Any]]:
+        boxes = target["boxes"].as_subclass(Boxes) if kind is Boxes else target["boxes"].to(kind)
+        return image, {**target, "boxes": boxes}
+
+    loader = DataLoader(
+        small_dataset(animals, transform=turned), collate_fn=collate, num_workers=workers, multiprocessing_context="fork" if workers else None
+    )
+    boxes = next(iter(loader))[1][0]["boxes"]
+    assert kind in (type(boxes), boxes.dtype)
 
 
 def test_a_batch_crosses_processes_without_a_shared_file_a_tensor(animals: Path) -> None:
