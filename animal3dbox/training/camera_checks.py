@@ -75,10 +75,11 @@ def _maps(packed: Packed, H: Floats) -> Iterator[Finding]:
     singular = np.abs(det) <= 1e-12 * np.abs(H).max((1, 2)) ** 3
     if singular.any():
         yield from image_findings(packed, singular, "H_out_in", "H_out_in", lambda b: f"is not invertible: {H[b].tolist()}")
-    if "mirrored" not in packed.targets[0]:
+    known = np.array(["mirrored" in target for target in packed.targets])
+    if not known.any():
         return
     said = np.array([bool(target.get("mirrored", False)) for target in packed.targets])
-    wrong = ((det < 0) != said) & ~singular
+    wrong = ((det < 0) != said) & ~singular & known
     if wrong.any():
         stale = "but H_out_in says otherwise by its determinant: one of them is stale"
         yield from image_findings(packed, wrong, "mirrored", "mirrored", lambda b: f"is {bool(said[b])}, {stale} ({det[b]:.3g})")

@@ -133,6 +133,8 @@ def image_sizes(images: Any, targets: Sequence[Target]) -> list[tuple[int, int]]
     if images is not None:
         if len(images) != len(targets):
             raise ConfigError(f"{len(images)} images for {len(targets)} targets")
+        if not len(targets):
+            return None  # all of the batch was left out, and collate_stacked has no image to tell a size by
         if hasattr(images, "shape"):
             return [(int(images.shape[-2]), int(images.shape[-1]))] * len(targets)
         shapes = [getattr(image, "shape", image) for image in images]

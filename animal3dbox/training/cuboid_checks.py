@@ -116,7 +116,7 @@ def _projections(packed: Packed, px: Floats, depth: Floats) -> Iterator[Finding]
 
 def projected(packed: Packed, K: Floats, corners: Floats) -> Floats:
     """Corners (N, 8, 2) as cameras K (N, 3, 3) see them, through their lenses."""
-    if "distortion" not in packed.targets[0]:
+    if not any("distortion" in target for target in packed.targets):
         return project(K, corners)[0]
     px = np.zeros((packed.count, 8, 2))
     for b, target in enumerate(packed.targets):

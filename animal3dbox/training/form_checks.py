@@ -25,11 +25,11 @@ def target_form(target: Target, number: int) -> Iterator[Finding]:
     for name, value in target.items():
         if name not in KNOWN:
             continue
-        if name == "quality":
+        if name == "quality" and isinstance(value, Sequence):
             counts[name] = len(value)
             continue
         if not isinstance(value, Tensor | np.ndarray):
-            yield Finding("dtype", number, None, name, f"must be a tensor, got {type(value).__name__}")
+            yield Finding("dtype", number, None, name, f"must be a {'list' if name == 'quality' else 'tensor'}, got {type(value).__name__}")
             continue
         shared = name in PER_IMAGE or (name in SHARED and value.ndim == len(SHARED[name]))
         wrong = _wrong_shape(name, value, shared=shared)

@@ -193,7 +193,7 @@ def _fits(name: str, column: Tensor, entries: int) -> bool:
     """Whether a field has so many entries, and each the right shape and type."""
     size = column.shape
     if name in FREE:
-        return size[0] == entries and len(size) == 1 + FREE[name] and column.dtype in FLOATING
+        return size[0] == entries and len(size) == 1 + FREE[name] and size[-1] == 3 and column.dtype in FLOATING
     shape, kinds = FORMS[name]
     return size == (entries, *shape) and column.dtype in kinds
 

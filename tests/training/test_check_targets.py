@@ -244,6 +244,38 @@ def test_lenses_are_taken_into_account() -> None:
     assert check_targets([{name: bent[name] for name in keys[:3]}], on_fault="count").counts["projection"] == 1
 
 
+@pytest.mark.parametrize("lens_first", [False, True])
+def test_pictures_with_and_without_a_lens_can_be_one_batch(lens_first: bool) -> None:
+    from scenes import target_of
+
+    from animal3dbox.geometry.camera import intrinsics
+    from animal3dbox.geometry.cuboid import Cuboid
+
+    box = Cuboid(torch.tensor([[0.3, 0.2, 6.0]], dtype=torch.float64), torch.eye(3, dtype=torch.float64)[None], torch.ones(1, 3, dtype=torch.float64))
+    keys, lens = ("corners_3d", "corners_2d", "K", "distortion"), torch.tensor([-0.2, 0.05, 0.001, -0.002], dtype=torch.float64)
+    both = [target_of(box, intrinsics(300.0, HW), HW, torch.float32, bend) for bend in ((lens, None) if lens_first else (None, lens))]
+    assert check_targets([{name: target[name] for name in keys if name in target} for target in both], on_fault="count").faults == 0
+
+
+def test_a_mirror_is_looked_for_in_every_target_that_names_one() -> None:
+    batch = good_batch()
+    batch = [{**target, "H_out_in": torch.diag(torch.tensor([-1.0, 1.0, 1.0]))} for target in batch]
+    batch[1]["mirrored"] = False
+    assert check_targets(batch, on_fault="count").counts["mirrored"] == 1
+
+
+def test_a_batch_of_which_everything_was_left_out_is_no_fault() -> None:
+    assert check_targets((torch.zeros(0), [])).faults == check_targets(([], [])).faults == 0
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "says"), [("keypoints", torch.zeros(2, 5, 2), "keypoints: must have"), ("quality", None, "quality: must be a list")]
+)
+def test_fields_of_another_form_are_named(field: str, value: Any, says: str) -> None:
+    with pytest.raises(SampleError, match=says):
+        check_targets([{**good_batch(masks=False)[0], field: value}])
+
+
 def test_arrays_shared_rotations_and_gradients_are_taken() -> None:
     batch = [{name: value.numpy() if isinstance(value, Tensor) else value for name, value in target.items()} for target in good_batch()]
     assert check_targets(batch, np.zeros((4, 3, *HW))).faults == 0
