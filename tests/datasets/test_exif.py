@@ -18,7 +18,7 @@ PLANE_X, PLANE_UNIT = int(ExifTags.Base.FocalPlaneXResolution), int(ExifTags.Bas
 
 def photo(folder: Path, tags: Tags, size: tuple[int, int] = (60, 40)) -> Path:
     exif = Image.Exif()
-    exif.get_ifd(ExifTags.IFD.Exif).update(tags)
+    exif[ExifTags.IFD.Exif] = tags
     path = folder / "photo.jpg"
     Image.fromarray(np.zeros((size[1], size[0], 3), np.uint8)).save(path, exif=exif)
     return path

@@ -340,7 +340,7 @@ def test_an_index_out_of_range_ends_iteration(animals: Path, index: int) -> None
 def test_a_photo_s_own_focal_length_beats_the_dataset_s(copied: Path) -> None:
     image = copied / small_dataset(copied).image_id(0)
     exif = Image.Exif()
-    exif.get_ifd(ExifTags.IFD.Exif)[int(ExifTags.Base.FocalLengthIn35mmFilm)] = 100
+    exif[ExifTags.IFD.Exif] = {int(ExifTags.Base.FocalLengthIn35mmFilm): 100}
     Image.open(image).save(image, exif=exif, quality=95)
     target = used(small_dataset(copied, pose="hypothesis"))[1]
     assert target["K_source"] == "exif"

@@ -2,6 +2,7 @@
 
 import copy
 import multiprocessing
+import os
 import pickle
 import subprocess
 import sys
@@ -75,7 +76,8 @@ def test_persistent_workers_learn_of_the_next_epoch(animals: Path, context: str,
 
 
 def test_forked_workers_do_not_hang_after_threads_in_the_parent(animals: Path) -> None:
-    done = subprocess.run([sys.executable, str(SUPPORT / "loading.py"), str(animals)], capture_output=True, text=True, timeout=120)
+    known = {**os.environ, "PYTHONPATH": str(SUPPORT)}
+    done = subprocess.run([sys.executable, str(SUPPORT / "loading.py"), str(animals)], capture_output=True, text=True, timeout=120, env=known)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ["loaded", "8", "threads", "2", "2"]
 
