@@ -24,6 +24,8 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import Rejection
 from animal3dbox.smal.vocabulary import Vocabulary
 
+NOT_STORED = "its label could not be stored"
+"""How the problem of a case begins that the cache could not take a label."""
 _NOTHING_TOLD = PhotoFacts()
 
 
@@ -122,7 +124,7 @@ class RowMaker:
         try:
             self.cache.put(key, made)
         except OSError as error:
-            return [_cache_case(record, f"its label could not be stored ({error}): it is used, and made anew the next time")]
+            return [_cache_case(record, f"{NOT_STORED} ({error}): it is used, and made anew the next time")]
         return []
 
     def _cases(self, cache: LabelCache, record: AnimalRecord) -> list[Case]:

@@ -16,7 +16,7 @@ from animal3dbox.datasets.batches import collate
 from animal3dbox.datasets.by_format import AnnotatedDataset
 from animal3dbox.datasets.exchange.recognition import is_omni3d
 from animal3dbox.datasets.labelling import PosePolicy
-from animal3dbox.errors import SampleError
+from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.report.label_files import labels_file, read_labels_json
 from animal3dbox.report.label_targets import target_of_record, target_of_row
 from animal3dbox.training.checks import examined
@@ -67,6 +67,8 @@ class CheckReport(msgspec.Struct, kw_only=True):
 
 def run_check(job: CheckJob) -> int:
     """Check labels or cuboids, and say what is wrong; returns the exit code."""
+    if job.workers < 0:
+        raise ConfigError(f"--workers must not be negative, got {job.workers}")
     on_disk = is_labels(job.path) or is_omni3d(job.path)
     report = checked(job.path, job.images) if on_disk else checked_dataset(job)
     if job.json:

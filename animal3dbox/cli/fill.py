@@ -16,6 +16,7 @@ from animal3dbox.datasets.body_options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.by_format import AnnotatedDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.ledger import Case
+from animal3dbox.datasets.row_maker import NOT_STORED
 from animal3dbox.errors import ConfigError
 
 AT_ONCE = 32
@@ -39,6 +40,10 @@ def run_fill(job: LabelJob) -> int:
     """Fill the cache; returns the exit code."""
     if job.out is not None:
         raise ConfigError("give --out for labels and pictures, or --cache to fill a Dataset's label cache, not both")
+    if job.workers < 0:
+        raise ConfigError(f"--workers must not be negative, got {job.workers}")
+    if job.model is not None and not (job.body is None and job.landmarks is None):
+        raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
     torch.set_num_threads(1)
     body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
     config = replace(job.config, surface_share=False, mask_iou=job.mask_iou or job.stored_pose == "hypothesis")
@@ -69,7 +74,8 @@ def _told(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> in
     report = dataset.report()
     counts = Counter(case.kind for case in report.cases)
     unread = {fault.sample_id for fault in dataset.source.faults}
-    stored = animals - len({case.sample_id for case in report.of("fault")} - unread)
+    lost = {case.sample_id for case in report.of("cache") if case.problem.startswith(NOT_STORED)}
+    stored = animals - len(({case.sample_id for case in report.of("fault")} - unread) | lost)
     if job.json:
         told = {"images": images, "animals": animals, "stored": stored, "counts": counts, "cases": report.cases}
         sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
@@ -78,4 +84,4 @@ def _told(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> in
         for case in report.cases:
             print(f"  {case.kind}: {case}")
         print(f"use them: AnnotatedDataset({str(job.path)!r}, cache={str(job.cache)!r}, ...) with the same options")
-    return EXIT_FAULTY if counts["fault"] else EXIT_OK
+    return EXIT_FAULTY if counts["fault"] or lost else EXIT_OK
