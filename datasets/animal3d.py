@@ -188,6 +188,8 @@ def _read_split(split: SplitFile, name: str, root: Path, found: _Found) -> None:
 def numbered_id(raw: msgspec.Raw, place: str, seen: Counter[str]) -> str:
     """An entry's sample id, and one more of its image seen; raises SampleError, which names its place, if it has no image."""
     image = decoded(raw, _Named, place).img_path
+    if not image.strip():
+        raise SampleError(place, "img_path", f"is {image!r}, which names no file")
     seen[image] += 1
     return image if seen[image] == 1 else f"{image}#{seen[image] - 1}"
 
