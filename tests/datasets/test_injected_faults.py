@@ -242,13 +242,18 @@ def test_a_folder_called_like_a_cache_file_is_told(animals: Path, right: dict[st
 
 
 def test_a_dataset_that_is_given_up_closes_its_cache_file(animals: Path, tmp_path: Path) -> None:
-    def once() -> int:
-        small_dataset(animals, cache=tmp_path / "cache", reuse=False)[0]
-        gc.collect()
-        return len(list(Path("/proc/self/fd").iterdir()))
+    dataset = small_dataset(animals, cache=tmp_path / "cache")
+    dataset[0]
+    assert opened_under(tmp_path)
+    del dataset
+    gc.collect()
+    assert not opened_under(tmp_path)
 
-    once()
-    assert once() == once()
+
+def opened_under(folder: Path) -> list[Path]:
+    """Files of a folder that this process has open."""
+    links = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    return [path for path in links if path.is_relative_to(folder)]
 
 
 # Files ------------------------------------------------------------------------------------------------------------------
