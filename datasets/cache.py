@@ -6,6 +6,7 @@ content that they were computed from, so nothing stale can be read: another conf
 
 import os
 import time
+from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from animal3dbox.labels.types import Rejection
 
 REFRESH_S = 0.5
 """After a miss, other processes' new entries are looked for, but not more often than this."""
+MAPPED = 64
+"""So many segments are open at once in a process: each takes a file descriptor."""
 
 
 @dataclass
@@ -32,6 +35,7 @@ class _State:
     writer: SegmentWriter | None
     looked: float
     problems: tuple[str, ...]
+    mapped: OrderedDict[int, None]  # numbers of the readers that hold a map, the one used last at the end
 
 
 class LabelCache:
@@ -99,7 +103,7 @@ class LabelCache:
     def _opened(self) -> _State:
         if self._state is None or self._state.process != os.getpid():
             empty = (np.zeros(0, np.uint64), np.zeros((0, 2), np.int64))
-            self._state = _State(os.getpid(), [], set(), *empty, None, 0.0, ())
+            self._state = _State(os.getpid(), [], set(), *empty, None, 0.0, (), OrderedDict())
             self._refresh(self._state)
         return self._state
 
@@ -122,6 +126,7 @@ class LabelCache:
             except (OSError, ValueError) as error:  # ValueError: cut while it was being mapped
                 problems.append(f"{reader.path.name} cannot be read ({error}): what is not found is made anew")
                 continue
+            self._use(state, number)
             if found:
                 halves = np.frombuffer(b"".join(key for key, _ in found), dtype="<u8").reshape(-1, KEY_BYTES // 8)[:, 0]
                 keys.append(halves)
@@ -132,6 +137,13 @@ class LabelCache:
             state.keys, state.places = merged[order], np.concatenate(places)[order]
         state.problems = (*problems, *self._problems_of(state.readers))
 
+    def _use(self, state: _State, number: int) -> None:
+        """Note that a segment is looked at, and close those that have not been for longest if many are open."""
+        state.mapped[number] = None
+        state.mapped.move_to_end(number)
+        if len(state.mapped) > MAPPED:
+            state.readers[state.mapped.popitem(last=False)[0]].release()
+
     def _read(self, state: _State, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
         half = np.frombuffer(key, dtype="<u8", count=1)[0]
         first = stop = int(state.keys.searchsorted(half))
@@ -139,7 +151,11 @@ class LabelCache:
             stop += 1
         damaged = False
         for number, offset in reversed(state.places[first:stop].tolist()):
-            payload = state.readers[number].payload(offset, key)
+            self._use(state, number)
+            try:
+                payload = state.readers[number].payload(offset, key)
+            except (OSError, ValueError):  # the file is gone, or empty now
+                payload = None
             if payload is None:
                 damaged = True  # or, once in 2^64, another key's
                 continue

@@ -1,5 +1,6 @@
 """The shared Dataset: annotated images in, images and targets out, labels made on the way."""
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,9 @@ class Skipped:
     index: int
     image_id: str
     cases: tuple[Case, ...]
+
+    def __len__(self) -> int:
+        raise TypeError(f"{self.image_id} was skipped (on_bad='skip'), which only animal3dbox.datasets.collate understands: give it as collate_fn")
 
 
 class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
@@ -110,6 +114,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         self._numbers = {name: number for number, name in enumerate(self.classes)}
         if len(self._numbers) != len(self.classes):
             raise ConfigError(f"classes must differ, got {self.classes}")
+        if scale is not None and not hasattr(scale, "metres_per_unit"):
+            raise ConfigError(f"scale must be a KnownScale, SpeciesScale or AltitudeScale (datasets.scale), got {scale!r}")
         self.ledger = Ledger(report_to)
         self._rows = RowMaker(source.fingerprint, config or default_config(pose, self.filters), scale, pose, cache, reuse)
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
@@ -143,7 +149,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         return self.source.image_id(index)
 
     def __getitem__(self, index: SampleIndex) -> tuple[Tensor, Target] | Skipped:
-        epoch, place = index if isinstance(index, tuple) else (self.epoch, index)
+        epoch, place = self._epoch_and_place(index)
         if not -len(self) <= place < len(self):
             raise IndexError(f"index {place} of {len(self)} images")
         place %= len(self)
@@ -156,6 +162,15 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                         error.note_for_parent()
                     raise
                 return self._skipped(place, [fault_case(error)])
+
+    def _epoch_and_place(self, index: Any) -> tuple[int, int]:
+        """Whole numbers of an index, of any type that is one, or of a pair (epoch, index)."""
+        pair = index if isinstance(index, tuple) else (self.epoch, index)
+        try:
+            epoch, place = (operator.index(number) for number in pair)
+        except (TypeError, ValueError):
+            raise TypeError(f"an index must be a whole number or a pair (epoch, index), got {index!r}") from None
+        return epoch, place
 
     def _skipped(self, place: int, cases: list[Case]) -> Skipped:
         for case in cases:

@@ -51,7 +51,13 @@ class RowMaker:
         self.cache: LabelCache | None = None
         self._told: set[str] = set()
         if cache is not None:
-            made_by = digest(code_digest(), bodies, content_digest(config), content_digest(scale), pose.encode())
+            try:
+                scaled = content_digest(scale)
+            except TypeError as error:
+                raise ConfigError(
+                    f"scale has no name in a cache, for {error}: make it a dataclass of numbers and words, or leave out cache"
+                ) from error
+            made_by = digest(code_digest(), bodies, content_digest(config), scaled, pose.encode())
             self.cache = LabelCache(Path(cache), made_by)
 
     def row(self, sample: ImageSample, animal: int, facts: PhotoFacts, mask: NDArray[np.bool_] | None) -> tuple[LabelRow | Rejection, list[Case]]:

@@ -84,17 +84,16 @@ class SegmentReader:
         told = self.path.stat()
         if told.st_size <= self._scanned:
             return
-        with self.path.open("rb") as file:
-            self._map = mmap.mmap(file.fileno(), told.st_size, access=mmap.ACCESS_READ)
+        mapped = self._mapped(told.st_size)
         at, self.unfinished = self._scanned, False
         while at < told.st_size:
-            if _payload(self._map, at) is not None:
-                _, length, key, _ = _HEADER.unpack_from(self._map, at)
+            if _payload(mapped, at) is not None:
+                _, length, key, _ = _HEADER.unpack_from(mapped, at)
                 yield key, at
                 at += _HEADER.size + length
                 continue
-            following = _next_sound(self._map, at + 1)
-            if following is None and not _complete(self._map, at):
+            following = _next_sound(mapped, at + 1)
+            if following is None and not _complete(mapped, at):
                 self.unfinished = time.time() - told.st_mtime > STILL_WRITING_S  # else looked at again when the file has grown
                 break
             self.damaged += 1
@@ -102,8 +101,18 @@ class SegmentReader:
         self._scanned = at
 
     def payload(self, offset: int, key: bytes) -> bytes | None:
-        """The payload of an entry; None if its checksum, or its key, does not fit."""
-        return None if self._map is None else _payload(self._map, offset, key)
+        """The payload of an entry; None if its checksum, or its key, does not fit. Raises OSError if the file cannot be opened."""
+        return _payload(self._map or self._mapped(0), offset, key)
+
+    def release(self) -> None:
+        """Close the map, which holds a file descriptor; the next look opens it again."""
+        self._map = None
+
+    def _mapped(self, size: int) -> mmap.mmap:
+        """The file in memory, all of it if size is 0."""
+        with self.path.open("rb") as file:
+            self._map = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)
+        return self._map
 
 
 def _payload(mapped: mmap.mmap, offset: int, key: bytes | None = None) -> bytes | None:

@@ -55,6 +55,7 @@ def target_of(
     target["scale_m_per_unit"] = torch.from_numpy(np.array([scale or 1.0 for scale in scales], dtype=np.float32))
     target["scale_source"] = [row.scale_source for row in rows]
     target["quality"] = [row.quality for row in rows]
+    target["sample_ids"] = [row.sample_id for row in rows]
     target["image_id"], target["K_source"] = image_id, rows[0].quality["K_source"]
     return target
 
@@ -69,7 +70,13 @@ def empty_target(image_id: str, K: NDArray[np.float64], named_faces: bool = True
     """The target of an image of boxes without any: the same fields, N = 0."""
     target = _tensors(columns([]), named_faces)
     target |= {"K": torch.from_numpy(K.astype(np.float32)), "boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64)}
-    target |= {"scale_known": torch.zeros(0, dtype=torch.bool), "scale_m_per_unit": torch.zeros(0), "scale_source": [], "quality": []}
+    target |= {
+        "scale_known": torch.zeros(0, dtype=torch.bool),
+        "scale_m_per_unit": torch.zeros(0),
+        "scale_source": [],
+        "quality": [],
+        "sample_ids": [],
+    }
     return {**target, "image_id": image_id, "K_source": "given"}
 
 

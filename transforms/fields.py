@@ -30,7 +30,7 @@ PER_ANIMAL = {
 }  # fmt: skip
 PER_IMAGE = {"K": "3 3", "H_out_in": "3 3", "distortion": "D", "depth": "H W", "keypoint_mirror": "J"}
 CAMERA_FRAME = ("corners_3d", "center", "rotation", "R", "t")
-LISTS = ("quality", "scale_source")
+LISTS = ("quality", "scale_source", "sample_ids")
 UNREADABLE = ("float16", "bfloat16", "uint32", "uint64", "complex64", "complex128")
 WHOLE = ("labels", "masks", "corner_in_front", "face_visible", "behind_camera", "keypoint_mirror", "iscrowd", "track_ids", "scale_known")
 """Fields that may hold whole numbers or booleans."""

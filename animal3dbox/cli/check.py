@@ -19,7 +19,7 @@ from animal3dbox.datasets.labelling import PosePolicy
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.report.label_files import labels_file, read_labels_json
 from animal3dbox.report.label_targets import target_of_record, target_of_row
-from animal3dbox.training.checks import examined
+from animal3dbox.training.checks import examined, sample_of
 from animal3dbox.training.findings import WARNINGS
 
 EXIT_OK, EXIT_FAULTY = 0, 4
@@ -140,9 +140,7 @@ def checked_dataset(job: CheckJob) -> CheckReport:
         findings, count = examined(targets, [(image.shape[1], image.shape[2]) for image in images], step)
         animals += count
         for finding in findings:
-            name = str(targets[finding.target]["image_id"])
-            sample_id = f"{name}#{finding.animal}" if finding.animal else name
-            found.append(CheckedFault(check=finding.check, sample_id=sample_id, field=finding.field, problem=finding.problem))
+            found.append(CheckedFault(check=finding.check, sample_id=sample_of(finding, targets), field=finding.field, problem=finding.problem))
     report = dataset.report()
     faults = [CheckedFault(check=READING, sample_id=case.sample_id, field=case.field, problem=case.problem) for case in report.of("fault")]
     faults += [fault for fault in found if fault.check not in WARNINGS]

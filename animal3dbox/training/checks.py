@@ -146,8 +146,18 @@ def image_sizes(images: Any, targets: Sequence[Target]) -> list[tuple[int, int]]
 
 def error_of(finding: Finding, targets: Sequence[Target]) -> SampleError:
     """A finding as an error that names the sample, the field, the check and what is wrong."""
-    name = str(targets[finding.target].get("image_id", f"target {finding.target} of the batch"))
-    return SampleError(name if finding.animal is None else f"{name}#{finding.animal}", finding.field, f"{finding.problem} [{finding.check}]")
+    return SampleError(sample_of(finding, targets), finding.field, f"{finding.problem} [{finding.check}]")
+
+
+def sample_of(finding: Finding, targets: Sequence[Target]) -> str:
+    """What a finding's sample is called: as its dataset does if the target knows, else the image and the animal's number in the target."""
+    target = targets[finding.target]
+    name = str(target.get("image_id", f"target {finding.target} of the batch"))
+    if finding.animal is None:
+        return name
+    known = target.get("sample_ids")
+    own = known[finding.animal] if isinstance(known, tuple | list) and finding.animal < len(known) else None
+    return own if isinstance(own, str) and own else f"{name}#{finding.animal}"
 
 
 def _opened(batch: Any, images: Any) -> tuple[list[Target], Any]:

@@ -15,7 +15,7 @@ class EpochSampler(Sampler[tuple[int, int]]):
     (seed, epoch, rank, world_size) alone.
 
     Args:
-        dataset: anything with a length.
+        dataset: anything with a length; what it is loaded from must take (epoch, index), as LabelDataset does and torch's Subset does not.
         shuffle: whether an epoch is shuffled.
         seed: of the shuffling.
         rank: of this process among world_size; each takes its own part.

@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 import torch
 from PIL import ExifTags, Image
 from small_animals import HW, model_of, small_dataset, spoiled
+from torch.utils.data import default_collate
 
 from animal3dbox.datasets.bodies import preset_body
 from animal3dbox.datasets.by_format import Animal3DDataset, AnnotatedDataset, SyntheticDataset
@@ -19,7 +21,7 @@ from animal3dbox.datasets.label_dataset import LabelDataset, Skipped, Target
 from animal3dbox.datasets.label_rows import SPANS, WIDTH, LabelRow
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
-from animal3dbox.datasets.records import RecordSet
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.scale import AltitudeScale, KnownScale, SpeciesScale, head_and_body
 from animal3dbox.datasets.sources import FileSource
 from animal3dbox.datasets.synthetic_set import SyntheticSet
@@ -424,3 +426,39 @@ def test_the_label_code_s_digest_sees_every_file_that_labels_depend_on() -> None
 def test_known_cameras_are_not_pretended(animals: Path) -> None:
     with pytest.raises(ConfigError, match="pose 'exact' needs cameras that come with the dataset"):
         Animal3DDataset(animals, body="dog", pose="exact")  # without a model nothing tells whether the stored ones are right
+
+
+@pytest.mark.parametrize("index", [[0, 1], slice(0, 2), None, (1, 2, 3), "0", 1.5])
+def test_an_index_that_is_none_says_what_it_must_be(animals: Path, index: Any) -> None:
+    with pytest.raises(TypeError, match="an index must be a whole number or a pair"):
+        small_dataset(animals)[index]
+
+
+def test_whole_numbers_of_any_type_are_indices(animals: Path) -> None:
+    dataset = small_dataset(animals)
+    for index in (np.int64(2), torch.tensor(2), -6, (np.int32(0), torch.tensor(2))):
+        assert used(dataset, index)[1]["sample_key"] == (0, 2)  # type: ignore[arg-type]
+
+
+def test_skipped_samples_in_another_collate_say_which_to_take(copied: Path) -> None:
+    dataset = small_dataset(copied, on_bad="skip")
+    corrupt_image(copied, dataset, 0)
+    with pytest.raises(TypeError, match=r"give it as collate_fn"):
+        default_collate([dataset[1], dataset[0]])
+
+
+def test_a_scale_that_is_a_number_is_refused_at_once(animals: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="scale must be a KnownScale"):
+        small_dataset(animals, scale=2.0)
+    with pytest.raises(ConfigError, match="scale has no name in a cache"):
+        small_dataset(animals, scale=KnownScale(Fraction(1, 2)), cache=tmp_path)  # type: ignore[arg-type]
+
+
+def test_animals_keep_their_names_when_their_neighbours_are_left_out(copied: Path) -> None:
+    whole = small_dataset(copied)
+    place = crowded(whole)
+    first, *others = whole.source.sample(place).records
+    assert isinstance(first, AnimalRecord)
+    assert first.mask_path is not None
+    first.mask_path.write_bytes(b"no png")
+    assert used(small_dataset(copied, on_bad="skip"), place)[1]["sample_ids"] == [record.sample_id for record in others]
