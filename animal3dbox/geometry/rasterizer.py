@@ -7,7 +7,7 @@ computed from the upper to the lower end, whichever triangle asks, so neighbours
 
 The silhouette uses that this place does not depend on the triangle: along each row, a triangle adds +1 where its left
 edge crosses and -1 at its right one, and pixels are covered where the running sum is positive. An edge between two
-triangles that face the same way adds nothing in all, so only the mesh's contours are ever drawn.
+triangles that face the same way adds nothing in all, so only the mesh's contours are ever drawn (mesh_edges.py).
 """
 
 from collections.abc import Iterator
@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.mesh_edges import contour_edges, mesh_edges
 from animal3dbox.geometry.rasterizer_clip import (
     ROWS_AT_ONCE,
     ProjectedTriangles,
@@ -24,9 +25,6 @@ from animal3dbox.geometry.rasterizer_clip import (
     project_triangles,
     runs_at_once,
 )
-
-EDGE_CELLS = 1 << 15  # of the table that finds edges which cancel; edges that share a cell by chance are merely drawn
-EDGE_MIX = -7046029254386353131  # 2^64 / golden ratio, as an int64
 
 
 @dataclass(frozen=True)
@@ -68,8 +66,9 @@ def silhouette(
     """
     check_mesh(vertices_cam, faces, K, image_hw, near)
     height, width = (int(side) for side in image_hw)
-    triangles = project_triangles(vertices_cam.detach().double(), faces.long(), K.detach().double(), near, cull_backfaces)
-    upper, lower, step = _contour_edges(triangles)
+    faces = faces.long()
+    triangles = project_triangles(vertices_cam.detach().double(), faces, K.detach().double(), near, cull_backfaces)
+    upper, lower, step = contour_edges(mesh_edges(faces), triangles)
     sides = _sides(triangles, upper, lower, height)
     dtype = _winding_dtype(sides, step, height)
     steps, step = torch.zeros(height * width + 1, dtype=dtype, device=faces.device), step.to(dtype)
@@ -79,7 +78,10 @@ def silhouette(
         pixel = (sides.first_row.index_select(0, side) + down) * width + sides.columns(side, down, width)
         steps.index_add_(0, pixel, step.index_select(0, side))
     # A row's steps add up to nothing, so the sum need not start anew, and a step right of the frame may stand in the next row
-    covered: Tensor = steps.cumsum_(dim=0).gt_(0)[:-1].reshape(height, width)
+    if len(step):
+        top, bottom = int(sides.first_row.amin()), int((sides.first_row + sides.rows).amax())
+        steps[top * width : bottom * width + 1].cumsum_(dim=0).gt_(0)
+    covered: Tensor = steps[:-1].reshape(height, width)
     return covered.view(torch.bool) if covered.dtype == torch.int8 else covered.bool()
 
 
@@ -166,41 +168,6 @@ def _barycentric(weights: Tensor, pixel: Tensor, width: int) -> Tensor:
     return shares / shares.sum(dim=1, keepdim=True)
 
 
-def _contour_edges(triangles: ProjectedTriangles) -> tuple[Tensor, Tensor, Tensor]:
-    """The edges that the running sum needs, and some that cancel.
-
-    Edges are counted in a table, + one way and - the other: where neighbours face the same way, nothing is left. Each
-    counts by a random number of its own, so that different edges in one cell do not pass for none.
-
-    Returns:
-        Upper and lower ends, indices of points, (N,) each, and (N,) what crossing the edge from the left adds.
-
-    """
-    point_cell, point_weight = _drawn(len(triangles.u), triangles.corners.device)
-    cell_of, weight_of = ([x.index_select(0, corner) for corner in triangles.corners.unbind(dim=0)] for x in (point_cell, point_weight))
-    left_over = torch.zeros(EDGE_CELLS, dtype=torch.float64, device=point_cell.device)
-    cells = []
-    for one, other in ((0, 1), (1, 2), (2, 0)):
-        # Exactly the negative the other way; whole and small, so that sums are exact
-        weight = ((weight_of[one] - weight_of[other]) * (weight_of[one] * weight_of[other])).round_()
-        cells.append(cell_of[one] ^ cell_of[other])
-        left_over.index_add_(0, cells[-1], weight * triangles.orientation)
-    is_open = left_over != 0
-    kept = [torch.nonzero(is_open.index_select(0, cell))[:, 0] for cell in cells]
-    start = torch.cat([triangles.corners[k].index_select(0, kept[k]) for k in range(3)])
-    end = torch.cat([triangles.corners[k - 2].index_select(0, kept[k]) for k in range(3)])
-    turn = triangles.orientation.index_select(0, torch.cat(kept))
-    rises = triangles.v.index_select(0, end) < triangles.v.index_select(0, start)  # as left sides do, if the area is positive: v is down
-    return torch.where(rises, end, start), torch.where(rises, start, end), torch.where(rises, turn, -turn)
-
-
-def _drawn(count: int, device: torch.device) -> tuple[Tensor, Tensor]:
-    """For each of (count,) points a cell and a number within +-2^16, as if random but always the same ones."""
-    number = torch.arange(1, count + 1, device=device) * EDGE_MIX
-    number = (number ^ (number >> 29)) * EDGE_MIX
-    return (number >> 24) & (EDGE_CELLS - 1), number.double() * 2.0**-47
-
-
 @dataclass(frozen=True)
 class _Sides:
     """Edges as the rows of pixel centres meet them, from the upper end, included, to the lower one, excluded.
@@ -237,8 +204,8 @@ def _sides(triangles: ProjectedTriangles, upper: Tensor, lower: Tensor, height: 
 
 def _winding_dtype(sides: _Sides, step: Tensor, height: int) -> torch.dtype:
     """int8 if the running sum of no row can leave it, as with any animal; else int32."""
-    size, past = step.abs(), sides.first_row + sides.rows
-    change = torch.zeros(height + 1, dtype=step.dtype, device=step.device)
+    size, past = step.abs().int(), sides.first_row + sides.rows
+    change = torch.zeros(height + 1, dtype=torch.int32, device=step.device)
     change.index_add_(0, sides.first_row, size).index_add_(0, past, -size)
     return torch.int8 if int(change.cumsum(dim=0).amax()) <= 127 else torch.int32
 

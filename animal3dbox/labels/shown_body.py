@@ -18,8 +18,9 @@ from animal3dbox.labels.seen_surface import surface_share
 
 def mask_overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
     """Intersection over union of two masks (H, W); 0 if both are empty."""
-    union = np.count_nonzero(a | b)
-    return float(np.count_nonzero(a & b) / union) if union else 0.0
+    shared = np.count_nonzero(a & b)
+    union = np.count_nonzero(a) + np.count_nonzero(b) - shared
+    return float(shared / union) if union else 0.0
 
 
 def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, config: LabelConfig) -> ShownBody:
