@@ -1,6 +1,6 @@
 """Batched robust Levenberg-Marquardt on camera poses: many starts at once, with their derivatives by hand.
 
-A step is (w, d): R becomes exp(w) R, t becomes t + d. Depths are held above LEAST_DEPTH by not taking steps beyond it.
+A step is (w, d): R becomes small_turns(w) R, t becomes t + d. Depths are held above LEAST_DEPTH by not taking steps beyond it.
 """
 
 from collections.abc import Callable
@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.checks import IDENTITY
+from animal3dbox.geometry.rigid import cross_matrix
 
 Array = NDArray[np.float64]
 LEAST_DEPTH = 0.05
@@ -20,6 +21,7 @@ SETTLED = 1e-10
 
 ROUNDING = 1e-13
 """Relative: a cost that rises by less has not risen."""
+ONES = np.eye(6)
 NOTHING = 1e-16
 """A cost that is none."""
 
@@ -74,6 +76,14 @@ def project_with_slopes(points: Array, linear: Array, R: Array, t: Array) -> tup
     return linear @ plane, linear @ slopes, depth
 
 
+def small_turns(w: Array) -> Array:
+    """Rotations (B, 3, 3) about w (B, 3), by its length to first order: Cayley's map, whose angle is 2 atan(|w| / 2)."""
+    half = w / 2
+    square = (half * half).sum(-1)[:, None, None]
+    turn: Array = IDENTITY + 2 / (1 + square) * (cross_matrix(half) + half[:, :, None] * half[:, None] - square * IDENTITY)
+    return turn
+
+
 def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: int) -> tuple[Array, Array, Array, bool]:
     """Poses that cost less, by at most so many damped steps, each kept only if it helps.
 
@@ -91,8 +101,8 @@ def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: 
     for _ in range(rounds):
         diagonal = here.A.diagonal(axis1=-2, axis2=-1)
         ridge = damping[:, None] * diagonal + 1e-12 * diagonal.max(-1)[:, None] + 1e-300
-        step = -np.linalg.solve(here.A + ridge[..., None] * np.eye(6), here.b[..., None])[..., 0]
-        R_new, t_new = rotation_from_axis_angle(step[:, :3]) @ R, t + step[:, 3:]
+        step = -np.linalg.solve(here.A + ridge[..., None] * ONES, here.b[..., None])[..., 0]
+        R_new, t_new = small_turns(step[:, :3]) @ R, t + step[:, 3:]
         there = local(R_new, t_new)
         better = (there.cost <= here.cost * (1 + ROUNDING)) & np.isfinite(there.cost)
         settled = (better & (there.cost >= here.cost * (1 - SETTLED)) & (damping <= FIRST_DAMPING)) | (here.cost < NOTHING)

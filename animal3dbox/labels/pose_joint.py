@@ -116,12 +116,12 @@ def refine_jointly(problem: PoseProblem, candidates: Candidates, count: int, con
     """
     joint = joint_of(problem, candidates.scale, config)
     R, t = candidates.R[:count], candidates.t[:count]
-    for rounds in ROUNDS:
+    for rounds in ROUNDS if len(R) > 1 else ROUNDS[1:]:
         near = joint.watching(R, t)
         R, t, cost, settled = descend(near.local, R, t, rounds)
         order = np.argsort(cost, kind="stable")
         order = order[cost[order] <= BEHIND * cost[order[0]] + NOTHING]
         R, t, cost = R[order], t[order], cost[order]
-        if settled and np.allclose(joint.watching(R, t).local(R, t).cost, cost, rtol=1e-9, atol=NOTHING):
+        if settled and (not len(joint.cloud) or np.allclose(joint.watching(R, t).local(R, t).cost, cost, rtol=1e-9, atol=NOTHING)):
             break
     return R, t, cost

@@ -1,6 +1,7 @@
 """Many starting poses, all refined at once on the keypoints alone; the hopeless ones are left behind on the way."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +22,8 @@ INITIAL_SCALE = 0.25
 CAUCHY_95 = 2.385
 """Width of the Cauchy loss in standard deviations at which it keeps 95 % of least squares' efficiency on clean data."""
 RAYLEIGH_MEDIAN = 1.1774
+SURE_KEYPOINTS, SURE_EXTENT, SURE_DISTANCE = 10, 40.0, 4.0
+"""So many keypoints, over so many sigma in the picture, each explained to so many sigma: another view could not do that too."""
 APART = 0.05
 """Rotations that differ by less, in the Frobenius norm, are one."""
 
@@ -110,6 +113,15 @@ def weak_perspective_translation(sight: Sight, R: Array) -> Array:
     return np.concatenate((middle_2d * (depth + middle_depth)[:, None] - middle_3d, depth[:, None]), -1)
 
 
+def _sight(problem: PoseProblem) -> tuple[Sight, float]:
+    """Keypoints under the loss at its widest, and their extent in sigma."""
+    K, sigma = problem.K.numpy(), problem.sigma_px.numpy()
+    pixels = problem.points_px.numpy().T
+    extent = float((pixels.max(1) - pixels.min(1)).max()) / float(np.median(sigma))
+    widest = max(INITIAL_SCALE * extent, CAUCHY_95)
+    return Sight(problem.points_world.numpy(), pixels - K[:2, 2:], sigma, K[:2, :2], widest), extent
+
+
 def search_poses(problem: PoseProblem, starts: list[PoseEstimate]) -> Candidates:
     """Refine the given starts and a grid of views; robust, keypoints only.
 
@@ -121,32 +133,51 @@ def search_poses(problem: PoseProblem, starts: list[PoseEstimate]) -> Candidates
         The different poses found, best first.
 
     """
-    K, sigma = problem.K.numpy(), problem.sigma_px.numpy()
-    pixels = problem.points_px.numpy().T
-    extent_px = float((pixels.max(1) - pixels.min(1)).max())
-    widest = max(INITIAL_SCALE * extent_px / float(np.median(sigma)), CAUCHY_95)
-    sight = Sight(problem.points_world.numpy(), pixels - K[:2, 2:], sigma, K[:2, :2], widest)
+    sight, extent = _sight(problem)
+    names = tuple(start.hypothesis for start in starts)
+    if starts:
+        R, t = (np.stack([part.numpy() for part in parts]) for parts in zip(*((start.R, start.t) for start in starts), strict=True))
+        found = _beyond_doubt(sight, extent, R, t, names)
+        if found is not None:
+            return found
     R_views = VIEWS @ problem.R_box.numpy().T
-    names = [start.hypothesis for start in starts] + [f"view_{i}" for i in range(len(R_views))]
-    R = np.concatenate([start.R.numpy()[None] for start in starts] + [R_views])
-    t = np.concatenate([start.t.numpy()[None] for start in starts] + [weak_perspective_translation(sight, R_views)])
+    t_views = weak_perspective_translation(sight, R_views)
+    names += tuple(f"view_{i}" for i in range(len(R_views)))
+    R, t = (np.concatenate((R, R_views)), np.concatenate((t, t_views))) if starts else (R_views, t_views)
     R, t, *_ = descend(sight.local, R, t, WIDE_ROUNDS)
-    middle = replace(sight, width=math.sqrt(widest * CAUCHY_95))
+    middle = replace(sight, width=math.sqrt(sight.width * CAUCHY_95))
     R, t, cost, _ = descend(middle.local, R, t, MIDDLE_ROUNDS)
-    kept = _different(R, cost)[:KEPT]
+    kept = _different(R, cost, KEPT)
     narrow = replace(sight, width=CAUCHY_95)
     R, t, *_ = descend(narrow.local, R[kept], t[kept], NARROW_ROUNDS)
     scale = max(1.0, float(np.median(narrow.distances(R, t), -1).min()) / RAYLEIGH_MEDIAN)
     R, t, cost, _ = descend(replace(sight, width=CAUCHY_95 * scale).local, R, t, LAST_ROUNDS)
-    best = _different(R, cost)
+    best = _different(R, cost, KEPT)
     return Candidates(R[best], t[best], tuple(names[kept[i]] for i in best), scale)
 
 
-def _different(R: Array, cost: Array) -> list[int]:
-    """The cheapest of each group of like rotations (B, 3, 3), cheapest first."""
+def _beyond_doubt(sight: Sight, extent: float, R: Array, t: Array, names: Sequence[str]) -> Candidates | None:
+    """The starts (B, 3, 3), (B, 3) refined, if the best explains so many keypoints so well that no other view can."""
+    if len(sight.sigma) < SURE_KEYPOINTS or extent < SURE_EXTENT:
+        return None
+    narrow = replace(sight, width=CAUCHY_95)
+    near = narrow.distances(R, t).max(-1) < 2 * SURE_DISTANCE
+    if not near.any():
+        return None
+    R, t, cost, _ = descend(narrow.local, R[near], t[near], NARROW_ROUNDS)
+    best = int(cost.argmin())
+    off = narrow.distances(R, t)[best]
+    if not np.isfinite(cost[best]) or off.max() > SURE_DISTANCE:
+        return None
+    name = names[int(np.flatnonzero(near)[best])]
+    return Candidates(R[best : best + 1], t[best : best + 1], (name,), max(1.0, float(np.median(off)) / RAYLEIGH_MEDIAN))
+
+
+def _different(R: Array, cost: Array, most: int) -> list[int]:
+    """The cheapest of each group of like rotations (B, 3, 3), cheapest first, at most so many."""
     apart = ((R[:, None] - R[None]) ** 2).sum((-2, -1)) > APART**2
     kept: list[int] = []
     for i in np.argsort(cost, kind="stable").tolist():
-        if all(apart[i, j] for j in kept):
+        if len(kept) < most and apart[i, kept].all():
             kept.append(i)
     return kept

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.rigid import rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.descent import descend, project_with_slopes
+from animal3dbox.labels.descent import descend, project_with_slopes, small_turns
 from animal3dbox.labels.pose_joint import Joint, joint_of
 from animal3dbox.labels.pose_problem import PoseProblem
 from animal3dbox.labels.pose_search import CAUCHY_95, Sight
@@ -135,3 +135,14 @@ def test_bounds_that_differ_by_less_than_a_mask_can_tell_cost_nothing(off_px: fl
     beyond, slopes = joint_of(replace(given, mask_box=box), 1.0, LabelConfig()).watching(R, t)._bounds(R, t)
     assert (bool(beyond.all()), bool(slopes.any())) == (costs, costs)
     assert bool(beyond.any()) == costs
+
+
+def test_small_turns_are_rotations_and_those_by_their_vectors_to_first_order() -> None:
+    w = np.random.default_rng(0).normal(size=(5, 3))
+    turns = small_turns(w)
+    assert np.abs(turns @ turns.swapaxes(-1, -2) - np.eye(3)).max() < 1e-14
+    assert np.allclose(np.linalg.det(turns), 1, atol=1e-14)
+    axis = w / np.linalg.norm(w, axis=-1, keepdims=True)
+    by_angle = rotation_from_axis_angle(axis * 2 * np.arctan(np.linalg.norm(w, axis=-1, keepdims=True) / 2))
+    assert np.abs(turns - by_angle).max() < 1e-14
+    assert np.abs(small_turns(1e-5 * w) - rotation_from_axis_angle(1e-5 * w)).max() < 1e-14
