@@ -2,9 +2,12 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
+
+from animal3dbox.geometry.mesh_edges import mesh_edges
 
 Array = NDArray[np.float64]
-LEFT, TOP, RIGHT, BOTTOM = 1, 2, 4, 8
+LEFT, TOP, RIGHT, BOTTOM = np.array([1, 2, 4, 8], dtype=np.uint8)
 
 
 def frame_box(image_hw: tuple[int, int]) -> Array:
@@ -12,7 +15,7 @@ def frame_box(image_hw: tuple[int, int]) -> Array:
     return np.array([-0.5, -0.5, image_hw[1] - 0.5, image_hw[0] - 0.5])
 
 
-def bounds_in_frame(px: Array, faces: NDArray[np.int64], frame: Array) -> Array | None:
+def bounds_in_frame(px: Array, faces: Tensor, frame: Array) -> Array | None:
     """The bounds (4,) xyxy of the part of a projected mesh inside the frame; None if there is none.
 
     The corners of a triangle cut by a rectangle are those of its own inside, the places where its edges cross the
@@ -20,17 +23,18 @@ def bounds_in_frame(px: Array, faces: NDArray[np.int64], frame: Array) -> Array 
 
     Args:
         px: (2, V) all vertices, none of them behind the camera.
-        faces: (F, 3); vertices of no face do not count.
+        faces: (F, 3) int64; vertices of no face do not count.
         frame: (4,) xyxy px.
 
     """
-    outside = (px[0] < frame[0]) * LEFT + (px[1] < frame[1]) * TOP + (px[0] > frame[2]) * RIGHT + (px[1] > frame[3]) * BOTTOM
-    codes = outside.astype(np.uint8).take(faces)
-    cut = ((codes[:, 0] | codes[:, 1] | codes[:, 2]) != 0) & ((codes[:, 0] & codes[:, 1] & codes[:, 2]) == 0)
-    used = np.zeros(px.shape[1], dtype=np.bool_)
-    used[faces] = True
-    corners = px[:, faces[cut]]  # (2, T, 3)
-    shown = np.concatenate((px[:, used & (outside == 0)], _crossings(corners, frame), _covered_corners(corners, frame)), 1)
+    codes = (px[0] < frame[0]) * LEFT + (px[1] < frame[1]) * TOP + (px[0] > frame[2]) * RIGHT + (px[1] > frame[3]) * BOTTOM
+    edges = mesh_edges(faces)
+    columns, used = edges.columns.numpy(), edges.used.numpy()
+    a, b, c = (codes.take(column) for column in columns)
+    cut = np.flatnonzero(((a | b | c) != 0) & ((a & b & c) == 0))
+    corners = px[:, columns[:, cut].T]  # (2, T, 3)
+    inside = used[codes.take(used) == 0]
+    shown = np.concatenate((px[:, inside], _crossings(corners, frame), _covered_corners(corners, frame)), 1)
     return np.concatenate((shown.min(1), shown.max(1))) if shown.shape[1] else None
 
 

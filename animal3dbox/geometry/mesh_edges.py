@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -26,6 +27,17 @@ class MeshEdges:
     faces: Tensor
     ends: Tensor
     sides: Tensor
+
+    @cached_property
+    def columns(self) -> Tensor:
+        """The faces' first, second and third corners, (3, F), each in a row of its own."""
+        return self.faces.T.contiguous()
+
+    @cached_property
+    def used(self) -> Tensor:
+        """Ids (U,) of the vertices that some face has."""
+        used: Tensor = torch.unique(self.ends)
+        return used
 
 
 _known: deque[MeshEdges] = deque(maxlen=KNOWN_MESHES)

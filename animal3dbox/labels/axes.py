@@ -69,7 +69,7 @@ def torso_axes(vertices_world: AnyArray, template: SmalModel) -> AnyArray:
         R_world_box (3, 3), float64.
 
     """
-    here = as_numpy(vertices_world).T.take(as_numpy(template.torso_vertices), 1)
+    here = as_numpy(vertices_world).T.take(template.torso_ids, 1)
     R = nearest_rotation((here - here.sum(1)[:, None] / here.shape[1]) @ template.torso_layout)
     axes: AnyArray = torch.from_numpy(R) if isinstance(vertices_world, Tensor) else R
     return axes

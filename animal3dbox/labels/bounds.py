@@ -1,11 +1,13 @@
 """Tight bounds of a body along given axes."""
 
+from math import dist
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import as_numpy, norm
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.checks import check_shape
 from animal3dbox.geometry.cuboid import Cuboid
 
@@ -29,7 +31,7 @@ def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array
 
     """
     check_shape("vertices_world", vertices_world, "V 3")
-    centroid_world = vertices_world.T.mean(1)
+    centroid_world = vertices_world.T.sum(1) / len(vertices_world)
     vertices_box, centroid_box = R_box.T @ vertices_world.T, R_box.T @ centroid_world  # their difference is R_boxᵀ (v - c)
     return vertices_box.min(1) - centroid_box, vertices_box.max(1) - centroid_box, centroid_world
 
@@ -50,7 +52,12 @@ def tight_cuboid(vertices_world: Tensor | Array, R_box: Tensor, margin: float | 
     vertices = np.asfortranarray(as_numpy(vertices_world), dtype=np.float64)  # what runs along memory is five times faster
     axes = as_numpy(R_box).astype(np.float64, copy=False)
     least, greatest, centroid_world = box_bounds(vertices, axes)
-    rounding = ROUNDING * float(np.abs(centroid_world).max() + np.maximum(-least, greatest).max())
-    grown = RELATIVE_MARGIN * float(norm(greatest - least)) + rounding if margin is None else margin
+    grown = _relative_margin(least.tolist(), greatest.tolist(), centroid_world.tolist()) if margin is None else margin
     center = centroid_world + axes @ ((least + greatest) / 2)
     return Cuboid(torch.from_numpy(center), R_box.double(), torch.from_numpy(greatest - least + 2 * grown))
+
+
+def _relative_margin(least: list[float], greatest: list[float], centroid_world: list[float]) -> float:
+    """The margin that grows with the box; of plain numbers, since three are not worth the calls."""
+    farthest = max(map(abs, centroid_world)) + max(max(greatest), -min(least))
+    return RELATIVE_MARGIN * dist(least, greatest) + ROUNDING * farthest

@@ -140,15 +140,16 @@ class _Reader:
                 "keypoints_2d", f"has {len(keypoints)} keypoints, but vocabulary {vocabulary} has {count}: name the vocabulary they are in"
             )
         confidence, seen = keypoints[:, 2], keypoints[:, 2] > 0
-        if not ((confidence >= 0) & (confidence <= 1)).all():
+        if len(confidence) and not (confidence.min() >= 0 and confidence.max() <= 1):
             raise self.fail("keypoints_2d", "visibility must be 0 or a confidence in (0, 1]; convert COCO's 0/1/2 and clear NaN first")
-        bad = seen & ~np.isfinite(keypoints[:, :2]).all(1)
+        farther = np.abs(keypoints[:, :2]).max(1)
+        bad = seen & ~np.isfinite(farther)
         if bad.any():
             raise self.fail("keypoints_2d", f"keypoint {int(bad.argmax())} is visible but NaN or infinite; give it visibility 0")
-        at_zero = seen & ~keypoints[:, :2].any(1)
+        at_zero = seen & (farther == 0)
         warnings = [f"{int(at_zero.sum())} visible keypoints at exactly (0, 0) were taken as missing"] if at_zero.any() else []
         kept = seen & ~at_zero
-        outside = kept & (np.abs(keypoints[:, :2]) > 10 * max(image_hw)).any(1)
+        outside = kept & (farther > 10 * max(image_hw))
         if outside.any():
             raise self.fail("keypoints_2d", f"keypoint {int(outside.argmax())} is over ten image sizes away; are these pixels of this image?")
         return np.where(kept[:, None], keypoints, 0.0), warnings

@@ -38,7 +38,9 @@ def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, config: Lab
     draws = seen.faces is not None and (wants_overlap or config.surface_share)
     if seen.vertices is None or (box is not None and not draws):
         return ShownBody(box, None, None)
-    vertices_cam = (pose.R.numpy() @ seen.vertices.T + pose.t.numpy()[:, None]).T
+    vertices_cam = pose.R.numpy() @ seen.vertices.T
+    vertices_cam += pose.t.numpy()[:, None]
+    vertices_cam = vertices_cam.T
     overlap = shares = None
     if seen.faces is not None and draws:
         straight = bent_points(vertices_cam, seen.distortion)
@@ -59,11 +61,12 @@ def _mesh_box(seen: Observation, vertices_cam: Array) -> Tensor:
     """The flat box (4,) xyxy px of a body without a mask: the bounds of what the frame shows of it."""
     straight, frame = bent_points(vertices_cam, seen.distortion).T, frame_box(seen.image_hw)
     if straight[2].min() > 0:
-        px = (seen.K[:2] @ straight) / straight[2]
+        px = seen.K[:2] @ straight
+        px /= straight[2]
         bounds = np.concatenate((px.min(1), px.max(1)))
         if (bounds[:2] >= frame[:2]).all() and (bounds[2:] <= frame[2:]).all():
             return torch.from_numpy(bounds)
-        if seen.faces is not None and (inside := bounds_in_frame(px, seen.faces.numpy(), frame)) is not None:
+        if seen.faces is not None and (inside := bounds_in_frame(px, seen.faces, frame)) is not None:
             return torch.from_numpy(inside)
     elif seen.faces is not None and (drawn := _drawn(seen, straight.T, seen.faces)).any():
         return mask_box(drawn)

@@ -201,6 +201,11 @@ class SmalModel:
         return torch.nonzero(self.weights[:, list(SPINE_JOINTS)].sum(dim=1) > _TORSO_WEIGHT)[:, 0]
 
     @cached_property
+    def torso_ids(self) -> np.ndarray:
+        """The same as an array."""
+        return as_numpy(self.torso_vertices)
+
+    @cached_property
     def tail_vertices(self) -> Tensor:
         """Ids (T,) of the vertices whose summed weight on the joints named Tail* is above 0.5."""
         joints = [j for j, name in enumerate(self.joint_names) if name.startswith(_TAIL_PREFIX)]

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from animal3dbox.geometry.mesh_bounds import bounds_in_frame, frame_box
 
 FRAME = frame_box((3, 5))
-ONE = np.array([[0, 1, 2]])
+ONE = torch.tensor([[0, 1, 2]])
 
 
 @pytest.mark.parametrize(
@@ -53,7 +54,7 @@ def clipped(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
 @given(arrays(np.float64, (4, 3, 2), elements=st.integers(-40, 60).map(lambda x: x / 7)))
 def test_the_bounds_are_those_of_all_triangles_cut_one_by_one(triangles: NDArray[np.float64]) -> None:
     left = np.concatenate([clipped(triangle) for triangle in triangles])
-    found = bounds_in_frame(triangles.reshape(-1, 2).T, np.arange(12).reshape(4, 3), FRAME)
+    found = bounds_in_frame(triangles.reshape(-1, 2).T, torch.arange(12).reshape(4, 3), FRAME)
     if found is None:
         assert not len(left)
     elif len(left):
