@@ -110,7 +110,7 @@ def _unless_degenerate(label: CuboidLabel, seen: Observation, config: LabelConfi
     if seen.pose is not None:
         return label
     if seen.mask is not None:
-        animal_px = float(seen.mask.sum())
+        animal_px = float(np.count_nonzero(seen.mask))
     else:
         keypoints = seen.keypoints_2d[seen.visible, :2] if seen.keypoints_2d is not None else np.zeros((1, 2))
         animal_px = float((keypoints.max(0) - keypoints.min(0)).prod())

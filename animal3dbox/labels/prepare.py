@@ -30,18 +30,19 @@ def prepare(seen: Observation, config: LabelConfig) -> Prepared | Rejection:
             seen.sample_id, "no_axes", "the landmarks known do not fix forward and left; give a template or more of the trunk's landmarks"
         )
     cuboid_mesh, bounds_source, warnings = _cuboid_of_body(seen, axes.R_box, config)
+    box = None if seen.mask is None else mask_box(seen.mask)
     estimate: PoseEstimate | PoseFailure
     if seen.pose is not None:
         estimate = seen.pose
     else:
-        problem, lens_warnings = _pose_problem(seen, axes.R_box, config)
+        problem, lens_warnings = _pose_problem(seen, axes.R_box, box, config)
         estimate = estimate_pose(problem, config, seen.hypotheses)
         warnings += lens_warnings
     if isinstance(estimate, PoseFailure):
         return Rejection(seen.sample_id, estimate.reason, estimate.detail)
     if seen.distortion is not None and _is_beyond(seen, cuboid_mesh, estimate, seen.distortion):
         return Rejection(seen.sample_id, "beyond_lens", "the animal or its box reaches beyond the lens's field of view, where its polynomial folds")
-    shown = shown_body(seen, estimate, axes.R_box, config)
+    shown = shown_body(seen, estimate, axes.R_box, box, config)
     return Prepared(seen, cuboid_mesh, estimate, shown, axes.rule, bounds_source, (*seen.warnings, *warnings, *estimate.warnings))
 
 
@@ -66,14 +67,14 @@ def _cuboid_of_body(seen: Observation, R_box: Tensor, config: LabelConfig) -> tu
     return tight_cuboid(seen.vertices[kept], R_box, margin), "vertices", ()
 
 
-def _pose_problem(seen: Observation, R_box: Tensor, config: LabelConfig) -> tuple[PoseProblem, tuple[str, ...]]:
-    """The visible keypoints with their landmarks, as a pinhole would show them, and warnings; none at all if either side is missing."""
+def _pose_problem(seen: Observation, R_box: Tensor, box: Tensor | None, config: LabelConfig) -> tuple[PoseProblem, tuple[str, ...]]:
+    """The visible keypoints with their landmarks and the mask's box, as a pinhole would show them, and warnings; none if either side is missing."""
     used = seen.matched
     empty = np.zeros((0, 3))  # nothing to solve for: there will be a rejection
     points = torch.from_numpy(seen.landmarks[used] if seen.landmarks is not None else empty)
     keypoints = torch.from_numpy(seen.keypoints_2d[used] if seen.keypoints_2d is not None else empty)
     sigma, misfit, K = keypoint_sigma(keypoints, seen.image_hw, config), torch.from_numpy(seen.landmark_sigma[used]), torch.from_numpy(seen.K)
-    pixels, box, warnings = keypoints[:, :2], None if seen.mask is None else mask_box(seen.mask), list[str]()
+    pixels, warnings = keypoints[:, :2], list[str]()
     if seen.distortion is not None:
         lens = torch.from_numpy(seen.distortion)
         pixels, stretched, found = straightened(pixels, K, lens)
@@ -81,7 +82,7 @@ def _pose_problem(seen: Observation, R_box: Tensor, config: LabelConfig) -> tupl
             warnings = [f"{int((~found).sum())} keypoints lie where the lens shows nothing and do not count for the pose"]
         points, pixels, sigma, misfit = points[found], pixels[found], (sigma * stretched)[found], misfit[found]
         box = None if seen.mask is None else straightened_box(torch.from_numpy(seen.mask), K, lens)
-    if config.method == "default":
+    if config.method == "default" and seen.landmark_sigma.any():
         sigma = torch.hypot(sigma, misfit_sigma(points, pixels, misfit))
     vertices = None if seen.vertices is None else torch.from_numpy(seen.vertices)
     return PoseProblem(points, pixels, sigma, K, seen.image_hw, R_box, vertices, box), tuple(warnings)

@@ -23,17 +23,17 @@ def mask_overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
     return float(shared / union) if union else 0.0
 
 
-def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, config: LabelConfig) -> ShownBody:
+def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, box: Tensor | None, config: LabelConfig) -> ShownBody:
     """The body under a camera; nothing is drawn unless the configuration asks for it, or the body reaches behind the camera.
 
     Args:
         seen: the animal.
         pose: its camera.
         R_box: (3, 3) its axes, R_world_box.
+        box: (4,) xyxy px of its mask; None without one.
         config: surface_share and mask_iou.
 
     """
-    box = None if seen.mask is None else mask_box(seen.mask)
     wants_overlap = seen.mask is not None and config.mask_iou
     draws = seen.faces is not None and (wants_overlap or config.surface_share)
     if seen.vertices is None or (box is not None and not draws):

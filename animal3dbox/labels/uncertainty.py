@@ -1,8 +1,10 @@
 """How far each keypoint is to be trusted."""
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import as_numpy, clip
 from animal3dbox.labels.config import LabelConfig
 
 
@@ -42,12 +44,12 @@ def keypoint_sigma(keypoints_2d: Tensor, image_hw: tuple[int, int], config: Labe
         (J,) in px.
 
     """
-    x, y, confidence = keypoints_2d.unbind(-1)
+    x, y, confidence = as_numpy(keypoints_2d).T
     height, width = image_hw
-    to_border = torch.stack((x + 0.5, width - 0.5 - x, y + 0.5, height - 0.5 - y)).amin(0)
+    to_border = np.minimum(np.minimum(x + 0.5, width - 0.5 - x), np.minimum(y + 0.5, height - 0.5 - y))
     band = max(config.edge_band * min(height, width), 1e-9)
-    edge_factor = 1 + (config.edge_gain - 1) * (1 - to_border / band).clamp(0, 1)
-    conf_factor = 1 / confidence.clamp(config.confidence_floor, 1.0)
+    edge_factor = 1 + (config.edge_gain - 1) * clip(1 - to_border / band, 0.0, 1.0)
+    conf_factor = 1 / clip(confidence, config.confidence_floor, 1.0)
     occluded = confidence < config.occluded_below
-    sigma_base = torch.where(occluded, config.sigma_occluded_px, config.sigma_visible_px).to(x.dtype)
-    return (sigma_base**2 * edge_factor * conf_factor).sqrt()
+    sigma_base = np.where(occluded, config.sigma_occluded_px, config.sigma_visible_px).astype(x.dtype)
+    return torch.from_numpy(np.sqrt(sigma_base**2 * edge_factor * conf_factor))

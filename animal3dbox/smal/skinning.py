@@ -19,7 +19,7 @@ from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
 STILL = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 SPARSE_BELOW = 0.3
 """Share of entries that are not zero up to which a sparse matrix is the faster one."""
-BODIES_AT_ONCE = 8
+BODIES_AT_ONCE = 12
 """Arrays of so many bodies at a time: more of them fall out of the processor's cache."""
 
 
