@@ -17,9 +17,9 @@ def estimate_pose(problem: PoseProblem, config: LabelConfig, hypotheses: tuple[P
     """The camera pose of an animal (section 2.2).
 
     ``basic`` is EPnP + RANSAC, ``paper`` refines it by the joint cost. ``default`` starts from those, SQPnP, the
-    hypotheses given and a grid of views, keeps the animal in front of the camera throughout, and refines the best
-    by a robust joint cost with the mesh's bounds instead of the keypoints', without the mask term when the mask
-    touches the border of the image.
+    hypotheses given and, unless one of these explains every keypoint, a grid of views, keeps the animal in front of
+    the camera throughout, and refines the best by a robust joint cost with the mesh's bounds instead of the keypoints',
+    without the mask term when the mask touches the border of the image.
 
     Args:
         problem: keypoints, landmarks and mask.

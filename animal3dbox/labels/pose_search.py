@@ -123,7 +123,7 @@ def _sight(problem: PoseProblem) -> tuple[Sight, float]:
 
 
 def search_poses(problem: PoseProblem, starts: list[PoseEstimate]) -> Candidates:
-    """Refine the given starts and a grid of views; robust, keypoints only.
+    """Refine the given starts and, unless one of them is beyond doubt, a grid of views; robust, keypoints only.
 
     Args:
         problem: about its own mean, in units of its own spread.
