@@ -177,11 +177,12 @@ class ParametersBody:
 
     def content(self, record: AnimalRecord) -> bytes:
         """The animal's parameters."""
-        if record.sample_id not in self.parameters:
-            raise SampleError(record.sample_id, "parameters", "there are none for this sample")
-        if isinstance(self.parameters, PackedMapping):
-            return self.parameters.packed(record.sample_id)
-        return content_digest(self.parameters[record.sample_id])
+        try:
+            if isinstance(self.parameters, PackedMapping):
+                return self.parameters.packed(record.sample_id)
+            return content_digest(self.parameters[record.sample_id])
+        except KeyError:
+            raise SampleError(record.sample_id, "parameters", "there are none for this sample") from None
 
     def packed(self) -> "ParametersBody":
         """The same with its parameters in a few tensors, for workers (packed.py)."""

@@ -4,7 +4,7 @@ MessagePack, with arrays as an extension type. Frozen dataclasses become maps of
 vocabulary, is named by a number.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -88,8 +88,9 @@ def _array_bytes(array: np.ndarray) -> bytes:
 
 
 def _tuples(value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(_tuples(part) for part in value)
-    if isinstance(value, Mapping):
-        return {name: _tuples(part) for name, part in value.items()}
+    kind = type(value)
+    if kind is list:
+        return tuple(_tuples(part) if type(part) in (list, dict) else part for part in value)
+    if kind is dict:
+        return {name: _tuples(part) if type(part) in (list, dict) else part for name, part in value.items()}
     return value
