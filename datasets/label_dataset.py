@@ -19,6 +19,7 @@ from animal3dbox.datasets.labelling import PosePolicy, check_pose_policy
 from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.row_maker import RowMaker, fault_case, rejected_case
+from animal3dbox.datasets.scale import ScaleSource
 from animal3dbox.datasets.sources import ImageSample, SampleSource
 from animal3dbox.datasets.targets import check_one_camera, empty_target, image_tensor, target_of
 from animal3dbox.datasets.threads import one_thread
@@ -93,7 +94,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         filters: LabelFilter | None = None,
         classes: Sequence[str] | None = None,
         transform: TransformCall | None = None,
-        scale: Any = None,
+        scale: ScaleSource | None = None,
         pose: PosePolicy = "hypothesis",
         cache: Path | str | None = None,
         masks: bool = True,
