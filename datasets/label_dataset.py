@@ -56,7 +56,7 @@ class Skipped:
 class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
     """Images with the cuboids of their animals, labelled when they are asked for.
 
-    ``dataset[i]`` is ``(image, target)``: the image (3, H, W) uint8 RGB, the target a plain dict as docs/conventions.md lists it, float32,
+    ``dataset[i]`` is ``(image, target)``: the image (3, H, W) uint8 RGB, the target a plain dict as docs/datasets.md lists it, float32,
     with N animals. ``dataset[epoch, i]`` is the same sample as epoch's transform draws it.
 
     Args:
