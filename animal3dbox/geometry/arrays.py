@@ -11,6 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""Of each coordinate, the one after it and the one before."""
 AnyArray = TypeVar("AnyArray", Tensor, np.ndarray)
 
 
@@ -31,12 +33,26 @@ def like(array: AnyArray, values: Any) -> AnyArray:
     return np.array(values, dtype=array.dtype)
 
 
+def rows_at(points: AnyArray, ids: np.ndarray) -> AnyArray:
+    """Rows of points (..., N, D) by their numbers, an array of whole numbers of any shape (I, ...): (..., I, ..., D)."""
+    if isinstance(points, Tensor):
+        return points[..., torch.from_numpy(ids).to(points.device), :]
+    return points.take(ids, -2)
+
+
+def as_type_of(array: AnyArray, other: AnyArray) -> AnyArray:
+    """The array in another's floating-point type."""
+    if isinstance(array, Tensor):
+        return array.to(other.dtype)
+    return array.astype(other.dtype, copy=False)
+
+
 def cross(a: AnyArray, b: AnyArray) -> AnyArray:
     """Cross products (..., 3) of vectors (..., 3)."""
     if isinstance(a, Tensor):
         turned: Tensor = torch.linalg.cross(a, b)
         return turned
-    product: np.ndarray = a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+    product: np.ndarray = a.take(NEXT, -1) * b.take(LAST, -1) - a.take(LAST, -1) * b.take(NEXT, -1)
     return product
 
 

@@ -11,6 +11,8 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import as_numpy, cross
 
 IDENTITY = np.eye(3)
+FEW = 4
+"""Up to so many matrices are checked number by number."""
 
 
 def check_shape(name: str, tensor: Tensor | np.ndarray, spec: str) -> None:
@@ -58,7 +60,7 @@ def check_rotation(name: str, tensor: Tensor | np.ndarray, tolerance: float = 1e
     R = as_numpy(tensor)
     if not R.size:
         return
-    off, least = _off_rotation(R.tolist()) if R.ndim == 2 else _off_rotations(R)
+    off, least = _off_rotations(R) if R.size > 9 * FEW else _off_few_rotations(R.reshape(-1, 3, 3).tolist())
     if off > tolerance:
         raise ShapeError(f"{name} must hold rotation matrices, but R @ R.T differs from the identity by {off:.2g}")
     if least < 0:
@@ -71,12 +73,15 @@ def _off_rotations(R: np.ndarray) -> tuple[float, float]:
     return float(np.abs(R @ R.mT - IDENTITY).max()), float(determinants.min())
 
 
-def _off_rotation(R: list[list[float]]) -> tuple[float, float]:
-    """The same of one matrix, in plain numbers: nine numbers are not worth the calls."""
-    (a, b, c), (d, e, f), (g, h, i) = R
-    lengths = a * a + b * b + c * c - 1, d * d + e * e + f * f - 1, g * g + h * h + i * i - 1
-    angles = a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i
-    return max(map(abs, (*lengths, *angles))), a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+def _off_few_rotations(matrices: list[list[list[float]]]) -> tuple[float, float]:
+    """The same in plain numbers: nine of them are not worth the calls."""
+    off, least = 0.0, math.inf
+    for (a, b, c), (d, e, f), (g, h, i) in matrices:
+        lengths = a * a + b * b + c * c - 1, d * d + e * e + f * f - 1, g * g + h * h + i * i - 1
+        angles = a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i
+        off = max(off, *map(abs, (*lengths, *angles)))
+        least = min(least, a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
+    return off, least
 
 
 def check_intrinsics(name: str, K: Tensor | np.ndarray) -> None:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.checks import check_finite, check_rotation, check_shape
 
 CORNER_SIGNS = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
@@ -50,8 +51,15 @@ class Cuboid:
         check_finite("center", self.center)
         check_finite("size", self.size)
         check_rotation("rotation", self.rotation)
-        if bool((self.size < 0).any()):
+        if self.size.numel() and as_numpy(self.size).min() < 0:
             raise ShapeError(f"size must not be negative, got {self.size.tolist()}")
+
+    def __getitem__(self, index: int) -> "Cuboid":
+        """One box of a batch, in memory of its own; checked already."""
+        box = object.__new__(Cuboid)
+        for name in ("center", "rotation", "size"):
+            object.__setattr__(box, name, getattr(self, name)[index].clone())
+        return box
 
     @property
     def diagonal(self) -> Tensor:

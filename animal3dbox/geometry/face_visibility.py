@@ -7,16 +7,17 @@ over the hidden faces, which stays true when the box is cut by the near plane.
 from dataclasses import dataclass
 from typing import Generic
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, at_least, clip, cross, like, namespace, norm
+from animal3dbox.geometry.arrays import AnyArray, as_type_of, at_least, clip, cross, like, norm, rows_at
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_image_hw, check_shape
 from animal3dbox.geometry.cuboid import FACES, Cuboid
 from animal3dbox.geometry.polygon import area_in_frame, clip_to_near, polygon_area
 
-QUADS = [list(face) for face in FACES.values()]
+QUADS = np.array(list(FACES.values()))
 NEAR_PER_DIAGONAL = 1e-2
 """The near plane stands at this fraction of the box diagonal: nearer things have no useful projection."""
 
@@ -51,13 +52,19 @@ def face_normals(corners: AnyArray) -> AnyArray:
 
     """
     check_shape("corners", corners, "... 8 3")
-    quads = corners[..., QUADS, :]
-    normals = cross(quads[..., 1, :] - quads[..., 0, :], quads[..., 3, :] - quads[..., 0, :])
-    normals = normals / at_least(norm(normals), 1e-300)[..., None]
-    outward = quads.mean(-2) - corners.mean(-2)[..., None, :]
-    flip = (normals * outward).sum(-1)[..., None] < 0
-    outwards: AnyArray = namespace(normals).where(flip, -normals, normals)
-    return outwards
+    normals = _outward(corners, rows_at(corners, QUADS))
+    unit: AnyArray = normals / at_least(norm(normals), 1e-300)[..., None]
+    return unit
+
+
+def _outward(corners: AnyArray, quads: AnyArray) -> AnyArray:
+    """Outward normals (..., 6, 3) of the faces (..., 6, 4, 3) of boxes (..., 8, 3), as long as their faces are large."""
+    first = quads[..., 0, :]
+    normals = cross(quads[..., 1, :] - first, quads[..., 3, :] - first)
+    outward = quads.sum(-2) - corners.sum(-2)[..., None, :] / 2  # four times the way from the box's middle to the face's
+    inwards = (normals * outward).sum(-1)[..., None] < 0
+    turned: AnyArray = normals * (1 - 2 * as_type_of(inwards, normals))
+    return turned
 
 
 def visible_faces(corners: AnyArray, camera_center: AnyArray) -> AnyArray:
@@ -71,8 +78,10 @@ def visible_faces(corners: AnyArray, camera_center: AnyArray) -> AnyArray:
         (..., 6) bool.
 
     """
-    view = camera_center[..., None, :] - corners[..., QUADS, :].mean(-2)
-    visible: AnyArray = (face_normals(corners) * view).sum(-1) > 0
+    check_shape("corners", corners, "... 8 3")
+    quads = rows_at(corners, QUADS)
+    view = 4 * camera_center[..., None, :] - quads.sum(-2)
+    visible: AnyArray = (_outward(corners, quads) * view).sum(-1) > 0
     return visible
 
 
@@ -137,9 +146,8 @@ def projected_faces(corners_cam: AnyArray, K: AnyArray, distortion: AnyArray | N
     """
     near = near_depth_of_corners(corners_cam)
     if bool((corners_cam[..., 2] > near[..., None]).all()):
-        faces_px: AnyArray = project(K, corners_cam, distortion)[0][..., QUADS, :]
-        return faces_px
-    quads = corners_cam[..., QUADS, :]
+        return rows_at(project(K, corners_cam, distortion)[0], QUADS)
+    quads = rows_at(corners_cam, QUADS)
     if isinstance(quads, Tensor):
         return project(K[..., None, :, :], clip_to_near(quads, near[..., None, None]), distortion)[0]
     clipped = clip_to_near(torch.from_numpy(quads), torch.from_numpy(near)[..., None, None]).numpy()

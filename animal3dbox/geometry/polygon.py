@@ -25,9 +25,9 @@ def signed_area(polygons: AnyArray) -> AnyArray:
 
     """
     check_shape("polygons", polygons, "... P 2")
-    about = polygons - polygons[..., :1, :]  # near the origin, so that no digits cancel
-    after = about[..., [*range(1, polygons.shape[-2]), 0], :]
-    area: AnyArray = 0.5 * (about[..., 0] * after[..., 1] - after[..., 0] * about[..., 1]).sum(-1)
+    about = polygons[..., 1:, :] - polygons[..., :1, :]  # near the origin, so that no digits cancel; the first corner is the origin
+    x, y = about[..., 0], about[..., 1]
+    area: AnyArray = 0.5 * (x[..., :-1] * y[..., 1:] - x[..., 1:] * y[..., :-1]).sum(-1)
     return area
 
 

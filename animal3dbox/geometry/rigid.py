@@ -1,5 +1,6 @@
 """Rigid transforms and rotations."""
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -8,6 +9,8 @@ from animal3dbox.geometry.checks import check_shape
 
 CROSS = ((0.0, 0, 0, 0, 0, -1, 0, 1, 0), (0.0, 0, 1, 0, 0, 0, -1, 0, 0), (0.0, -1, 0, 1, 0, 0, 0, 0, 0))
 """What each coordinate of v puts into the nine entries of v's cross-product matrix."""
+TINY = 1e-30
+"""Added to angles, radians, that something is divided by."""
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -69,16 +72,23 @@ def rotation_from_axis_angle(axis_angle: AnyArray) -> AnyArray:
 
     """
     check_shape("axis_angle", axis_angle, "... 3")
-    xp = namespace(axis_angle)
     square = (axis_angle * axis_angle).sum(-1)[..., None, None]
-    small = square < 1e-8
-    safe = xp.where(small, xp.ones_like(square), square)
-    angle = xp.sqrt(safe)
-    sine = xp.where(small, 1 - square / 6, xp.sin(angle) / angle)
-    cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / safe)
+    sine, cosine = _rodrigues_factors(square)
     skew = cross_matrix(axis_angle)
     R: AnyArray = like(axis_angle, IDENTITY) + sine * skew + cosine * (skew @ skew)
     return R
+
+
+def _rodrigues_factors(square: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """sin(a) / a and (1 - cos(a)) / a^2 of squared angles a^2, of any shape."""
+    if not isinstance(square, Tensor):  # no derivatives to keep: the limits at zero come by themselves
+        angle = np.sqrt(square) + TINY
+        half = np.sin(angle / 2) / angle
+        return np.sin(angle) / angle, 2 * half * half
+    small = square < 1e-8
+    safe = torch.where(small, 1.0, square)
+    angle = torch.sqrt(safe)
+    return torch.where(small, 1 - square / 6, torch.sin(angle) / angle), torch.where(small, 0.5 - square / 24, (1 - torch.cos(angle)) / safe)
 
 
 def axis_angle_from_rotation(R: Tensor) -> Tensor:
@@ -154,6 +164,9 @@ def nearest_rotation(M: AnyArray) -> AnyArray:
     """
     xp = namespace(M)
     U, _, Vt = xp.linalg.svd(M)
-    sign = xp.linalg.det(U @ Vt)
+    turned: AnyArray = U @ Vt
+    sign = xp.linalg.det(turned)
+    if not isinstance(M, Tensor) and (sign > 0).all():
+        return turned
     R: AnyArray = xp.concatenate((U[..., :2], U[..., 2:] * sign[..., None, None]), -1) @ Vt
     return R

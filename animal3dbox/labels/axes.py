@@ -1,8 +1,9 @@
 """The body's axes by the configured rule; the default uses all of the trunk at once."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -22,19 +23,37 @@ NEAR_TRUNK = (*TRUNK, "withers", "left_front_elbow", "right_front_elbow", "left_
 
 
 def body_axes(seen: Observation, axes: str) -> BodyAxes | None:
-    """The axes of a body (section 2.1.1).
+    """The axes of a body (section 2.1.1); None if nothing tells which way it points. See bodies_axes."""
+    return bodies_axes([seen], axes)[0]
+
+
+def bodies_axes(animals: Sequence[Observation], axes: str) -> list[BodyAxes | None]:
+    """The axes of bodies (section 2.1.1); those on one template are found together.
 
     Args:
-        seen: the animal.
+        animals: the animals.
         axes: "landmarks" and "pca" as published; "default": the torso's vertices against the template if there is
             one, else the trunk's landmarks together, whether seen in the image or not: the mesh knows its hidden ones.
 
     Returns:
-        The axes and their rule, or None if nothing tells which way the body points.
+        The axes of each and their rule, or None if nothing tells which way the body points.
 
     """
-    if axes == "default" and seen.template is not None and seen.vertices is not None:
-        return BodyAxes(torch.from_numpy(torso_axes(seen.vertices, seen.template)), "torso vertices on the template")
+    found: list[BodyAxes | None] = [None] * len(animals)
+    on_template: dict[SmalModel, dict[int, np.ndarray]] = {}
+    for i, seen in enumerate(animals):
+        if axes == "default" and seen.template is not None and seen.vertices is not None:
+            on_template.setdefault(seen.template, {})[i] = seen.vertices
+        else:
+            found[i] = _axes_of_landmarks(seen, axes)
+    for template, bodies in on_template.items():
+        for i, R_box in zip(bodies, _torsos_axes(list(bodies.values()), template), strict=True):
+            found[i] = BodyAxes(torch.from_numpy(R_box), "torso vertices on the template")
+    return found
+
+
+def _axes_of_landmarks(seen: Observation, axes: str) -> BodyAxes | None:
+    """The axes of a body without a template, or by one of the published rules."""
     named = _named_landmarks(seen)
     if axes == "pca":
         points = torch.from_numpy(seen.vertices) if seen.vertices is not None else torch.stack(list(named.values()))
@@ -69,10 +88,16 @@ def torso_axes(vertices_world: AnyArray, template: SmalModel) -> AnyArray:
         R_world_box (3, 3), float64.
 
     """
-    here = as_numpy(vertices_world).T.take(template.torso_ids, 1)
-    R = nearest_rotation((here - here.sum(1)[:, None] / here.shape[1]) @ template.torso_layout)
+    R = _torsos_axes([as_numpy(vertices_world)], template)[0]
     axes: AnyArray = torch.from_numpy(R) if isinstance(vertices_world, Tensor) else R
     return axes
+
+
+def _torsos_axes(bodies: Sequence[np.ndarray], template: SmalModel) -> np.ndarray:
+    """torso_axes (B, 3, 3) of B bodies."""
+    here = np.array([vertices.T.take(template.torso_ids, 1) for vertices in bodies])  # (B, 3, T)
+    here -= here[:, :, :1]  # near the origin, so that no digits cancel; the layout is about its mean, and so no shift counts
+    return nearest_rotation(here @ template.torso_layout)
 
 
 def trunk_axes(landmarks: Mapping[str, Tensor]) -> BodyAxes | None:

@@ -1,6 +1,6 @@
 """The doors: one animal from arrays to a label, or many at once."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -97,9 +97,9 @@ def label_many(animals: Iterable[Mapping[str, Any]], config: LabelConfig | None 
     return _labelled([observe(config=config, **{**UNKNOWN, **animal}) for animal in animals], config)
 
 
-def _labelled(animals: Iterable[Observation], config: LabelConfig) -> list[CuboidLabel | Rejection]:
+def _labelled(animals: Sequence[Observation], config: LabelConfig) -> list[CuboidLabel | Rejection]:
     """What becomes of each animal."""
-    prepared = [prepare(seen, config) for seen in animals]
+    prepared = prepare(animals, config)
     ready = [one for one in prepared if isinstance(one, Prepared)]
     labels = iter(_unless_degenerate(label, one.seen, config) for label, one in zip(assemble_labels(ready), ready, strict=True))
     return [next(labels) if isinstance(one, Prepared) else one for one in prepared]

@@ -16,11 +16,11 @@ class LandmarkPlaces:
 
     Attributes:
         ids: (N,) the vertices that some keypoint is read off.
-        weights: (J, N) each keypoint's part of these; NaN for one that the body has no place for.
+        parts: (N, J) of these in each keypoint; NaN for one that the body has no place for.
     """
 
     ids: np.ndarray
-    weights: np.ndarray
+    parts: np.ndarray
 
     @classmethod
     def of(cls, places: Sequence[Sequence[int] | Tensor | None], n_vertices: int) -> "LandmarkPlaces":
@@ -35,12 +35,12 @@ class LandmarkPlaces:
         ids = ids if len(ids) else np.zeros(1, dtype=np.intp)  # a row of no numbers could not be NaN
         weights = weights[:, ids]
         weights[[place is None for place in places]] = np.nan
-        return cls(ids, weights)
+        return cls(ids, np.ascontiguousarray(weights.T))
 
     def read(self, vertices: AnyArray) -> AnyArray:
         """The keypoints (..., J, 3) on bodies (..., V, 3)."""
         if isinstance(vertices, Tensor):
-            points: Tensor = torch.from_numpy(self.weights).to(vertices) @ vertices[..., torch.from_numpy(self.ids), :]
+            points: Tensor = torch.from_numpy(self.parts).to(vertices).mT @ vertices[..., torch.from_numpy(self.ids), :]
             return points
-        read: np.ndarray = self.weights @ vertices[..., self.ids, :]
+        read: np.ndarray = (vertices.mT.take(self.ids, -1) @ self.parts).mT  # posed vertices lie in memory coordinate by coordinate
         return read

@@ -146,12 +146,16 @@ class SmalModel:
         inputs = (betas, pose, trans)
         if any(x.requires_grad or x.device.type != "cpu" for x in (*inputs, self.v_template)):
             return PosedBody(*(x.mT if i == 0 else x for i, x in enumerate(skin(self._tensor_maps, *inputs))))
-        return self.posed_arrays(*(x.numpy() for x in inputs))
+        return self.posed_arrays(betas.numpy(), pose.numpy(), trans.numpy())
 
-    def posed_arrays(self, betas: np.ndarray, pose: np.ndarray, trans: np.ndarray) -> PosedBody:
-        """posed, of arrays of the right shapes; a few bodies at a time, which stay in the processor's cache."""
+    def posed_arrays(self, betas: np.ndarray, pose: np.ndarray, trans: np.ndarray, vertices_in: torch.dtype | None = None) -> PosedBody:
+        """posed, of arrays of the right shapes; a few bodies at a time, which stay in the processor's cache.
+
+        vertices_in is the type in which vertices are computed before trans is added (skinning.py); None: the model's.
+        """
+        maps = self._array_maps(vertices_in or self.v_template.dtype)
         starts = range(0, max(len(betas), 1), BODIES_AT_ONCE)
-        pieces = [skin(self._array_maps, *(x[k : k + BODIES_AT_ONCE] for x in (betas, pose, trans))) for k in starts]
+        pieces = [skin(maps, *(x[k : k + BODIES_AT_ONCE] for x in (betas, pose, trans))) for k in starts]
         vertices, joints, R_world_joint = pieces[0] if len(pieces) == 1 else (np.concatenate(parts) for parts in zip(*pieces, strict=True))
         return PosedBody(torch.from_numpy(vertices).mT, torch.from_numpy(joints), torch.from_numpy(R_world_joint))
 
@@ -159,9 +163,14 @@ class SmalModel:
     def _tensor_maps(self) -> SkinMaps[Tensor]:
         return skin_maps(self.v_template, self.shapedirs, self.posedirs, self.J_regressor, self.weights, self.parents)
 
+    def _array_maps(self, dtype: torch.dtype) -> SkinMaps[np.ndarray]:
+        if dtype not in self._array_maps_by_type:
+            self._array_maps_by_type[dtype] = array_maps(self._tensor_maps, dtype)
+        return self._array_maps_by_type[dtype]
+
     @cached_property
-    def _array_maps(self) -> SkinMaps[np.ndarray]:
-        return array_maps(self._tensor_maps)
+    def _array_maps_by_type(self) -> dict[torch.dtype, SkinMaps[np.ndarray]]:
+        return {}
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields alone: what is worked out from them is not sent to other processes."""

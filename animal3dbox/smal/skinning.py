@@ -2,6 +2,9 @@
 
 Arrays keep what is mostly zeros (pose columns, weights) as sparse matrices, which torch cannot differentiate in all directions.
 Points are kept coordinate by coordinate, (B, 3, V): bounds and projections of a body then run along memory.
+
+Vertices may be computed in float32 where joints and places are in float64: the constants of all vertices are megabytes, and reading
+them is what takes the time. About the body's own origin that costs less than a millionth of its length, wherever the body stands.
 """
 
 from collections.abc import Sequence
@@ -13,10 +16,9 @@ import torch
 from scipy.sparse import csr_array
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, as_numpy, contiguous, large_product, like, namespace
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, as_type_of, contiguous, large_product, like, namespace
 from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
 
-STILL = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 SPARSE_BELOW = 0.3
 """Share of entries that are not zero up to which a sparse matrix is the faster one."""
 BODIES_AT_ONCE = 12
@@ -35,7 +37,10 @@ class SkinMaps(Generic[AnyArray]):
         joints: (3 J,) of the template, joint by joint.
         joints_shape: (S, 3 J).
         bones: (J, J) 1 on the diagonal, -1 at each joint's parent: joints to bones.
+        still: (J + 1, 4, 4) moves that change nothing.
         jumps: for each joint, and a last one that stands still: the ancestor 1, 2, 4, ... steps up the tree.
+
+    template, shape, pose and weights may be in float32 beside joints in float64.
     """
 
     template: AnyArray
@@ -45,6 +50,7 @@ class SkinMaps(Generic[AnyArray]):
     joints: AnyArray
     joints_shape: AnyArray
     bones: AnyArray
+    still: AnyArray
     jumps: tuple[np.ndarray, ...]
 
 
@@ -67,15 +73,16 @@ def skin_maps(
         joints=(J_regressor @ v_template).flatten(),
         joints_shape=joints_shape.contiguous(),
         bones=bones,
+        still=torch.eye(4, dtype=weights.dtype, device=weights.device).repeat(len(parents) + 1, 1, 1),
         jumps=tuple(np.array(jump) for jump in jumps[:-1]),
     )
 
 
-def array_maps(maps: SkinMaps[Tensor]) -> SkinMaps[np.ndarray]:
-    """The same constants as arrays, sparse where that is faster."""
-    pose, weights = (_maybe_sparse(as_numpy(values)) for values in (maps.pose, maps.weights))
-    template, shape, joints, joints_shape, bones = (as_numpy(x) for x in (maps.template, maps.shape, maps.joints, maps.joints_shape, maps.bones))
-    return SkinMaps(template, shape, pose, weights, joints, joints_shape, bones, maps.jumps)
+def array_maps(maps: SkinMaps[Tensor], dtype: torch.dtype) -> SkinMaps[np.ndarray]:
+    """The same constants as arrays, sparse where that is faster; those of all vertices in a floating-point type."""
+    template, shape, pose, weights = (as_numpy(x.to(dtype)) for x in (maps.template, maps.shape, maps.pose, maps.weights))
+    joints, joints_shape, bones, still = (as_numpy(x) for x in (maps.joints, maps.joints_shape, maps.bones, maps.still))
+    return SkinMaps(template, shape, _maybe_sparse(pose), _maybe_sparse(weights), joints, joints_shape, bones, still, maps.jumps)
 
 
 def _maybe_sparse(values: np.ndarray) -> Any:
@@ -96,35 +103,36 @@ def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray, trans: AnyAr
         Vertices (B, 3, V), joints (B, J, 3) and the joints' global rotations (B, J, 3, 3).
 
     """
-    xp = namespace(betas)
     batch, joint_count = pose.shape[:2]
     used = betas.shape[1]
     joints_rest = (maps.joints + betas @ maps.joints_shape[:used]).reshape(batch, joint_count, 3)
     rotations = rotation_from_axis_angle(pose)
     feature = (rotations[:, 1:] - like(pose, IDENTITY)).reshape(batch, -1)
-    v_posed = large_product(betas, maps.shape[:used])
+    v_posed = large_product(as_type_of(betas, maps.shape), maps.shape[:used])
     v_posed += maps.template
-    v_posed += (maps.pose @ feature.mT).mT
-    v_posed = v_posed.reshape(batch, 1, 3, -1)
-    moved = _along_the_tree(maps, xp.concatenate((rotations, (maps.bones @ joints_rest)[..., None]), -1))
-    R_world_joint, joints = moved[..., :3], moved[..., 3]
+    v_posed += (maps.pose @ as_type_of(feature, maps.shape).mT).mT
+    R_world_joint, joints = _along_the_tree(maps, rotations, maps.bones @ joints_rest)
     offsets = joints[..., None] - R_world_joint @ joints_rest[..., None]
-    moves = xp.concatenate((R_world_joint, offsets), -1).reshape(batch, joint_count, 12)  # of each joint: 3 rows of 4
-    blended = maps.weights @ xp.swapaxes(moves, 0, 1).reshape(joint_count, batch * 12)
-    rows = contiguous(blended.T).reshape(batch, 3, 4, -1)
-    vertices = rows[:, :, 3] + trans[..., None]
-    for axis in range(3):
-        vertices += rows[:, :, axis] * v_posed[:, :, axis]
+    moves = namespace(betas).concatenate((R_world_joint, offsets), -1)  # of each joint: 3 rows of 4
+    vertices = _blended(maps, as_type_of(moves, maps.shape), v_posed.reshape(batch, 1, 3, -1)) + trans[..., None]
     return vertices, joints + trans[:, None], R_world_joint
 
 
-def _along_the_tree(maps: SkinMaps[AnyArray], local: AnyArray) -> AnyArray:
-    """Compose the joints' moves (B, J, 3, 4) from the root outwards, by doubling the way up that each has behind it."""
-    xp = namespace(local)
-    last_row = xp.zeros_like(local[:, :, :1]) + like(local, [0.0, 0.0, 0.0, 1.0])
-    still = xp.zeros_like(local[:, :1, :1]) + like(local, STILL)
-    moves = xp.concatenate((xp.concatenate((local, last_row), 2), still), 1)
+def _blended(maps: SkinMaps[AnyArray], moves: AnyArray, v_posed: AnyArray) -> AnyArray:
+    """Vertices (B, 1, 3, V) moved by the weighted mean of the joints' moves (B, J, 3, 4), (B, 3, V)."""
+    batch, joint_count = moves.shape[:2]
+    blended = maps.weights @ namespace(moves).swapaxes(moves, 0, 1).reshape(joint_count, batch * 12)
+    rows = contiguous(blended.T).reshape(batch, 3, 4, -1)
+    vertices: AnyArray = rows[:, :, 3] + rows[:, :, 0] * v_posed[:, :, 0]
+    for axis in (1, 2):
+        vertices += rows[:, :, axis] * v_posed[:, :, axis]
+    return vertices
+
+
+def _along_the_tree(maps: SkinMaps[AnyArray], rotations: AnyArray, bones: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Compose the joints' turns (B, J, 3, 3) and steps (B, J, 3) from the root outwards, by doubling the way up that each has behind it."""
+    moves = maps.still + namespace(bones).zeros_like(bones[:, :1, :1, None])
+    moves[:, :-1, :3, :3], moves[:, :-1, :3, 3] = rotations, bones
     for jump in maps.jumps:
         moves = moves[:, jump] @ moves
-    composed: AnyArray = moves[:, :-1, :3]
-    return composed
+    return moves[:, :-1, :3, :3], moves[:, :-1, :3, 3]
