@@ -22,7 +22,6 @@ from animal3dbox.datasets.synthetic_set import SyntheticSet, record_of
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal, label_many
 from animal3dbox.labels.types import CuboidLabel, Rejection
-from animal3dbox.smal.parameters import posed_bodies
 
 SCENES = 24
 ROUNDS = 15
@@ -42,8 +41,7 @@ class Loader:
         self.masks = [record.mask for record in self.records]
         self.jpegs = [self._jpeg(sample.scene.image.numpy()) for sample in samples]
         self.posed = [self.bodies.body(record) for record in self.records]
-        single = self.bodies.model.to(torch.float32)
-        self.float32 = ParametersBody(single, self.bodies.parameters)
+        self.float64 = ParametersBody(self.bodies.model, self.bodies.parameters, torch.float64)
 
     @staticmethod
     def _jpeg(image: np.ndarray) -> bytes:
@@ -73,8 +71,8 @@ class Loader:
     def batch(self, size: int) -> list[CuboidLabel | Rejection]:
         """Labels of known cameras from SMAL parameters, many at once."""
         ids = [i % len(self.records) for i in range(size)]
-        vertices = posed_bodies(self.bodies.model, [self.bodies.parameters[self.records[i].sample_id] for i in ids]).vertices
-        return label_many((self.arguments(i, keypoints_3d=None, vertices=v, pose=STILL) for i, v in zip(ids, vertices, strict=True)), QUICK)
+        posed = zip(ids, self.bodies.bodies([self.records[i] for i in ids]), strict=True)
+        return label_many((self.arguments(i, keypoints_3d=body.landmarks, vertices=body.vertices, pose=STILL) for i, body in posed), QUICK)
 
 
 def main() -> None:
@@ -85,11 +83,11 @@ def main() -> None:
     stages: dict[str, tuple[int, Callable[[int], object]]] = {
         "decode a JPEG": (1, load.decode),
         "pose a body, read its landmarks": (1, lambda i: load.bodies.body(load.records[i])),
-        "  the same in float32": (1, lambda i: load.float32.body(load.records[i])),
+        "  the same in float64": (1, lambda i: load.float64.body(load.records[i])),
         "label, known camera": (1, lambda i: load.label(i, QUICK, pose=STILL)),
         "label, known camera and mask": (1, lambda i: load.label(i, QUICK, pose=STILL, mask=load.masks[i])),
         "pose and label, known camera": (1, lambda i: load.with_posing(i, load.bodies)),
-        "  the same, posed in float32": (1, lambda i: load.with_posing(i, load.float32)),
+        "  the same, posed in float64": (1, lambda i: load.with_posing(i, load.float64)),
         "pose and label, 16 at once": (16, lambda i: load.batch(16)),
         "pose and label, 64 at once": (64, lambda i: load.batch(64)),
         "surface share": (1, lambda i: load.label(i, LabelConfig(mask_iou=False), pose=STILL, mask=load.masks[i])),

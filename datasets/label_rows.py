@@ -4,12 +4,13 @@ The row is float64 with a fixed layout, so that reading one costs no more than l
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from animal3dbox.datasets.codec import Codec
 from animal3dbox.errors import ShapeError
@@ -62,9 +63,9 @@ def label_row(label: CuboidLabel) -> LabelRow:
     parts = []
     for name, width in _WIDTHS.items():
         value = getattr(label, name)
-        parts.append(np.full(width, -1.0) if value is None else np.asarray(value, dtype=np.float64).reshape(-1))
+        parts.append(np.full(width, -1.0) if value is None else value.numpy().ravel() if isinstance(value, Tensor) else (value,))
     keypoints = None if label.keypoints is None else label.keypoints.numpy()
-    quality = {**asdict(label.quality), "confidence": label.confidence}
+    quality = {**vars(label.quality), "confidence": label.confidence}
     distortion = None if label.distortion is None else label.distortion.numpy()
     scale = (label.scale_m_per_unit, label.scale_source)
     return LabelRow(label.sample_id or "", np.concatenate(parts), keypoints, quality, *scale, distortion)

@@ -92,9 +92,12 @@ def large_product(a: AnyArray, b: AnyArray) -> AnyArray:
     """A @ b of matrices so large that NumPy would share the work among threads of its own.
 
     A loader's workers have one thread each as far as torch is concerned, but NumPy's threads know nothing of that: with every
-    core busy, their waiting for each other makes such a product a hundred times slower. So torch multiplies.
+    core busy, their waiting for each other makes such a product a hundred times slower. So torch multiplies, and row by row: a
+    library rounds rows differently by how many there are, but a sample must not depend on its batch.
     """
     if isinstance(a, Tensor):
         return a @ b
-    product: np.ndarray = (torch.from_numpy(a) @ torch.from_numpy(b)).numpy()
+    rows, matrix = torch.from_numpy(a), torch.from_numpy(b)
+    products = [rows[i : i + 1] @ matrix for i in range(len(rows))]
+    product: np.ndarray = (products[0] if len(products) == 1 else torch.cat(products)).numpy()
     return product

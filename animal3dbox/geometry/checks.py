@@ -46,7 +46,7 @@ def _parsed(spec: str) -> tuple[bool, tuple[int | None, ...]]:
 def check_finite(name: str, tensor: Tensor | np.ndarray) -> None:
     """Raise a ShapeError naming the argument unless every value is finite."""
     values = as_numpy(tensor)
-    if values.dtype.kind == "f" and math.isfinite(values.sum()):  # one pass for what is right; a sum that overflows is looked at again
+    if values.dtype.kind == "f" and math.isfinite(np.add.reduce(values, None)):  # one pass for what is right; a sum that overflows is looked at again
         return
     finite = np.isfinite(values)
     if not finite.all():

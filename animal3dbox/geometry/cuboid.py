@@ -58,7 +58,9 @@ class Cuboid:
         """One box of a batch, in memory of its own; checked already."""
         box = object.__new__(Cuboid)
         for name in ("center", "rotation", "size"):
-            object.__setattr__(box, name, getattr(self, name)[index].clone())
+            held = getattr(self, name)
+            one = torch.from_numpy(held.numpy()[index].copy()) if held.device.type == "cpu" and not held.requires_grad else held[index].clone()
+            object.__setattr__(box, name, one)
         return box
 
     @property

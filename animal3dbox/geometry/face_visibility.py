@@ -5,13 +5,13 @@ over the hidden faces, which stays true when the box is cut by the near plane.
 """
 
 from dataclasses import dataclass
-from typing import Generic
+from typing import Any, Generic
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, as_type_of, at_least, clip, cross, like, norm, rows_at
+from animal3dbox.geometry.arrays import AnyArray, as_type_of, at_least, clip, cross, like, namespace, norm, rows_at
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_image_hw, check_shape
 from animal3dbox.geometry.cuboid import FACES, Cuboid
@@ -174,9 +174,9 @@ def corners_visibility(
     check_image_hw("image_hw", image_hw)
     quads_px = projected_faces(corners_cam, K, distortion)
     beyond = like(quads_px, [image_hw[1] - 0.5, image_hw[0] - 0.5])
-    inside = bool(((quads_px >= -0.5) & (quads_px <= beyond)).all())
+    inside: Any = ((quads_px >= -0.5) & (quads_px <= beyond)).all(-1).all(-1)  # (..., 6): each face by itself, whatever else is in the batch
     area = polygon_area(quads_px)
-    area_in_image = area if inside else area_in_frame(quads_px, image_hw)
+    area_in_image = area if bool(inside.all()) else namespace(area).where(inside, area, area_in_frame(quads_px, image_hw))
     silhouette, silhouette_in_image = ((a * ~visible).sum(-1) for a in (area, area_in_image))
     truncation = (1 - silhouette_in_image / (silhouette + (silhouette <= 0))) * (silhouette > 0)
     area, area_in_image = area * visible, area_in_image * visible

@@ -92,12 +92,12 @@ def assemble_labels(animals: Sequence[Prepared]) -> list[CuboidLabel]:
 def _assemble_alike(animals: Sequence[Prepared]) -> list[CuboidLabel]:
     """Labels of animals whose images have one size and one lens, batched (B, ...)."""
     image_hw, distortion = animals[0].seen.image_hw, animals[0].seen.distortion
-    K = np.stack([animal.seen.K for animal in animals])
-    R, t = (np.stack([x.numpy() for x in part]) for part in zip(*((a.pose.R, a.pose.t) for a in animals), strict=True))
+    K = np.array([animal.seen.K for animal in animals])
+    R, t = (np.array([x.numpy() for x in part]) for part in zip(*((a.pose.R, a.pose.t) for a in animals), strict=True))
     boxes = [animal.cuboid_mesh for animal in animals]
-    size = np.stack([box.size.numpy() for box in boxes])
-    center = (R @ np.stack([box.center.numpy() for box in boxes])[..., None])[..., 0] + t
-    rotation = R @ np.stack([box.rotation.numpy() for box in boxes])
+    size = np.array([box.size.numpy() for box in boxes])
+    center = (R @ np.array([box.center.numpy() for box in boxes])[..., None])[..., 0] + t
+    rotation = R @ np.array([box.rotation.numpy() for box in boxes])
     corners = center[:, None] + (SIGNS * size[:, None]) @ rotation.mT
     corners_2d, depth = project(K, corners, distortion)
     faces = corners_visibility(corners, K, image_hw, visible_faces(corners, np.zeros_like(center)), distortion)

@@ -142,14 +142,20 @@ class _Reader:
         confidence, seen = keypoints[:, 2], keypoints[:, 2] > 0
         if len(confidence) and not (confidence.min() >= 0 and confidence.max() <= 1):
             raise self.fail("keypoints_2d", "visibility must be 0 or a confidence in (0, 1]; convert COCO's 0/1/2 and clear NaN first")
-        farther = np.abs(keypoints[:, :2]).max(1)
+        farther, limit = np.abs(keypoints[:, :2]).max(1), 10 * max(image_hw)
+        if (((farther > 0) & (farther <= limit)) | ~seen).all():
+            return np.where(seen[:, None], keypoints, 0.0), []
+        return self._doubtful_keypoints(keypoints, seen, farther, limit)
+
+    def _doubtful_keypoints(self, keypoints: Array, seen: NDArray[np.bool_], farther: Array, limit: int) -> tuple[Array, list[str]]:
+        """The same of keypoints (J, 3) of which some seen ones are at (0, 0), or farther from it than the limit in px, or nowhere."""
         bad = seen & ~np.isfinite(farther)
         if bad.any():
             raise self.fail("keypoints_2d", f"keypoint {int(bad.argmax())} is visible but NaN or infinite; give it visibility 0")
         at_zero = seen & (farther == 0)
         warnings = [f"{int(at_zero.sum())} visible keypoints at exactly (0, 0) were taken as missing"] if at_zero.any() else []
         kept = seen & ~at_zero
-        outside = kept & (farther > 10 * max(image_hw))
+        outside = kept & (farther > limit)
         if outside.any():
             raise self.fail("keypoints_2d", f"keypoint {int(outside.argmax())} is over ten image sizes away; are these pixels of this image?")
         return np.where(kept[:, None], keypoints, 0.0), warnings

@@ -105,7 +105,7 @@ def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray, trans: AnyAr
     """
     batch, joint_count = pose.shape[:2]
     used = betas.shape[1]
-    joints_rest = (maps.joints + betas @ maps.joints_shape[:used]).reshape(batch, joint_count, 3)
+    joints_rest = (maps.joints + (betas[:, None] @ maps.joints_shape[:used])[:, 0]).reshape(batch, joint_count, 3)
     rotations = rotation_from_axis_angle(pose)
     feature = (rotations[:, 1:] - like(pose, IDENTITY)).reshape(batch, -1)
     v_posed = large_product(as_type_of(betas, maps.shape), maps.shape[:used])

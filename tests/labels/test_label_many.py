@@ -1,11 +1,11 @@
 """Many labels at once."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from torch.testing import assert_close
 
 from animal3dbox import CuboidLabel, LabelConfig, Rejection, label_animal, label_many
 from animal3dbox.datasets.bodies import ParametersBody
@@ -35,7 +35,7 @@ def arguments() -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("config", [LabelConfig(), LabelConfig(surface_share=False, mask_iou=False)])
-def test_many_labels_are_those_of_one_by_one(config: LabelConfig) -> None:
+def test_many_labels_are_those_of_one_by_one_to_the_last_bit(config: LabelConfig) -> None:
     animals = arguments()
     animals[1] |= {"image_hw": (500, 700)}
     animals[2] |= {"distortion": [-0.1, 0.02, 0.001, 0.0]}
@@ -49,11 +49,9 @@ def test_many_labels_are_those_of_one_by_one(config: LabelConfig) -> None:
             assert label == alone
             continue
         assert isinstance(label, CuboidLabel)
-        assert label.quality.warnings == alone.quality.warnings
-        assert_close(label.quality.reprojection_error_px, alone.quality.reprojection_error_px, atol=1e-9, rtol=1e-9)
-        assert (label.truncation, label.behind_camera) == pytest.approx((alone.truncation, alone.behind_camera), abs=1e-9)
+        assert (label.quality, label.truncation, label.behind_camera) == (alone.quality, alone.truncation, alone.behind_camera)
         for name in TENSORS:
-            assert_close(getattr(label, name), getattr(alone, name), atol=1e-9, rtol=1e-9)
+            assert torch.equal(getattr(label, name), getattr(alone, name)), name
 
 
 def test_a_wrong_argument_of_one_animal_is_an_error_that_names_it() -> None:
@@ -89,14 +87,17 @@ def test_a_label_keeps_nothing_of_its_arguments_memory() -> None:
     assert torch.equal(label.corners_3d, corners)
 
 
-def test_a_model_in_float32_poses_to_a_hundred_thousandth_of_the_box() -> None:
+@pytest.mark.parametrize("away", [0.0, 1000.0])
+def test_vertices_in_float32_move_the_sides_of_a_box_by_less_than_a_millionth_of_it_however_far_away(away: float) -> None:
     bodies = SET.bodies()
-    single = ParametersBody(bodies.model.to(torch.float32), bodies.parameters)
-    for record in SET.records().records[:6]:
-        exact, quick = (
+    there = {name: replace(one, trans=one.trans + torch.tensor([0.0, 0.0, away])) for name, one in bodies.parameters.items()}
+    quick, exact = ParametersBody(bodies.model, there), ParametersBody(bodies.model, there, torch.float64)
+    assert quick.fingerprint != exact.fingerprint
+    for record in SET.records().records:
+        one, other = (
             label_animal(record.image_hw, vertices=body.vertices, template=body.template, K=record.K, pose=STILL)
-            for body in (bodies.body(record), single.body(record))
+            for body in (exact.body(record), quick.body(record))
         )
-        assert isinstance(exact, CuboidLabel)
-        assert isinstance(quick, CuboidLabel)
-        assert float((exact.corners_3d - quick.corners_3d).abs().amax()) < 1e-5 * float(exact.size.norm())
+        assert isinstance(one, CuboidLabel)
+        assert isinstance(other, CuboidLabel)
+        assert 0 < float((one.corners_3d - other.corners_3d).abs().amax()) < 1e-6 * float(one.size.norm())
