@@ -7,6 +7,7 @@ return what they are given, and use only what both libraries spell alike.
 
 from typing import Any, TypeVar
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -81,11 +82,12 @@ def at_least(array: AnyArray, least: float) -> AnyArray:
     return floored
 
 
-def contiguous(array: AnyArray) -> AnyArray:
-    """The same values, in memory as they are counted."""
-    if isinstance(array, Tensor):
-        return array.contiguous()
-    return np.ascontiguousarray(array)
+def transposed(matrix: AnyArray) -> AnyArray:
+    """The transpose (N, M) of a matrix (M, N) of floating-point numbers, in memory as it is counted."""
+    if isinstance(matrix, Tensor):
+        return matrix.mT.contiguous()
+    turned: np.ndarray = cv2.transpose(matrix)  # in blocks: half the time of a copy along columns
+    return turned
 
 
 def large_product(a: AnyArray, b: AnyArray) -> AnyArray:

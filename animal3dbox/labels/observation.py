@@ -128,7 +128,7 @@ class _Reader:
         """A pair (R, t)."""
         if not isinstance(value, (tuple, list)) or len(value) != 2:
             raise self.fail(field, "must be a pair (R, t) with X_cam = R X + t")
-        R, t = self.finite(f"{field} R", value[0], "3 3"), self.finite(f"{field} t", value[1], "3")
+        R, t = self.array(f"{field} R", value[0], "3 3"), self.finite(f"{field} t", value[1], "3")
         self.check(check_rotation, f"{field} R", R)
         return PoseEstimate(torch.from_numpy(R.copy()), torch.from_numpy(t.copy()), name)
 
@@ -227,7 +227,7 @@ def observe(
     _check_body(read, body, keypoints_3d, template)
     landmarks = _landmarks(read, keypoints_3d, body, template, words)
     seen, warnings = (None, []) if keypoints_2d is None else read.keypoints(keypoints_2d, len(words), words.name, size)
-    matrix = intrinsics(config.focal_guess * max(size), size).numpy() if K is None else read.finite("K", K, "3 3")
+    matrix = intrinsics(config.focal_guess * max(size), size).numpy() if K is None else read.array("K", K, "3 3")
     read.check(check_intrinsics, "K", matrix)
     lens = None if distortion is None else read.array("distortion", distortion, "N")
     if lens is not None:

@@ -16,7 +16,7 @@ import torch
 from scipy.sparse import csr_array
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, as_numpy, as_type_of, contiguous, large_product, like, namespace
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, as_type_of, large_product, like, namespace, transposed
 from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
 
 SPARSE_BELOW = 0.3
@@ -122,7 +122,7 @@ def _blended(maps: SkinMaps[AnyArray], moves: AnyArray, v_posed: AnyArray) -> An
     """Vertices (B, 1, 3, V) moved by the weighted mean of the joints' moves (B, J, 3, 4), (B, 3, V)."""
     batch, joint_count = moves.shape[:2]
     blended = maps.weights @ namespace(moves).swapaxes(moves, 0, 1).reshape(joint_count, batch * 12)
-    rows = contiguous(blended.T).reshape(batch, 3, 4, -1)
+    rows = transposed(blended).reshape(batch, 3, 4, -1)
     vertices: AnyArray = rows[:, :, 3] + rows[:, :, 0] * v_posed[:, :, 0]
     for axis in (1, 2):
         vertices += rows[:, :, axis] * v_posed[:, :, axis]
