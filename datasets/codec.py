@@ -6,6 +6,7 @@ vocabulary, is named by a number.
 
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from torch import Tensor
 _ARRAY, _TENSOR, _PATH, _SHARED = 1, 2, 3, 4
 _PARTS = msgspec.msgpack.Encoder()
 _UNPART = msgspec.msgpack.Decoder()
+_ALIGNMENT = 8
 
 
 class Codec:
@@ -78,13 +80,24 @@ class Codec:
             return self.shared[int(bytes(data))]
         if code == _PATH:
             return Path(bytes(data).decode("utf-8", "surrogateescape"))
-        dtype, shape, raw = _UNPART.decode(data)
-        array = np.frombuffer(bytearray(raw), dtype=dtype).reshape(shape)  # a copy of its own, writable
+        begin = data[0]
+        dtype, shape = _form(bytes(data[:begin]))
+        array = np.ndarray(shape, dtype, bytearray(data), begin)  # a copy of its own, writable
         return torch.from_numpy(array) if code == _TENSOR else array
 
 
 def _array_bytes(array: np.ndarray) -> bytes:
-    return _PARTS.encode((array.dtype.str, array.shape, np.ascontiguousarray(array).tobytes()))
+    """Where the numbers begin, how long type and shape are, these, zeros until numbers are aligned, numbers."""
+    told = _PARTS.encode((array.dtype.str, array.shape))
+    begin = -(-(len(told) + 2) // _ALIGNMENT) * _ALIGNMENT
+    return bytes((begin, len(told))) + told.ljust(begin - 2, b"\0") + np.ascontiguousarray(array).tobytes()
+
+
+@lru_cache(maxsize=1024)
+def _form(header: bytes) -> tuple[np.dtype[Any], tuple[int, ...]]:
+    """Type and shape of an array of the bytes before its numbers."""
+    dtype, shape = _UNPART.decode(header[2 : 2 + header[1]])
+    return np.dtype(dtype), tuple(shape)
 
 
 def _tuples(value: Any) -> Any:

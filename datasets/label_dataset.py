@@ -196,7 +196,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         rows, numbers = [row for row, _, _ in made], [number for _, number, _ in made]
         check_one_camera(sample.image_id, rows)
         masks = [mask for _, _, mask in made if mask is not None]
-        whole = np.stack(masks).view(np.uint8) if self.masks and len(masks) == len(rows) else None
+        whole = _together(masks).view(np.uint8) if self.masks and len(masks) == len(rows) else None
         target = target_of(sample.image_id, rows, numbers, whole, _one_vocabulary(sample), self.source.named_faces)
         return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
 
@@ -271,6 +271,11 @@ def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
     """The vocabulary of the image's keypoints; None if there are none, or its animals are of kinds that are marked differently."""
     words = {record.vocabulary.name: record.vocabulary for record in sample.records if isinstance(record, AnimalRecord)}
     return next(iter(words.values())) if len(words) == 1 else None
+
+
+def _together(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """(N, H, W), contiguous, of masks (H, W) that are nobody else's: a single one is not copied."""
+    return np.stack(masks) if len(masks) > 1 else np.ascontiguousarray(masks[0])[None]
 
 
 def _left_out_too(sample_id: str) -> Case:

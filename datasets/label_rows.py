@@ -28,6 +28,7 @@ SPANS = {name: (start, start + width) for (name, width), start in zip(_WIDTHS.it
 """Where each field stands in the row."""
 WIDTH = sum(_WIDTHS.values())
 _CODEC = Codec()
+_FLOAT32, _BOOL = np.dtype(np.float32), np.dtype(np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +98,8 @@ def columns(rows: Sequence[LabelRow]) -> dict[str, NDArray[Any]]:
     flat = rows[0].values if count == 1 else np.concatenate([row.values for row in rows])[_by_field(count)] if rows else np.zeros(0)
     booleans = SPANS[BOOLEAN[0]][0] * count
     numbers, flags = flat[:booleans].astype(np.float32), flat[booleans:] > 0.5
-    found: dict[str, NDArray[Any]] = {}
-    for name, (start, stop) in SPANS.items():
-        held, offset = (flags, booleans) if name in BOOLEAN else (numbers, 0)
-        found[name] = held[start * count - offset : stop * count - offset].reshape(count, *LAYOUT[name])
+    found = {name: np.ndarray(shape, _FLOAT32, numbers, offset) for name, shape, offset in _places(count, False)}
+    found.update((name, np.ndarray(shape, _BOOL, flags, offset)) for name, shape, offset in _places(count, True))
     return found
 
 
@@ -109,3 +108,10 @@ def _by_field(count: int) -> NDArray[np.int64]:
     """The order that puts the fields of several rows, one row after the other, together field by field."""
     places = np.arange(count * WIDTH).reshape(count, WIDTH)
     return np.concatenate([places[:, start:stop].ravel() for start, stop in SPANS.values()])
+
+
+@lru_cache(maxsize=128)
+def _places(count: int, boolean: bool) -> tuple[tuple[str, tuple[int, ...], int], ...]:
+    """Name, shape and offset in bytes of the boolean fields of several rows, or of the others, field by field."""
+    first, size = (SPANS[BOOLEAN[0]][0], 1) if boolean else (0, 4)
+    return tuple((name, (count, *LAYOUT[name]), (start - first) * count * size) for name, (start, _) in SPANS.items() if (name in BOOLEAN) == boolean)

@@ -1,18 +1,22 @@
 """Targets: what a Dataset gives beside an image, made of label rows."""
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.label_rows import LabelRow, columns
+from animal3dbox.datasets.label_rows import LAYOUT, SPANS, LabelRow, columns
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.vocabulary import Vocabulary
 
 APART = ("box", "K", "surface_share")
 FACES = ("face_visible", "face_area", "face_share", "face_share_in_image")
+_ALWAYS = tuple(name for name in LAYOUT if name not in APART)
+_WITHOUT_FACES = tuple(name for name in _ALWAYS if name not in FACES)
+_SURFACE_SHARE = SPANS["surface_share"][0]
 
 
 def target_of(
@@ -39,14 +43,14 @@ def target_of(
     """
     found = columns(rows)
     target = _tensors(found, named_faces)
-    target["boxes"], target["K"] = torch.from_numpy(found["box"]), torch.from_numpy(found["K"][0].copy())
-    if named_faces and (found["surface_share"] >= 0).all():
+    target["boxes"], target["K"] = torch.from_numpy(found["box"]), torch.from_numpy(found["K"][0])
+    if named_faces and all(row.values[_SURFACE_SHARE] >= 0 for row in rows):
         target["surface_share"] = torch.from_numpy(found["surface_share"])
     target["labels"] = torch.from_numpy(np.array(labels, dtype=np.int64))
     if rows[0].distortion is not None:
         target["distortion"] = torch.from_numpy(rows[0].distortion.astype(np.float32))
     if vocabulary is not None and all(row.keypoints is not None for row in rows):
-        target["keypoint_mirror"] = torch.from_numpy(np.array(vocabulary.flip, dtype=np.int64))
+        target["keypoint_mirror"] = torch.from_numpy(_mirror(vocabulary.flip).copy())
         target["keypoints"] = torch.from_numpy(np.array([row.keypoints for row in rows], dtype=np.float32))
     if masks is not None:
         target["masks"] = torch.from_numpy(masks)
@@ -62,8 +66,12 @@ def target_of(
 
 def _tensors(found: Mapping[str, NDArray[Any]], named_faces: bool) -> dict[str, Any]:
     """The fields that every target has."""
-    left_out = (*APART, *(() if named_faces else FACES))
-    return {name: torch.from_numpy(value) for name, value in found.items() if name not in left_out}
+    return {name: torch.from_numpy(found[name]) for name in (_ALWAYS if named_faces else _WITHOUT_FACES)}
+
+
+@lru_cache(maxsize=16)
+def _mirror(flip: tuple[int, ...]) -> NDArray[np.int64]:
+    return np.array(flip, dtype=np.int64)
 
 
 def empty_target(image_id: str, K: NDArray[np.float64], named_faces: bool = True) -> dict[str, Any]:
