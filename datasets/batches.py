@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,12 +16,9 @@ from animal3dbox.errors import SampleError
 BY_VALUE_BYTES = 1 << 16
 """Tensors up to this size travel from a worker inside the message; a larger one gets shared memory, and a file descriptor, of its own."""
 ALIGNMENT = 8
-
-
-IN_NUMPY = frozenset((
-    torch.bool, torch.uint8, torch.int8, torch.int16, torch.int32, torch.int64, torch.float16, torch.float32, torch.float64,
-))  # fmt: skip
-"""Types that tensors and arrays share."""
+_PADDING = tuple(bytes(-size % ALIGNMENT) for size in range(ALIGNMENT))
+_Layout = tuple[tuple[str, str, tuple[int, ...]], ...]
+"""The fields of a target: name, code of the type and shape of those whose numbers travel together; no type of the others."""
 
 
 class Targets(list[Target]):
@@ -37,9 +35,10 @@ class Targets(list[Target]):
         self.skipped = tuple(skipped)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        content = bytearray()
-        told = [{name: _sent(value, content) for name, value in target.items()} for target in self]
-        return _received, (told, bytes(content), self.skipped)
+        numbers: list[bytes] = []
+        layouts: dict[_Layout, _Layout] = {}
+        told = [_sent(target, numbers, layouts) for target in self]
+        return _received, (told, bytearray(b"".join(numbers)), self.skipped)
 
 
 def collate(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple[list[Tensor], Targets]:
@@ -79,35 +78,57 @@ def collate_stacked(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple
     return (torch.stack(images) if images else torch.zeros(0)), targets
 
 
-class _Piece(NamedTuple):
-    """Where a tensor stands in a batch's bytes."""
-
-    dtype: str
-    shape: tuple[int, ...]
-    offset: int
-
-
-def _sent(value: Any, content: bytearray) -> Any:
-    """A small tensor's place in the content, to which it is added; any other value as it is."""
-    plain = type(value) is Tensor and value.layout is torch.strided and value.dtype in IN_NUMPY  # others, as torchvision's, stay what they are
-    if not plain or value.nbytes > BY_VALUE_BYTES or value.device.type != "cpu" or value.requires_grad:
-        return value
-    array = value.numpy()
-    content.extend(bytes(-len(content) % ALIGNMENT))
-    offset = len(content)
-    content.extend(array.tobytes())
-    return _Piece(array.dtype.str, array.shape, offset)
+def _sent(target: Target, numbers: list[bytes], layouts: dict[_Layout, _Layout]) -> tuple[_Layout, list[Any]]:
+    """A target's layout, the same object for all targets of one, and what travels as it is; the bytes of small tensors are added to numbers."""
+    layout: list[tuple[str, str, tuple[int, ...]]] = []
+    others = []
+    for name, value in target.items():
+        array = _array(value)
+        if array is None or array.nbytes > BY_VALUE_BYTES:
+            layout.append((name, "", ()))
+            others.append(value)
+            continue
+        layout.append((name, array.dtype.char, array.shape))
+        numbers.append(array.tobytes())
+        if array.nbytes % ALIGNMENT:
+            numbers.append(_PADDING[array.nbytes % ALIGNMENT])
+    known = tuple(layout)
+    return layouts.setdefault(known, known), others
 
 
-def _received(told: list[dict[str, Any]], content: bytes, skipped: tuple[Skipped, ...]) -> Targets:
-    held = bytearray(content)  # writable, as tensors' memory must be
+def _array(value: Any) -> np.ndarray | None:
+    """A tensor as the array of the same memory; None of what is none, and of tensors without one, or of kinds of their own, as torchvision's."""
+    if type(value) is not Tensor:
+        return None
+    try:
+        return value.numpy()
+    except (TypeError, RuntimeError):  # bfloat16, sparse or on a device; with a gradient
+        return None
 
-    def opened(value: Any) -> Any:
-        if not isinstance(value, _Piece):
-            return value
-        count = math.prod(value.shape)
-        if count == 0:
-            return torch.from_numpy(np.zeros(value.shape, dtype=value.dtype))
-        return torch.from_numpy(np.frombuffer(held, dtype=value.dtype, count=count, offset=value.offset).reshape(value.shape))
 
-    return Targets(({name: opened(value) for name, value in target.items()} for target in told), skipped)
+@lru_cache(maxsize=256)
+def _places(layout: _Layout) -> tuple[list[tuple[str, np.dtype[Any] | None, tuple[int, ...], int]], int]:
+    """Name, type, shape and offset of a target's fields, and the bytes that all take."""
+    places: list[tuple[str, np.dtype[Any] | None, tuple[int, ...], int]] = []
+    at = 0
+    for name, code, shape in layout:
+        dtype = np.dtype(code) if code else None
+        places.append((name, dtype, shape, at))
+        if dtype is not None:
+            size = math.prod(shape) * dtype.itemsize
+            at += size + -size % ALIGNMENT
+    return places, at
+
+
+def _received(told: list[tuple[_Layout, list[Any]]], content: bytearray, skipped: tuple[Skipped, ...]) -> Targets:
+    targets = Targets(skipped=skipped)
+    begin = 0
+    for layout, others in told:
+        places, size = _places(layout)
+        left = iter(others)
+        target: Target = {}
+        for name, dtype, shape, at in places:
+            target[name] = next(left) if dtype is None else torch.from_numpy(np.ndarray(shape, dtype, content, begin + at))
+        targets.append(target)
+        begin += size
+    return targets
