@@ -59,7 +59,12 @@ class BodySource(Protocol):
         """Names the content that all its bodies depend on."""
         ...
 
-    def content(self, record: AnimalRecord) -> bytes:
+    @property
+    def lasting(self) -> bool:
+        """Whether what content gives stays the same, as that of files may not."""
+        ...
+
+    def content(self, sample_id: str) -> bytes:
         """Names the content that this animal's body alone depends on; empty if there is none. Raises SampleError if it has no body."""
         ...
 
@@ -91,7 +96,12 @@ class ModelBody:
         """Of the model and its shape."""
         return digest(model_digest(self.model), content_digest(self.betas))
 
-    def content(self, record: AnimalRecord) -> bytes:
+    @property
+    def lasting(self) -> bool:
+        """Yes."""
+        return True
+
+    def content(self, sample_id: str) -> bytes:
         """Nothing: all animals have the same body."""
         return b""
 
@@ -176,14 +186,19 @@ class ParametersBody:
         """Of the model and how it is posed."""
         return digest(model_digest(self.model), str(self.vertices_in).encode())
 
-    def content(self, record: AnimalRecord) -> bytes:
+    @property
+    def lasting(self) -> bool:
+        """Yes of packed parameters; others may be replaced by whoever holds them."""
+        return isinstance(self.parameters, PackedMapping)
+
+    def content(self, sample_id: str) -> bytes:
         """The animal's parameters."""
         try:
             if isinstance(self.parameters, PackedMapping):
-                return self.parameters.packed(record.sample_id)
-            return content_digest(self.parameters[record.sample_id])
+                return self.parameters.packed(sample_id)
+            return content_digest(self.parameters[sample_id])
         except KeyError:
-            raise SampleError(record.sample_id, "parameters", "there are none for this sample") from None
+            raise SampleError(sample_id, "parameters", "there are none for this sample") from None
 
     def packed(self) -> "ParametersBody":
         """The same with its parameters in a few tensors, for workers (packed.py)."""

@@ -76,7 +76,7 @@ def read_image(path: Path, sample_id: str, expected_hw: tuple[int, int] | None =
     return read_photo(path, sample_id, expected_hw).pixels
 
 
-def read_photo(path: Path, sample_id: str, expected_hw: tuple[int, int] | None = None) -> Photo:
+def read_photo(path: Path | str, sample_id: str, expected_hw: tuple[int, int] | None = None) -> Photo:
     """An image file: its pixels as stored, and its header.
 
     Args:
@@ -91,7 +91,7 @@ def read_photo(path: Path, sample_id: str, expected_hw: tuple[int, int] | None =
     return _read(path, sample_id, expected_hw, lambda image, name: Photo(_as_rgb(image, name), facts_of(image)))
 
 
-def _read(path: Path, sample_id: str, expected_hw: tuple[int, int] | None, what: Callable[[Image.Image, str], _T]) -> _T:
+def _read(path: Path | str, sample_id: str, expected_hw: tuple[int, int] | None, what: Callable[[Image.Image, str], _T]) -> _T:
     """What a function makes of a decoded image; see read_photo."""
     with _opened(path, sample_id) as image:
         _check_size(image, sample_id, expected_hw)
@@ -100,7 +100,7 @@ def _read(path: Path, sample_id: str, expected_hw: tuple[int, int] | None, what:
 
 
 @contextmanager
-def _opened(path: Path, sample_id: str) -> Iterator[Image.Image]:
+def _opened(path: Path | str, sample_id: str) -> Iterator[Image.Image]:
     """The file's header read; what Pillow complains of in the with block is an error that names the sample."""
     try:
         with warnings.catch_warnings():
@@ -108,11 +108,11 @@ def _opened(path: Path, sample_id: str) -> Iterator[Image.Image]:
             with Image.open(path, formats=FORMATS) as image:
                 yield image
     except Image.DecompressionBombError as error:
-        raise SampleError(sample_id, "image", f"{path.name} is too large to decode: {error}") from error
+        raise SampleError(sample_id, "image", f"{Path(path).name} is too large to decode: {error}") from error
     except (OSError, SyntaxError, ValueError, NotImplementedError) as error:
         if isinstance(error, SampleError):
             raise
-        raise SampleError(sample_id, "image", f"{path.name} cannot be decoded ({error}); replace the file") from error
+        raise SampleError(sample_id, "image", f"{Path(path).name} cannot be decoded ({error}); replace the file") from error
 
 
 def stored_size(path: Path, sample_id: str) -> tuple[int, int]:
@@ -127,7 +127,7 @@ def stored_size(path: Path, sample_id: str) -> tuple[int, int]:
         return image.height, image.width
 
 
-def read_mask(path: Path, sample_id: str, expected_hw: tuple[int, int]) -> NDArray[np.bool_]:
+def read_mask(path: Path | str, sample_id: str, expected_hw: tuple[int, int]) -> NDArray[np.bool_]:
     """A mask stored as a picture: 0 and 1, or 0 and 255; of one that was compressed or smoothed, the upper half of its range.
 
     Raises:
@@ -140,7 +140,7 @@ def read_mask(path: Path, sample_id: str, expected_hw: tuple[int, int]) -> NDArr
         raise SampleError(sample_id, "mask", error.problem) from error
     top = int(levels.max())
     if top == 0:
-        raise SampleError(sample_id, "mask", f"{path.name} has no pixel above 0; leave its path out if there is no mask")
+        raise SampleError(sample_id, "mask", f"{Path(path).name} has no pixel above 0; leave its path out if there is no mask")
     return np.asarray(levels > top // 2)
 
 

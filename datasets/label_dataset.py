@@ -17,7 +17,6 @@ from animal3dbox.datasets.filters import LabelFilter
 from animal3dbox.datasets.label_rows import LabelRow
 from animal3dbox.datasets.labelling import PosePolicy, check_pose_policy
 from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
-from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.row_maker import RowMaker, fault_case, rejected_case
 from animal3dbox.datasets.scale import ScaleSource
 from animal3dbox.datasets.sources import ImageSample, SampleSource
@@ -185,7 +184,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             target = empty_target(sample.image_id, sample.image.K, self.source.named_faces)
             return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
         made, cases = self._labelled(sample, photo.facts)
-        partly = len(made) < len(sample.records) or sample.unread
+        partly = len(made) < len(sample.animals) or sample.head.unread
         if made and partly and self.partial == "skip":
             cases += [_left_out_too(row.sample_id) for row, _, _ in made]
             made = []
@@ -217,7 +216,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         """Row, class number and mask of the animals that come through, and cases of the others."""
         made: list[Made] = []
         cases: list[Case] = []
-        for animal, record in enumerate(sample.records):
+        for animal, head in enumerate(sample.animals):
             try:
                 row, mask = self._animal(sample, animal, facts, cases)
             except SampleError as error:
@@ -226,26 +225,26 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                 cases.append(fault_case(error))
                 continue
             if row is not None:
-                made.append((row, self._numbers[record.category], mask))
+                made.append((row, self._numbers[head.category], mask))
         return made, cases
 
     def _animal(self, sample: ImageSample, animal: int, facts: PhotoFacts, cases: list[Case]) -> tuple[LabelRow | None, NDArray[np.bool_] | None]:
         """One animal's row, None if it is left out and then a case says why, and its mask."""
-        record = sample.records[animal]
-        if record.category not in self._numbers:
-            raise SampleError(record.sample_id, "category", f"{record.category!r} is none of the classes {', '.join(self.classes[:20])}")
-        mask = record.mask if isinstance(record, AnimalRecord) else None
+        head = sample.animals[animal]
+        if head.category not in self._numbers:
+            raise SampleError(head.sample_id, "category", f"{head.category!r} is none of the classes {', '.join(self.classes[:20])}")
+        mask = sample.mask(animal)
         outcome, problems = self._rows.row(sample, animal, facts, mask)
         cases += problems
         if isinstance(outcome, Rejection):
             if self.on_bad == "error":
                 problem = f"cannot be made, {outcome.reason}: {outcome.detail}; on_bad='skip' leaves such animals out and reports them"
-                raise SampleError(record.sample_id, "label", problem)
-            cases.append(rejected_case(record.sample_id, outcome))
+                raise SampleError(head.sample_id, "label", problem)
+            cases.append(rejected_case(head.sample_id, outcome))
             return None, None
         missed = self.filters.problem(outcome)
         if missed is not None:
-            cases.append(Case(kind="filtered", sample_id=record.sample_id, field=missed[0], problem=missed[1]))
+            cases.append(Case(kind="filtered", sample_id=head.sample_id, field=missed[0], problem=missed[1]))
             return None, None
         return outcome, mask
 
@@ -269,7 +268,7 @@ def default_config(pose: PosePolicy, filters: LabelFilter) -> LabelConfig:
 
 def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
     """The vocabulary of the image's keypoints; None if there are none, or its animals are of kinds that are marked differently."""
-    words = {record.vocabulary.name: record.vocabulary for record in sample.records if isinstance(record, AnimalRecord)}
+    words = {head.vocabulary.name: head.vocabulary for head in sample.animals if head.vocabulary is not None}
     return next(iter(words.values())) if len(words) == 1 else None
 
 

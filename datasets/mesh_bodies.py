@@ -50,7 +50,12 @@ class MeshBody:
         """Of the mesh and its landmarks."""
         return content_digest((self.vertices, self.faces, self.points))
 
-    def content(self, record: AnimalRecord) -> bytes:
+    @property
+    def lasting(self) -> bool:
+        """Yes."""
+        return True
+
+    def content(self, sample_id: str) -> bytes:
         """Nothing: all animals have the same mesh."""
         return b""
 

@@ -61,17 +61,22 @@ class MeshFolderBodies:
         """The same with its paths in a few tensors, for workers (packed.py)."""
         return replace(self, meshes=PackedMapping(MeshFile, self.meshes))
 
-    def content(self, record: AnimalRecord) -> bytes:
+    @property
+    def lasting(self) -> bool:
+        """No: meshes are files."""
+        return False
+
+    def content(self, sample_id: str) -> bytes:
         """The mesh's file."""
         try:
-            return file_digest(self._file(record))
+            return file_digest(self._file(sample_id))
         except OSError as error:
-            raise SampleError(record.sample_id, "mesh", str(error)) from error
+            raise SampleError(sample_id, "mesh", str(error)) from error
 
-    def _file(self, record: AnimalRecord) -> Path:
-        if record.sample_id not in self.meshes:
-            raise SampleError(record.sample_id, "mesh", "there is none for this sample")
-        return self.meshes[record.sample_id].path
+    def _file(self, sample_id: str) -> Path:
+        if sample_id not in self.meshes:
+            raise SampleError(sample_id, "mesh", "there is none for this sample")
+        return self.meshes[sample_id].path
 
     def body(self, record: AnimalRecord) -> Body:
         """The record's mesh with its landmarks; its pose is the animal's own.
@@ -80,7 +85,7 @@ class MeshFolderBodies:
             SampleError: there is no mesh, it is damaged, or nothing tells where its landmarks are.
 
         """
-        path = self._file(record)
+        path = self._file(record.sample_id)
         try:
             stamp = path.stat()
             vertices, faces, points = _read(path, stamp.st_mtime_ns, stamp.st_size)

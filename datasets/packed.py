@@ -32,7 +32,7 @@ class Arena:
 
     def _take(self, ends: Tensor, content: Tensor) -> None:
         self._ends, self._content = ends, content
-        self._ends_array, self._view = ends.numpy(), content.numpy().data  # the same memory: cheaper to look at than tensors
+        self._starts, self._view = ends.numpy().data, content.numpy().data  # the same memory: cheaper to look at than tensors
 
     def __getstate__(self) -> tuple[Tensor, Tensor]:
         return self._ends, self._content
@@ -41,13 +41,14 @@ class Arena:
         self._take(*state)
 
     def __len__(self) -> int:
-        return len(self._ends_array) - 1
+        return len(self._starts) - 1
 
     def __getitem__(self, index: int) -> bytes:
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"index {index} of {len(self)}")
-        index %= len(self)
-        return bytes(self._view[self._ends_array[index] : self._ends_array[index + 1]])
+        count = len(self._starts) - 1
+        if not -count <= index < count:
+            raise IndexError(f"index {index} of {count}")
+        index %= count
+        return bytes(self._view[self._starts[index] : self._starts[index + 1]])
 
     @property
     def nbytes(self) -> int:

@@ -1,9 +1,7 @@
 """From an annotated animal to its label row: from the cache if it is there, made and stored otherwise."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +11,7 @@ from animal3dbox.datasets.cache import LabelCache
 from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.fingerprint import code_digest, content_digest, digest, file_digest
 from animal3dbox.datasets.given_boxes import given_label
+from animal3dbox.datasets.heads import AnimalHead
 from animal3dbox.datasets.label_rows import LabelRow, label_row
 from animal3dbox.datasets.labelling import Given, PosePolicy, label_record, label_records, posed_as_stored
 from animal3dbox.datasets.ledger import Case
@@ -22,7 +21,6 @@ from animal3dbox.datasets.sources import ImageSample
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import Rejection
-from animal3dbox.smal.vocabulary import Vocabulary
 
 NOT_STORED = "its label could not be stored"
 """How the problem of a case begins that the cache could not take a label."""
@@ -67,12 +65,12 @@ class RowMaker:
             SampleError: the animal's record is unusable.
 
         """
-        record = sample.records[animal]
-        if isinstance(record, CuboidRecord):
-            return label_row(given_label(record)), []
         key, found, cases = self._kept(sample, animal, facts)
         if found is not None:
             return found, cases
+        record = sample.records[animal]
+        if isinstance(record, CuboidRecord):
+            return label_row(given_label(record)), []
         outcome = label_record(posed_as_stored(record, self.pose), _bodies_of(sample, record), self.config, facts, self.scale, mask)
         made = outcome if isinstance(outcome, Rejection) else label_row(outcome)
         return made, [*cases, *self._store(record, key, made)]
@@ -114,13 +112,15 @@ class RowMaker:
 
     def _kept(self, sample: ImageSample, animal: int, facts: PhotoFacts) -> tuple[bytes, LabelRow | Rejection | None, list[Case]]:
         """The key of an animal, what the cache holds under it, and what is wrong with the cache."""
-        if self.cache is None:
+        head = sample.animals[animal]
+        if self.cache is None or head.vocabulary is None:  # a box is as it comes
             return b"", None, []
-        record: Any = sample.records[animal]
-        key, cases = _key(record, sample, sample.contents[animal], facts), self._cases(self.cache, record)
+        key, cases = _key(head, sample.bodies, facts), self._cases(self.cache, head.sample_id)
         found, damaged = self.cache.get(key) if self.reuse else (None, False)
         if damaged:
-            cases.append(_cache_case(record, "its label was damaged and is made anew" if found is None else "one copy of its label is damaged"))
+            cases.append(
+                _cache_case(head.sample_id, "its label was damaged and is made anew" if found is None else "one copy of its label is damaged")
+            )
         return key, found, cases
 
     def _store(self, record: AnimalRecord, key: bytes, made: LabelRow | Rejection) -> list[Case]:
@@ -130,17 +130,17 @@ class RowMaker:
         try:
             self.cache.put(key, made)
         except OSError as error:
-            return [_cache_case(record, f"{NOT_STORED} ({error}): it is used, and made anew the next time")]
+            return [_cache_case(record.sample_id, f"{NOT_STORED} ({error}): it is used, and made anew the next time")]
         return []
 
-    def _cases(self, cache: LabelCache, record: AnimalRecord) -> list[Case]:
+    def _cases(self, cache: LabelCache, sample_id: str) -> list[Case]:
         """What is wrong with the cache's files, each told once."""
         problems = cache.problems()
         if not problems:
             return []
         new = [problem for problem in problems if problem not in self._told]
         self._told.update(new)
-        return [_cache_case(record, problem) for problem in new]
+        return [_cache_case(sample_id, problem) for problem in new]
 
 
 def fault_case(error: SampleError) -> Case:
@@ -159,21 +159,15 @@ def _bodies_of(sample: ImageSample, record: AnimalRecord) -> BodySource:
     return sample.bodies
 
 
-def _key(record: AnimalRecord, sample: ImageSample, content: bytes, facts: PhotoFacts) -> bytes:
+def _key(head: AnimalHead, bodies: BodySource | None, facts: PhotoFacts) -> bytes:
     """What the label is computed from, besides what the cache's fingerprint names."""
-    body = b"" if sample.bodies is None else sample.bodies.content(record)
+    body = b"" if bodies is None or bodies.lasting else bodies.content(head.sample_id)
     try:
-        mask = b"" if record.mask_path is None else file_digest(record.mask_path)
+        mask = file_digest(head.mask_path) if head.mask_path else b""
     except OSError as error:
-        raise SampleError(record.sample_id, "mask", f"{record.mask_path} cannot be read: {error}") from error
-    words = _words_digest(record.vocabulary)  # content only says which of its dataset's vocabularies it is
-    return digest(content, words, body, mask, b"" if facts == _NOTHING_TOLD else content_digest(facts))
+        raise SampleError(head.sample_id, "mask", f"{head.mask_path} cannot be read: {error}") from error
+    return digest(head.content, body, mask, b"" if facts == _NOTHING_TOLD else content_digest(facts))
 
 
-@lru_cache(maxsize=16)
-def _words_digest(vocabulary: Vocabulary) -> bytes:
-    return content_digest(vocabulary)
-
-
-def _cache_case(record: Any, problem: str) -> Case:
-    return Case(kind="cache", sample_id=record.sample_id, field="cache", problem=problem)
+def _cache_case(sample_id: str, problem: str) -> Case:
+    return Case(kind="cache", sample_id=sample_id, field="cache", problem=problem)

@@ -1,19 +1,23 @@
 """Where a Dataset's samples come from: annotated animals, image by image."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import torch
+from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.exif import PhotoFacts, header_facts
-from animal3dbox.datasets.images import Photo, read_photo
-from animal3dbox.datasets.packed import PackedList, PackedNames
+from animal3dbox.datasets.fingerprint import content_digest, digest
+from animal3dbox.datasets.heads import AnimalHead, ImageHead, PackedHeads, head_of
+from animal3dbox.datasets.images import Photo, read_mask, read_photo
+from animal3dbox.datasets.packed import PackedList
 from animal3dbox.datasets.records import AnimalRecord, CuboidImage, CuboidRecord, CuboidSet, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.smal.vocabulary import Vocabulary
 
 Record = AnimalRecord | CuboidRecord
 
@@ -23,20 +27,39 @@ class ImageSample:
     """What is annotated in one image.
 
     Attributes:
-        image_id: the image, as its dataset names it.
-        records: its animals; none of an image that is listed without any.
-        image: what is known of an image without records; None of others.
-        unread: whether the image has further animals whose annotations cannot be read.
-        contents: for each the bytes that name what is said of it, the same in every process and place.
+        head: what is said of the image and its animals without their numbers.
+        unpack: makes the records.
         bodies: where the animals' bodies come from; None for boxes that come as they are.
+        image: what is known of an image without records; None of others.
     """
 
-    image_id: str
-    records: tuple[Record, ...]
-    unread: bool
-    contents: tuple[bytes, ...]
+    head: ImageHead
+    unpack: Callable[[], tuple[Record, ...]]
     bodies: BodySource | None
     image: CuboidImage | None = None
+
+    @property
+    def image_id(self) -> str:
+        """The image, as its dataset names it."""
+        return self.head.image_id
+
+    @property
+    def animals(self) -> tuple[AnimalHead, ...]:
+        """The heads of its animals; none of an image that is listed without any."""
+        return self.head.animals
+
+    @cached_property
+    def records(self) -> tuple[Record, ...]:
+        """Its animals, made when they are asked for: a label in the cache needs their heads only."""
+        return self.unpack()
+
+    def mask(self, animal: int) -> NDArray[np.bool_] | None:
+        """An animal's mask (H, W), None without; see AnimalRecord."""
+        head = self.head.animals[animal]
+        if head.in_runs:
+            record = self.records[animal]
+            return record.mask if isinstance(record, AnimalRecord) else None
+        return read_mask(head.mask_path, head.sample_id, head.image_hw) if head.mask_path else None
 
 
 class SampleSource(Protocol):
@@ -126,17 +149,24 @@ class FileSource:
             groups.setdefault(record.image_id, []).append(i)
         order = [i for members in groups.values() for i in members]
         kind = CuboidRecord if isinstance(records, CuboidSet) else AnimalRecord
-        self._records = PackedList(kind, (_without_paths(found[i]) for i in order), tuple({id(v): v for v in map(_words, found) if v}.values()))
-        self._ends = torch.from_numpy(np.cumsum([0, *(len(members) for members in groups.values())], dtype=np.int64))
-        self._images = PackedNames(groups)
+        words = tuple({id(v): v for v in map(_words, found) if v}.values())
+        self._records = PackedList(kind, (_without_paths(found[i]) for i in order), words)
         self._listed = PackedList(CuboidImage, (replace(image, image_path=None) for image in listed))
-        self._unread = frozenset(name for fault in records.faults for name in _images_of(fault.sample_id or ""))
         paths = {image.image_id: image.image_path for image in listed} | {record.image_id: record.image_path for record in found}
-        self._paths = PackedNames(str(paths[name] or "") for name in groups)
-        self._masks = PackedNames(str(getattr(found[i], "mask_path", None) or "") for i in order)
+        self._heads = PackedHeads(self._found_heads(found, groups, paths), words)
+
+    def _found_heads(self, found: Sequence[Any], groups: dict[str, list[int]], paths: dict[str, Path | None]) -> Iterator[ImageHead]:
+        """The heads of all images, of the places of their records."""
+        unread = frozenset(name for fault in self.faults for name in _images_of(fault.sample_id or ""))
+        first = 0
+        for name, members in groups.items():
+            contents = (record_content(found[i], self._records.packed(first + k), self.bodies) for k, i in enumerate(members))
+            animals = tuple(head_of(found[i], content) for i, content in zip(members, contents, strict=True))
+            yield ImageHead(name, str(paths[name] or ""), name in unread, first, animals)
+            first += len(members)
 
     def __len__(self) -> int:
-        return len(self._images)
+        return len(self._heads)
 
     @property
     def fingerprint(self) -> bytes:
@@ -145,37 +175,61 @@ class FileSource:
 
     def image_id(self, index: int) -> str:
         """The image's name."""
-        name: str = self._images[index]
-        return name
+        return self._heads[index].image_id
 
     def animals(self, index: int) -> int:
         """How many records an image has."""
-        return int(self._ends[index + 1] - self._ends[index])
+        return len(self._heads[index].animals)
 
     def sample(self, index: int) -> ImageSample:
-        """The records of an image, made anew."""
-        start, stop = self._ends[index : index + 2].tolist()
-        path = Path(self._paths[index]) if self._paths[index] else None
-        records = tuple(self._records.unpacked(i, image_path=path, **self._mask(i)) for i in range(start, stop))
-        name, contents = self.image_id(index), tuple(self._records.packed(i) for i in range(start, stop))
-        alone = None if records else replace(self._listed[index], image_path=path)
-        return ImageSample(name, records, name in self._unread, contents, self.bodies, alone)
+        """What is said of an image; its records are made anew when they are asked for."""
+        head = self._heads[index]
+        alone = None if head.animals else replace(self._listed[index], image_path=_path(head.image_path))
+        return ImageSample(head, partial(self._unpacked, head), self.bodies, alone)
 
     def photo(self, sample: ImageSample) -> Photo:
         """The image file, which must be as large as its annotations say."""
-        known = sample.image or sample.records[0]
-        if known.image_path is None:
-            raise SampleError(sample.image_id, "image", "is only in memory: give a source that has its pictures, or write the dataset first")
-        return read_photo(known.image_path, sample.image_id, known.image_hw)
+        head = sample.head
+        if not head.image_path:
+            raise SampleError(head.image_id, "image", "is only in memory: give a source that has its pictures, or write the dataset first")
+        return read_photo(head.image_path, head.image_id, (sample.image or head.animals[0]).image_hw)
 
     def facts(self, sample: ImageSample) -> PhotoFacts:
         """Of the image file."""
-        path = (sample.image or sample.records[0]).image_path
+        path = _path(sample.head.image_path)
         return PhotoFacts() if path is None else header_facts(path)
 
-    def _mask(self, place: int) -> dict[str, Path]:
-        name = self._masks[place]
-        return {"mask_path": Path(name)} if name else {}
+    def _unpacked(self, head: ImageHead) -> tuple[Record, ...]:
+        path = _path(head.image_path)
+        masks = ({"mask_path": Path(animal.mask_path)} if animal.mask_path else {} for animal in head.animals)
+        return tuple(self._records.unpacked(head.first + k, image_path=path, **mask) for k, mask in enumerate(masks))
+
+
+def record_content(record: Record, packed: bytes, bodies: BodySource | None) -> bytes:
+    """Names what a label of a record is made from, but for what is in files.
+
+    Args:
+        record: an animal or a box.
+        packed: the bytes of all that the record says, but which vocabulary it is.
+        bodies: their content counts if it is lasting.
+
+    """
+    if isinstance(record, CuboidRecord) or bodies is None:
+        return digest(packed)
+    try:
+        body = bodies.content(record.sample_id) if bodies.lasting else b""
+    except SampleError:  # said when its label is asked for
+        body = b""
+    return digest(packed, _words_digest(record.vocabulary), body)
+
+
+@lru_cache(maxsize=16)
+def _words_digest(vocabulary: Vocabulary) -> bytes:
+    return content_digest(vocabulary)
+
+
+def _path(name: str) -> Path | None:
+    return Path(name) if name else None
 
 
 def has_camera(record: Record) -> bool:

@@ -10,9 +10,10 @@ from animal3dbox.datasets.bodies import ParametersBody
 from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.faults import faulty
 from animal3dbox.datasets.fingerprint import content_digest
+from animal3dbox.datasets.heads import ImageHead, head_of
 from animal3dbox.datasets.images import Photo
 from animal3dbox.datasets.records import AnimalRecord, CuboidImage
-from animal3dbox.datasets.sources import ImageSample
+from animal3dbox.datasets.sources import ImageSample, record_content
 from animal3dbox.datasets.synthetic import SyntheticScene, synthetic_scene
 from animal3dbox.datasets.synthetic_set import FORMAT, SyntheticSample, SyntheticSet, record_of
 from animal3dbox.errors import SampleError
@@ -63,9 +64,10 @@ class SyntheticSource:
         ]
         bodies = ParametersBody(load_quadruped(), {sample.annotation.sample_id: sample.annotation.parameters for sample in said})
         records = tuple(_with_camera(sample) for sample in said)
-        contents = tuple(content_digest(record) for record in records)  # not what they are drawn from: the code that draws may change
+        # Named by what they say, not by what they are drawn from: the code that draws may change.
+        animals = tuple(head_of(record, record_content(record, content_digest(record), bodies)) for record in records)
         alone = None if records else CuboidImage(self.image_id(index), None, scene.camera.image_hw, scene.camera.K.numpy())
-        return ImageSample(self.image_id(index), records, False, contents, bodies, alone)
+        return ImageSample(ImageHead(self.image_id(index), "", False, 0, animals), lambda: records, bodies, alone)
 
     def photo(self, sample: ImageSample) -> Photo:
         """The picture of a scene."""

@@ -353,8 +353,8 @@ def test_the_dataset_gives_mesh_folders_and_coco_with_a_changed_mesh_told_apart(
         AnnotatedDataset(root, body="dog")
     read = read_mesh_folder(root)
     record = read.records.records[0]
-    before = read.bodies.content(record)
+    before = read.bodies.content(record.sample_id)
     (root / "meshes" / "a.obj").write_text(obj_text(toy_mesh()[0] + 1.0, toy_mesh()[1]))
-    assert read.bodies.content(record) != before
+    assert read.bodies.content(record.sample_id) != before
     write_json(root / "landmarks.json", {"nose": [3]})
     assert read_mesh_folder(root).bodies.fingerprint != read.bodies.fingerprint

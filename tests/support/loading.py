@@ -106,7 +106,7 @@ class Records(Dataset[tuple[int, int, int]]):
         sample = self.dataset.source.sample(index)
         for record in sample.records:
             assert sample.bodies is not None
-            sample.bodies.content(record)  # type: ignore[arg-type]
+            sample.bodies.content(record.sample_id)
         self.read += len(sample.records)
         return os.getpid(), self.read, private_bytes() if index % 500 < 2 else 0
 
