@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from animal3dbox.datasets.codec import Codec
 from animal3dbox.errors import ShapeError
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
@@ -27,8 +27,18 @@ _WIDTHS = {name: int(np.prod(shape)) for name, shape in LAYOUT.items()}
 SPANS = {name: (start, start + width) for (name, width), start in zip(_WIDTHS.items(), np.cumsum([0, *_WIDTHS.values()]).tolist(), strict=False)}
 """Where each field stands in the row."""
 WIDTH = sum(_WIDTHS.values())
-_CODEC = Codec()
-_FLOAT32, _BOOL = np.dtype(np.float32), np.dtype(np.bool_)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a {type(value).__name__} cannot be packed")
+
+
+_ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain)
+_Said = dict[str, str | bool | int | float | tuple[str, ...] | None]
+_ROW = msgspec.msgpack.Decoder(tuple[str, bytes, bytes | None, _Said, float | None, str, bytes | None])
+_REJECTION = msgspec.msgpack.Decoder(tuple[str | None, str, str])
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,33 +84,45 @@ def label_row(label: CuboidLabel) -> LabelRow:
 
 def packed_outcome(outcome: LabelRow | Rejection) -> bytes:
     """The bytes of a row or a rejection."""
-    return (b"R" if isinstance(outcome, Rejection) else b"L") + _CODEC.pack(outcome)
+    if isinstance(outcome, Rejection):
+        return b"R" + _ENCODER.encode((outcome.sample_id, outcome.reason, outcome.detail))
+    keypoints, distortion = (None if part is None else part.astype(np.float64).tobytes() for part in (outcome.keypoints, outcome.distortion))
+    told = (outcome.quality, outcome.scale_m_per_unit, outcome.scale_source, distortion)
+    return b"L" + _ENCODER.encode((outcome.sample_id, outcome.values.tobytes(), keypoints, *told))
 
 
-def unpacked_outcome(data: bytes | memoryview) -> LabelRow | Rejection:
-    """A row or a rejection of its bytes.
+def unpacked_outcome(data: bytes) -> LabelRow | Rejection:
+    """A row or a rejection of its bytes; a row's arrays cannot be written to.
 
     Raises:
         ShapeError: the bytes are of another layout.
 
     """
-    kind, content = bytes(data[:1]), _CODEC.unpack(data[1:])
+    kind = data[:1]
     if kind == b"R":
-        return Rejection(**content)
-    if kind != b"L" or content["values"].shape != (WIDTH,):
-        raise ShapeError(f"a label row must have {WIDTH} numbers, got kind {kind!r} and {getattr(content.get('values'), 'shape', None)}")
-    return LabelRow(**content)
+        return Rejection(*_REJECTION.decode(data[1:]))
+    if kind != b"L":
+        raise ShapeError(f"an outcome must be a label row or a rejection, got kind {kind!r}")
+    sample_id, numbers, points, quality, scale, scale_source, lens = _ROW.decode(data[1:])
+    values = np.frombuffer(numbers)
+    if len(values) != WIDTH:
+        raise ShapeError(f"a label row must have {WIDTH} numbers, got {len(values)}")
+    keypoints = None if points is None else np.frombuffer(points).reshape(-1, 3)
+    return LabelRow(sample_id, values, keypoints, quality, scale, scale_source, None if lens is None else np.frombuffer(lens))
 
 
-def columns(rows: Sequence[LabelRow]) -> dict[str, NDArray[Any]]:
-    """The fields of several animals, (N, ...) each, contiguous: float32, bool where LAYOUT's field is one."""
+def columns(rows: Sequence[LabelRow]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """The fields of several animals one after the other, each of all animals: the numbers, and the booleans. places says where each is."""
     count = len(rows)
     flat = rows[0].values if count == 1 else np.concatenate([row.values for row in rows])[_by_field(count)] if rows else np.zeros(0)
     booleans = SPANS[BOOLEAN[0]][0] * count
-    numbers, flags = flat[:booleans].astype(np.float32), flat[booleans:] > 0.5
-    found = {name: np.ndarray(shape, _FLOAT32, numbers, offset) for name, shape, offset in _places(count, False)}
-    found.update((name, np.ndarray(shape, _BOOL, flags, offset)) for name, shape, offset in _places(count, True))
-    return found
+    return flat[:booleans].astype(np.float32), flat[booleans:] > 0.5
+
+
+def places(count: int, boolean: bool) -> dict[str, tuple[tuple[int, ...], int]]:
+    """Shape (N, ...) and first byte of the boolean fields of several animals in columns' booleans, or of the others in its numbers."""
+    first, size = (SPANS[BOOLEAN[0]][0], 1) if boolean else (0, 4)
+    return {name: ((count, *LAYOUT[name]), (start - first) * count * size) for name, (start, _) in SPANS.items() if (name in BOOLEAN) == boolean}
 
 
 @lru_cache(maxsize=64)
@@ -108,10 +130,3 @@ def _by_field(count: int) -> NDArray[np.int64]:
     """The order that puts the fields of several rows, one row after the other, together field by field."""
     places = np.arange(count * WIDTH).reshape(count, WIDTH)
     return np.concatenate([places[:, start:stop].ravel() for start, stop in SPANS.values()])
-
-
-@lru_cache(maxsize=128)
-def _places(count: int, boolean: bool) -> tuple[tuple[str, tuple[int, ...], int], ...]:
-    """Name, shape and offset in bytes of the boolean fields of several rows, or of the others, field by field."""
-    first, size = (SPANS[BOOLEAN[0]][0], 1) if boolean else (0, 4)
-    return tuple((name, (count, *LAYOUT[name]), (start - first) * count * size) for name, (start, _) in SPANS.items() if (name in BOOLEAN) == boolean)

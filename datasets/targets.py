@@ -1,6 +1,6 @@
 """Targets: what a Dataset gives beside an image, made of label rows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -8,15 +8,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.label_rows import LAYOUT, SPANS, LabelRow, columns
+from animal3dbox.datasets.label_rows import SPANS, LabelRow, columns, places
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.vocabulary import Vocabulary
 
-APART = ("box", "K", "surface_share")
 FACES = ("face_visible", "face_area", "face_share", "face_share_in_image")
-_ALWAYS = tuple(name for name in LAYOUT if name not in APART)
-_WITHOUT_FACES = tuple(name for name in _ALWAYS if name not in FACES)
 _SURFACE_SHARE = SPANS["surface_share"][0]
+_FLOAT32, _BOOL = np.dtype(np.float32), np.dtype(np.bool_)
+_Place = tuple[str, tuple[int, ...], int]
 
 
 def target_of(
@@ -41,11 +40,8 @@ def target_of(
         The fields of design.md's target, with keypoint_mirror (J,), scale_known (N,) and scale_source, and surface_share (N, 6) if it was measured.
 
     """
-    found = columns(rows)
-    target = _tensors(found, named_faces)
-    target["boxes"], target["K"] = torch.from_numpy(found["box"]), torch.from_numpy(found["K"][0])
-    if named_faces and all(row.values[_SURFACE_SHARE] >= 0 for row in rows):
-        target["surface_share"] = torch.from_numpy(found["surface_share"])
+    measured = named_faces and all(row.values[_SURFACE_SHARE] >= 0 for row in rows)
+    target = _tensors(rows, named_faces, measured)
     target["labels"] = torch.from_numpy(np.array(labels, dtype=np.int64))
     if rows[0].distortion is not None:
         target["distortion"] = torch.from_numpy(rows[0].distortion.astype(np.float32))
@@ -64,9 +60,29 @@ def target_of(
     return target
 
 
-def _tensors(found: Mapping[str, NDArray[Any]], named_faces: bool) -> dict[str, Any]:
-    """The fields that every target has."""
-    return {name: torch.from_numpy(found[name]) for name in (_ALWAYS if named_faces else _WITHOUT_FACES)}
+def _tensors(rows: Sequence[LabelRow], named_faces: bool, measured: bool) -> dict[str, Any]:
+    """The fields of LAYOUT as targets have them."""
+    numbers, flags = columns(rows)
+    of_numbers, of_flags = _plan(len(rows), named_faces, measured)
+    target: dict[str, Any] = {name: torch.from_numpy(np.ndarray(shape, _FLOAT32, numbers, at)) for name, shape, at in of_numbers}
+    for name, shape, at in of_flags:
+        target[name] = torch.from_numpy(np.ndarray(shape, _BOOL, flags, at))
+    return target
+
+
+@lru_cache(maxsize=256)
+def _plan(count: int, named_faces: bool, measured: bool) -> tuple[list[_Place], list[_Place]]:
+    """Name, shape and place of a target's fields in columns' numbers, and in its booleans; K is the first animal's, which all share."""
+    left_out = {*(() if named_faces else FACES), *(() if measured else ("surface_share",)), *(() if count else ("K",))}
+    of_numbers, of_flags = (
+        [
+            ("boxes" if name == "box" else name, shape[1:] if name == "K" else shape, at)
+            for name, (shape, at) in places(count, boolean).items()
+            if name not in left_out
+        ]
+        for boolean in (False, True)
+    )
+    return of_numbers, of_flags
 
 
 @lru_cache(maxsize=16)
@@ -76,8 +92,8 @@ def _mirror(flip: tuple[int, ...]) -> NDArray[np.int64]:
 
 def empty_target(image_id: str, K: NDArray[np.float64], named_faces: bool = True) -> dict[str, Any]:
     """The target of an image of boxes without any: the same fields, N = 0."""
-    target = _tensors(columns([]), named_faces)
-    target |= {"K": torch.from_numpy(K.astype(np.float32)), "boxes": torch.zeros(0, 4), "labels": torch.zeros(0, dtype=torch.int64)}
+    target = _tensors([], named_faces, False)
+    target |= {"K": torch.from_numpy(K.astype(np.float32)), "labels": torch.zeros(0, dtype=torch.int64)}
     target |= {
         "scale_known": torch.zeros(0, dtype=torch.bool),
         "scale_m_per_unit": torch.zeros(0),
