@@ -6,6 +6,7 @@ content that they were computed from, so nothing stale can be read: another conf
 
 import os
 import time
+from bisect import bisect_right
 from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from animal3dbox.datasets.label_rows import LabelRow, packed_outcome, unpacked_outcome
-from animal3dbox.datasets.segments import KEY_BYTES, SUFFIX, SegmentReader, SegmentWriter
+from animal3dbox.datasets.segments import SUFFIX, SegmentReader, SegmentWriter
 from animal3dbox.errors import DatasetFormatError, ShapeError
 from animal3dbox.labels.types import Rejection
 
@@ -30,8 +31,9 @@ class _State:
     process: int
     readers: list[SegmentReader]
     names: set[str]
-    keys: np.ndarray  # sorted first halves of the keys, uint64
-    places: np.ndarray  # (N, 2) segment and offset, newest last among equal keys
+    halves: memoryview  # sorted first halves of the keys, as numbers
+    segments: memoryview  # of the same keys, newest last among equal ones
+    offsets: memoryview  # in their segments
     writer: SegmentWriter | None
     looked: float
     problems: tuple[str, ...]
@@ -85,7 +87,7 @@ class LabelCache:
         """How many entries can be seen, copies included."""
         state = self._opened()
         self._refresh(state)
-        return len(state.keys)
+        return len(state.halves)
 
     def problems(self) -> tuple[str, ...]:
         """What is wrong with the files, in whole sentences; nothing in them is lost but what the sentences name, and that is made anew."""
@@ -102,7 +104,7 @@ class LabelCache:
 
     def _opened(self) -> _State:
         if self._state is None or self._state.process != os.getpid():
-            empty = (np.zeros(0, np.uint64), np.zeros((0, 2), np.int64))
+            empty = (np.zeros(0, np.uint64).data, np.zeros(0, np.int64).data, np.zeros(0, np.int64).data)
             self._state = _State(os.getpid(), [], set(), *empty, None, 0.0, (), OrderedDict())
             self._refresh(self._state)
         return self._state
@@ -119,7 +121,7 @@ class LabelCache:
             if name not in state.names:
                 state.names.add(name)
                 state.readers.append(SegmentReader(self.folder / name))
-        keys, places = [state.keys], [state.places]
+        new: list[tuple[int, int, int]] = []
         for number, reader in enumerate(state.readers):
             try:
                 found = list(reader.new_entries())
@@ -127,14 +129,14 @@ class LabelCache:
                 problems.append(f"{reader.path.name} cannot be read ({error}): what is not found is made anew")
                 continue
             self._use(state, number)
-            if found:
-                halves = np.frombuffer(b"".join(key for key, _ in found), dtype="<u8").reshape(-1, KEY_BYTES // 8)[:, 0]
-                keys.append(halves)
-                places.append(np.array([(number, offset) for _, offset in found], dtype=np.int64))
-        if len(keys) > 1:
-            merged = np.concatenate(keys)
-            order = np.argsort(merged, kind="stable")
-            state.keys, state.places = merged[order], np.concatenate(places)[order]
+            new += [(_half(key), number, offset) for key, offset in found]
+        if new:
+            halves, segments, offsets = (
+                np.concatenate((held, np.array(column, dtype=held.format)))
+                for held, column in zip((state.halves, state.segments, state.offsets), zip(*new, strict=True), strict=True)
+            )
+            order = np.argsort(halves, kind="stable")
+            state.halves, state.segments, state.offsets = (column[order].data for column in (halves, segments, offsets))
         state.problems = (*problems, *self._problems_of(state.readers))
 
     def _use(self, state: _State, number: int) -> None:
@@ -145,12 +147,12 @@ class LabelCache:
             state.readers[state.mapped.popitem(last=False)[0]].release()
 
     def _read(self, state: _State, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
-        half = np.frombuffer(key, dtype="<u8", count=1)[0]
-        first = stop = int(state.keys.searchsorted(half))
-        while stop < len(state.keys) and state.keys[stop] == half:
-            stop += 1
+        half = _half(key)
+        place = bisect_right(state.halves, half) - 1
         damaged = False
-        for number, offset in reversed(state.places[first:stop].tolist()):
+        while place >= 0 and state.halves[place] == half:
+            number, offset = state.segments[place], state.offsets[place]
+            place -= 1
             self._use(state, number)
             try:
                 payload = state.readers[number].payload(offset, key)
@@ -164,3 +166,8 @@ class LabelCache:
             except (ShapeError, ValueError, KeyError, TypeError):
                 damaged = True
         return None, damaged
+
+
+def _half(key: bytes) -> int:
+    """The first half of a key as a number."""
+    return int.from_bytes(key[:8], "little")

@@ -23,11 +23,7 @@ LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless")
 
 def digest(*parts: bytes) -> bytes:
     """16 bytes that name the parts; where one part ends and the next begins counts."""
-    made = hashlib.blake2b(digest_size=16)
-    for part in parts:
-        made.update(len(part).to_bytes(8, "little"))
-        made.update(part)
-    return made.digest()
+    return hashlib.blake2b(b"".join([piece for part in parts for piece in (len(part).to_bytes(8, "little"), part)]), digest_size=16).digest()
 
 
 def content_digest(value: Any) -> bytes:

@@ -150,9 +150,10 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
     def __getitem__(self, index: SampleIndex) -> tuple[Tensor, Target] | Skipped:
         epoch, place = self._epoch_and_place(index)
-        if not -len(self) <= place < len(self):
-            raise IndexError(f"index {place} of {len(self)} images")
-        place %= len(self)
+        count = len(self)
+        if not -count <= place < count:
+            raise IndexError(f"index {place} of {count} images")
+        place %= count
         with one_thread():
             try:
                 return self._sample(epoch, place)
@@ -165,12 +166,11 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
     def _epoch_and_place(self, index: Any) -> tuple[int, int]:
         """Whole numbers of an index, of any type that is one, or of a pair (epoch, index)."""
-        pair = index if isinstance(index, tuple) else (self.epoch, index)
         try:
-            epoch, place = (operator.index(number) for number in pair)
+            epoch, place = index if isinstance(index, tuple) else (self.epoch, index)
+            return operator.index(epoch), operator.index(place)
         except (TypeError, ValueError):
             raise TypeError(f"an index must be a whole number or a pair (epoch, index), got {index!r}") from None
-        return epoch, place
 
     def _skipped(self, place: int, cases: list[Case]) -> Skipped:
         for case in cases:

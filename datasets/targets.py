@@ -106,9 +106,8 @@ def empty_target(image_id: str, K: NDArray[np.float64], named_faces: bool = True
 
 def check_one_camera(sample_id: str, rows: Sequence[LabelRow]) -> None:
     """Raise if the animals of an image do not share one camera: its target has one K."""
-    first = rows[0].field("K")
     for row in rows[1:]:
-        if not np.array_equal(row.field("K"), first):
+        if not np.array_equal(row.field("K"), rows[0].field("K")):
             raise SampleError(sample_id, "K", f"the animals {rows[0].sample_id} and {row.sample_id} of this image have different intrinsics")
 
 

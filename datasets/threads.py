@@ -1,8 +1,6 @@
 """One thread for what a sample needs: its problems are small, and threads of a forked parent hang their children."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import cv2
 import torch
@@ -11,25 +9,28 @@ from torch.utils.data import get_worker_info
 _before_fork: list[int] = []
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
+class one_thread:  # noqa: N801  # used like a function
     """Run with one thread of torch and of OpenCV, so that sums are the same in the main process and in every worker.
 
     In a worker they stay at one; in the main process they go back to what they were.
     """
-    torch_threads, cv2_threads = torch.get_num_threads(), cv2.getNumThreads()
-    if torch_threads != 1:
-        torch.set_num_threads(1)
-    if cv2_threads != 1:
-        cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        if get_worker_info() is None:
-            if torch_threads != 1:
-                torch.set_num_threads(torch_threads)
-            if cv2_threads != 1:
-                cv2.setNumThreads(cv2_threads)
+
+    def __enter__(self) -> None:
+        self.before = torch.get_num_threads(), cv2.getNumThreads()
+        if self.before != (1, 1):
+            _set_threads(1, 1)
+
+    def __exit__(self, *error: object) -> None:
+        if self.before != (1, 1) and get_worker_info() is None:
+            _set_threads(*self.before)
+
+
+def _set_threads(of_torch: int, of_cv2: int) -> None:
+    """Set those that are not so already."""
+    if torch.get_num_threads() != of_torch:
+        torch.set_num_threads(of_torch)
+    if cv2.getNumThreads() != of_cv2:
+        cv2.setNumThreads(of_cv2)
 
 
 def _end_threads() -> None:
