@@ -83,27 +83,18 @@ def _sent(target: Target, numbers: list[bytes], layouts: dict[_Layout, _Layout])
     layout: list[tuple[str, str, tuple[int, ...]]] = []
     others = []
     for name, value in target.items():
-        array = _array(value)
+        try:
+            array = value.numpy() if type(value) is Tensor else None  # others, as torchvision's, stay what they are
+        except (TypeError, RuntimeError):  # bfloat16, sparse or on a device; with a gradient
+            array = None
         if array is None or array.nbytes > BY_VALUE_BYTES:
             layout.append((name, "", ()))
             others.append(value)
-            continue
-        layout.append((name, array.dtype.char, array.shape))
-        numbers.append(array.tobytes())
-        if array.nbytes % ALIGNMENT:
-            numbers.append(_PADDING[array.nbytes % ALIGNMENT])
+        else:
+            layout.append((name, array.dtype.char, array.shape))
+            numbers += (array.tobytes(), _PADDING[array.nbytes % ALIGNMENT])
     known = tuple(layout)
     return layouts.setdefault(known, known), others
-
-
-def _array(value: Any) -> np.ndarray | None:
-    """A tensor as the array of the same memory; None of what is none, and of tensors without one, or of kinds of their own, as torchvision's."""
-    if type(value) is not Tensor:
-        return None
-    try:
-        return value.numpy()
-    except (TypeError, RuntimeError):  # bfloat16, sparse or on a device; with a gradient
-        return None
 
 
 @lru_cache(maxsize=256)

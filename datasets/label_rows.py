@@ -116,7 +116,7 @@ def columns(rows: Sequence[LabelRow]) -> tuple[NDArray[np.float32], NDArray[np.b
     count = len(rows)
     flat = rows[0].values if count == 1 else np.concatenate([row.values for row in rows])[_by_field(count)] if rows else np.zeros(0)
     booleans = SPANS[BOOLEAN[0]][0] * count
-    return flat[:booleans].astype(np.float32), flat[booleans:] > 0.5
+    return flat[:booleans].astype(np.float32), flat[booleans:].astype(np.bool_)
 
 
 def places(count: int, boolean: bool) -> dict[str, tuple[tuple[int, ...], int]]:
