@@ -28,6 +28,7 @@ from animal3dbox.datasets.animal3d_writer import write_animal3d
 from animal3dbox.datasets.images import read_photo
 from animal3dbox.datasets.label_dataset import Target
 from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.row_maker import Asked
 from animal3dbox.datasets.synthetic_set import animal3d_world
 from animal3dbox.datasets.targets import image_tensor
 from animal3dbox.datasets.threads import one_thread
@@ -118,8 +119,8 @@ def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
         "JPEG": lambda i: read_photo(samples[i].records[0].image_path, "x"),  # type: ignore[arg-type]
         "mask": lambda i: samples[i].records[0].mask,  # type: ignore[union-attr]
         "annotation": exact.source.sample,
-        "label, known pose": lambda i: exact._rows.row(samples[i], 0, facts[i], masks[i]),
-        "label, from the cache": lambda i: stored._rows.row(samples[i], 0, facts[i], masks[i]),
+        "label, known pose": lambda i: exact._rows.rows([Asked(samples[i], 0, facts[i], masks[i])]),
+        "label, from the cache": lambda i: stored._rows.rows([Asked(samples[i], 0, facts[i], masks[i])]),
         "whole sample, cached": stored.__getitem__,
     }
     spent: dict[str, list[float]] = {name: [] for name in parts}

@@ -1,8 +1,9 @@
 """The shared Dataset: annotated images in, images and targets out, labels made on the way."""
 
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -12,12 +13,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
-from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.filters import LabelFilter
 from animal3dbox.datasets.label_rows import LabelRow
 from animal3dbox.datasets.labelling import PosePolicy, check_pose_policy
 from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
-from animal3dbox.datasets.row_maker import RowMaker, fault_case, rejected_case
+from animal3dbox.datasets.opened import OpenedSample, opened_sample
+from animal3dbox.datasets.row_maker import Answer, Asked, RowMaker, fault_case, rejected_case
 from animal3dbox.datasets.scale import ScaleSource
 from animal3dbox.datasets.sources import ImageSample, SampleSource
 from animal3dbox.datasets.targets import check_one_camera, empty_target, image_tensor, target_of
@@ -149,20 +150,31 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         return self.source.image_id(index)
 
     def __getitem__(self, index: SampleIndex) -> tuple[Tensor, Target] | Skipped:
+        return self._samples([index])[0]
+
+    def __getitems__(self, indices: Sequence[SampleIndex]) -> list[tuple[Tensor, Target] | Skipped]:
+        """The samples of a batch, the same as one by one to the last bit; labels that must be made are made together, which costs less.
+
+        DataLoaders ask for whole batches in this way.
+        """
+        if type(self).__getitem__ is not LabelDataset.__getitem__:  # a subclass that changes samples changes those of batches too
+            return [self[index] for index in indices]
+        return self._samples(indices)
+
+    def _samples(self, indices: Sequence[SampleIndex]) -> list[tuple[Tensor, Target] | Skipped]:
+        keys = [self._key(index) for index in indices]
+        with one_thread():
+            opened = [self._opened(place) for _, place in keys]
+            answers = iter(self._rows.rows([asked for one in opened if isinstance(one, OpenedSample) for asked in one.asked]))
+            return [self._sample(key, one, answers) for key, one in zip(keys, opened, strict=True)]
+
+    def _key(self, index: Any) -> tuple[int, int]:
+        """Epoch and place of an index; raises IndexError or TypeError."""
         epoch, place = self._epoch_and_place(index)
         count = len(self)
         if not -count <= place < count:
             raise IndexError(f"index {place} of {count} images")
-        place %= count
-        with one_thread():
-            try:
-                return self._sample(epoch, place)
-            except SampleError as error:
-                if self.on_bad == "error":
-                    if get_worker_info() is not None:
-                        error.note_for_parent()
-                    raise
-                return self._skipped(place, [fault_case(error)])
+        return epoch, place % count
 
     def _epoch_and_place(self, index: Any) -> tuple[int, int]:
         """Whole numbers of an index, of any type that is one, or of a pair (epoch, index)."""
@@ -177,19 +189,36 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             self.ledger.add(case)
         return Skipped(place, self.image_id(place), tuple(cases))
 
-    def _sample(self, epoch: int, place: int) -> tuple[Tensor, Target] | Skipped:
-        sample = self.source.sample(place)
-        photo = self.source.photo(sample)
+    def _opened(self, place: int) -> OpenedSample | SampleError:
+        try:
+            return opened_sample(self.source, place, self._numbers)
+        except SampleError as error:
+            return error
+
+    def _sample(self, key: tuple[int, int], opened: OpenedSample | SampleError, answers: Iterator[Answer]) -> tuple[Tensor, Target] | Skipped:
+        """An opened sample with its target; of the answers, it takes those to its animals."""
+        try:
+            if isinstance(opened, SampleError):
+                raise opened
+            return self._labelled(key, opened, list(islice(answers, len(opened.asked))))
+        except SampleError as error:
+            if self.on_bad == "error":
+                if get_worker_info() is not None:
+                    error.note_for_parent()
+                raise
+            return self._skipped(key[1], [fault_case(error)])
+
+    def _labelled(self, key: tuple[int, int], opened: OpenedSample, answers: Sequence[Answer]) -> tuple[Tensor, Target] | Skipped:
+        sample, image = opened.sample, image_tensor(opened.photo.pixels)
         if sample.image is not None:
-            target = empty_target(sample.image_id, sample.image.K, self.source.named_faces)
-            return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
-        made, cases = self._labelled(sample, photo.facts)
+            return self._transformed(image, empty_target(sample.image_id, sample.image.K, self.source.named_faces), key)
+        made, cases = self._chosen(opened, answers)
         partly = len(made) < len(sample.animals) or sample.head.unread
         if made and partly and self.partial == "skip":
             cases += [_left_out_too(row.sample_id) for row, _, _ in made]
             made = []
         if not made:
-            return self._skipped(place, cases)
+            return self._skipped(key[1], cases)
         for case in cases:
             self.ledger.add(case)
         rows, numbers = [row for row, _, _ in made], [number for _, number, _ in made]
@@ -197,56 +226,37 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         masks = [mask for _, _, mask in made if mask is not None]
         whole = _together(masks).view(np.uint8) if self.masks and len(masks) == len(rows) else None
         target = target_of(sample.image_id, rows, numbers, whole, _one_vocabulary(sample), self.source.named_faces)
-        return self._transformed(image_tensor(photo.pixels), target, (epoch, place))
+        return self._transformed(image, target, key)
 
     def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
         """Store the labels of some samples in the cache, made together and without decoding their images; what could not be, and why."""
         samples = [self.source.sample(index) for index in indices]
         known = [(sample, self.source.facts(sample)) for sample in samples]
-        by_bodies: dict[int, list[tuple[ImageSample, PhotoFacts]]] = {}
-        for sample, facts in known:
-            by_bodies.setdefault(id(sample.bodies), []).append((sample, facts))
         with one_thread():
-            cases = [case for group in by_bodies.values() for case in self._rows.fill(group)]
+            cases = self._rows.fill(known)
         for case in cases:
             self.ledger.add(case)
         return tuple(cases)
 
-    def _labelled(self, sample: ImageSample, facts: PhotoFacts) -> tuple[list[Made], list[Case]]:
-        """Row, class number and mask of the animals that come through, and cases of the others."""
+    def _chosen(self, opened: OpenedSample, answers: Sequence[Answer]) -> tuple[list[Made], list[Case]]:
+        """Row, class number and mask of the animals that come through, and cases of the others; raises SampleError if on_bad is "error"."""
         made: list[Made] = []
         cases: list[Case] = []
-        for animal, head in enumerate(sample.animals):
-            try:
-                row, mask = self._animal(sample, animal, facts, cases)
-            except SampleError as error:
-                if self.on_bad == "error":
-                    raise
-                cases.append(fault_case(error))
-                continue
-            if row is not None:
-                made.append((row, self._numbers[head.category], mask))
+        for head, asked, answer in zip(opened.sample.animals, opened.asked, answers, strict=True):
+            cases += answer.cases
+            if isinstance(answer.outcome, LabelRow):
+                missed = self.filters.problem(answer.outcome)
+                if missed is None:
+                    made.append((answer.outcome, self._numbers[head.category], asked.mask if isinstance(asked, Asked) else None))
+                else:
+                    cases.append(Case(kind="filtered", sample_id=head.sample_id, field=missed[0], problem=missed[1]))
+            elif self.on_bad == "error":
+                raise answer.outcome if isinstance(answer.outcome, SampleError) else _not_made(head.sample_id, answer.outcome)
+            elif isinstance(answer.outcome, SampleError):
+                cases.append(fault_case(answer.outcome))
+            else:
+                cases.append(rejected_case(head.sample_id, answer.outcome))
         return made, cases
-
-    def _animal(self, sample: ImageSample, animal: int, facts: PhotoFacts, cases: list[Case]) -> tuple[LabelRow | None, NDArray[np.bool_] | None]:
-        """One animal's row, None if it is left out and then a case says why, and its mask."""
-        head = sample.animals[animal]
-        if head.category not in self._numbers:
-            raise SampleError(head.sample_id, "category", f"{head.category!r} is none of the classes {', '.join(self.classes[:20])}")
-        mask = sample.mask(animal)
-        outcome, problems = self._rows.row(sample, animal, facts, mask)
-        cases += problems
-        if isinstance(outcome, Rejection):
-            if self.on_bad == "error":
-                problem = f"cannot be made, {outcome.reason}: {outcome.detail}; on_bad='skip' leaves such animals out and reports them"
-                raise SampleError(head.sample_id, "label", problem)
-            cases.append(rejected_case(head.sample_id, outcome))
-            return None, None
-        missed = self.filters.problem(outcome)
-        if missed is not None:
-            cases.append(Case(kind="filtered", sample_id=head.sample_id, field=missed[0], problem=missed[1]))
-            return None, None
-        return outcome, mask
 
     def _transformed(self, image: Tensor, target: Target, key: tuple[int, int]) -> tuple[Tensor, Target]:
         target["sample_key"] = key
@@ -275,6 +285,11 @@ def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
 def _together(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
     """(N, H, W), contiguous, of masks (H, W) that are nobody else's: a single one is not copied."""
     return np.stack(masks) if len(masks) > 1 else np.ascontiguousarray(masks[0])[None]
+
+
+def _not_made(sample_id: str, rejection: Rejection) -> SampleError:
+    problem = f"cannot be made, {rejection.reason}: {rejection.detail}; on_bad='skip' leaves such animals out and reports them"
+    return SampleError(sample_id, "label", problem)
 
 
 def _left_out_too(sample_id: str) -> Case:

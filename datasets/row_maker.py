@@ -1,7 +1,9 @@
 """From an annotated animal to its label row: from the cache if it is there, made and stored otherwise."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +15,11 @@ from animal3dbox.datasets.fingerprint import code_digest, content_digest, digest
 from animal3dbox.datasets.given_boxes import given_label
 from animal3dbox.datasets.heads import AnimalHead
 from animal3dbox.datasets.label_rows import LabelRow, label_row
-from animal3dbox.datasets.labelling import Given, PosePolicy, label_record, label_records, posed_as_stored
+from animal3dbox.datasets.labelling import Given, PosePolicy, label_records, posed_as_stored
 from animal3dbox.datasets.ledger import Case
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
 from animal3dbox.datasets.scale import ScaleSource
-from animal3dbox.datasets.sources import ImageSample
+from animal3dbox.datasets.sources import ImageSample, Record
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import Rejection
@@ -25,6 +27,52 @@ from animal3dbox.labels.types import Rejection
 NOT_STORED = "its label could not be stored"
 """How the problem of a case begins that the cache could not take a label."""
 _NOTHING_TOLD = PhotoFacts()
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """An animal whose row is asked for.
+
+    Attributes:
+        sample: what is annotated in its image.
+        animal: which of the sample's.
+        facts: of the image's header.
+        mask: (H, W), if it has been decoded; None: decoded when it is needed, if it has one.
+    """
+
+    sample: ImageSample
+    animal: int
+    facts: PhotoFacts
+    mask: NDArray[np.bool_] | None = None
+
+    @property
+    def record(self) -> Record:
+        """What is said of it."""
+        return self.sample.records[self.animal]
+
+    @property
+    def bodies(self) -> BodySource:
+        """Where its body comes from; raises SampleError if nothing is known of that."""
+        if self.sample.bodies is None:
+            raise SampleError(self.sample.animals[self.animal].sample_id, "body", "there is no source of bodies")
+        return self.sample.bodies
+
+
+class Answer(NamedTuple):
+    """What becomes of an animal: its row, rejection or error, and what was wrong with the cache."""
+
+    outcome: LabelRow | Rejection | SampleError
+    cases: list[Case]
+
+
+class _Missing(NamedTuple):
+    """An animal that must be labelled: its place among those asked for, the key of its label, and what was wrong with the cache."""
+
+    place: int
+    asked: Asked
+    record: AnimalRecord
+    key: bytes
+    cases: list[Case]
 
 
 class RowMaker:
@@ -58,64 +106,62 @@ class RowMaker:
             made_by = digest(code_digest(), bodies, content_digest(config), scaled, pose.encode())
             self.cache = LabelCache(Path(cache), made_by)
 
-    def row(self, sample: ImageSample, animal: int, facts: PhotoFacts, mask: NDArray[np.bool_] | None) -> tuple[LabelRow | Rejection, list[Case]]:
-        """An animal's row or rejection, and what was wrong with the cache.
+    def rows(self, asked: Sequence[Asked | SampleError]) -> list[Answer]:
+        """What becomes of animals, in order; those that must be labelled are labelled together, and errors stay what they are."""
+        answers: dict[int, Answer] = {}
+        missing: dict[int, list[_Missing]] = {}
+        for place, one in enumerate(asked):
+            try:
+                if isinstance(one, SampleError):
+                    raise one
+                key, found, cases = self._kept(one)
+                if found is not None:
+                    answers[place] = Answer(found, cases)
+                elif isinstance(one.record, CuboidRecord):
+                    answers[place] = Answer(label_row(given_label(one.record)), cases)
+                else:
+                    missing.setdefault(id(one.bodies), []).append(_Missing(place, one, one.record, key, cases))
+            except SampleError as error:
+                answers[place] = Answer(error, [])
+        for group in missing.values():
+            answers |= self._made(group)
+        return [answers[place] for place in range(len(asked))]
 
-        Raises:
-            SampleError: the animal's record is unusable.
-
-        """
-        key, found, cases = self._kept(sample, animal, facts)
-        if found is not None:
-            return found, cases
-        record = sample.records[animal]
-        if isinstance(record, CuboidRecord):
-            return label_row(given_label(record)), []
-        outcome = label_record(posed_as_stored(record, self.pose), _bodies_of(sample, record), self.config, facts, self.scale, mask)
-        made = outcome if isinstance(outcome, Rejection) else label_row(outcome)
-        return made, [*cases, *self._store(record, key, made)]
+    def _made(self, group: Sequence[_Missing]) -> dict[int, Answer]:
+        """The answers, by place, to animals with one source of bodies that the cache does not hold."""
+        given = [Given(posed_as_stored(one.record, self.pose), one.asked.facts, one.asked.mask) for one in group]
+        answers: dict[int, Answer] = {}
+        for one, outcome in zip(group, label_records(given, group[0].asked.bodies, self.config, self.scale), strict=True):
+            if isinstance(outcome, SampleError):
+                answers[one.place] = Answer(outcome, one.cases)
+            else:
+                made = outcome if isinstance(outcome, Rejection) else label_row(outcome)
+                answers[one.place] = Answer(made, [*one.cases, *self._store(one.record, one.key, made)])
+        return answers
 
     def fill(self, samples: Sequence[tuple[ImageSample, PhotoFacts]]) -> list[Case]:
-        """Store the rows of all animals of some samples that share their source of bodies, labelled together; what could not be, and why."""
-        missing, cases = self._missing(samples)
-        if not missing:
-            return cases
-        bodies = _bodies_of(samples[0][0], missing[0][0].record)
-        for (given, key), outcome in zip(missing, label_records([one for one, _ in missing], bodies, self.config, self.scale), strict=True):
-            if isinstance(outcome, SampleError):
-                cases.append(fault_case(outcome))
-                continue
-            if isinstance(outcome, Rejection):
-                cases.append(rejected_case(given.record.sample_id, outcome))
-            cases += self._store(given.record, key, outcome if isinstance(outcome, Rejection) else label_row(outcome))
+        """Store the rows of all animals of some samples, labelled together; what could not be, and why."""
+        asked = [
+            Asked(sample, animal, facts)
+            for sample, facts in samples
+            for animal, head in enumerate(sample.animals)
+            if head.vocabulary is not None  # a box is as it comes
+        ]
+        cases = []
+        for one, answer in zip(asked, self.rows(asked), strict=True):
+            cases += answer.cases
+            if isinstance(answer.outcome, SampleError):
+                cases.append(fault_case(answer.outcome))
+            elif isinstance(answer.outcome, Rejection):
+                cases.append(rejected_case(one.sample.animals[one.animal].sample_id, answer.outcome))
         return cases
 
-    def _missing(self, samples: Sequence[tuple[ImageSample, PhotoFacts]]) -> tuple[list[tuple[Given, bytes]], list[Case]]:
-        """The animals that the cache does not hold, with their keys, and cases of the others."""
-        missing: list[tuple[Given, bytes]] = []
-        cases: list[Case] = []
-        for sample, facts in samples:
-            for animal, record in enumerate(sample.records):
-                if isinstance(record, CuboidRecord):
-                    continue
-                try:
-                    key, found, told = self._kept(sample, animal, facts)
-                except SampleError as error:
-                    cases.append(fault_case(error))
-                    continue
-                cases += told
-                if found is None:
-                    missing.append((Given(posed_as_stored(record, self.pose), facts), key))
-                elif isinstance(found, Rejection):
-                    cases.append(rejected_case(record.sample_id, found))
-        return missing, cases
-
-    def _kept(self, sample: ImageSample, animal: int, facts: PhotoFacts) -> tuple[bytes, LabelRow | Rejection | None, list[Case]]:
+    def _kept(self, asked: Asked) -> tuple[bytes, LabelRow | Rejection | None, list[Case]]:
         """The key of an animal, what the cache holds under it, and what is wrong with the cache."""
-        head = sample.animals[animal]
+        head = asked.sample.animals[asked.animal]
         if self.cache is None or head.vocabulary is None:  # a box is as it comes
             return b"", None, []
-        key, cases = _key(head, sample.bodies, facts), self._cases(self.cache, head.sample_id)
+        key, cases = _key(head, asked.sample.bodies, asked.facts), self._cases(self.cache, head.sample_id)
         found, damaged = self.cache.get(key) if self.reuse else (None, False)
         if damaged:
             cases.append(
@@ -151,12 +197,6 @@ def fault_case(error: SampleError) -> Case:
 def rejected_case(sample_id: str, rejection: Rejection) -> Case:
     """The case of an animal without a label."""
     return Case(kind="rejected", sample_id=sample_id, field=rejection.reason, problem=rejection.detail)
-
-
-def _bodies_of(sample: ImageSample, record: AnimalRecord) -> BodySource:
-    if sample.bodies is None:
-        raise SampleError(record.sample_id, "body", "there is no source of bodies")
-    return sample.bodies
 
 
 def _key(head: AnimalHead, bodies: BodySource | None, facts: PhotoFacts) -> bytes:
