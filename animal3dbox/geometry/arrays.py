@@ -103,3 +103,30 @@ def large_product(a: AnyArray, b: AnyArray) -> AnyArray:
     products = [rows[i : i + 1] @ matrix for i in range(len(rows))]
     product: np.ndarray = (products[0] if len(products) == 1 else torch.cat(products)).numpy()
     return product
+
+
+def take(array: AnyArray, index: AnyArray) -> AnyArray:
+    """Elements (N,) of an array (M,) by their indices (N,); in both libraries faster than array[index]."""
+    taken: AnyArray = array.index_select(0, index) if isinstance(array, Tensor) else array.take(index)
+    return taken
+
+
+def whole(array: AnyArray) -> AnyArray:
+    """Whole numbers as int64."""
+    if isinstance(array, Tensor):
+        return array.to(torch.int64)
+    return array.astype(np.int64)
+
+
+def counting(array: AnyArray, count: int) -> AnyArray:
+    """0, 1, .. count - 1 as int64, of the same kind and device as the array."""
+    if isinstance(array, Tensor):
+        return torch.arange(count, device=array.device)
+    return np.arange(count)
+
+
+def repeated(array: AnyArray, counts: AnyArray) -> AnyArray:
+    """Each element (N,) so often (N,), in order."""
+    if isinstance(array, Tensor):
+        return array.repeat_interleave(counts)
+    return np.repeat(array, counts)

@@ -29,7 +29,7 @@ def bounds_in_frame(px: Array, faces: Tensor, frame: Array) -> Array | None:
     """
     codes = (px[0] < frame[0]) * LEFT + (px[1] < frame[1]) * TOP + (px[0] > frame[2]) * RIGHT + (px[1] > frame[3]) * BOTTOM
     edges = mesh_edges(faces)
-    columns, used = edges.columns.numpy(), edges.used.numpy()
+    columns, used = edges.columns, edges.used
     a, b, c = (codes.take(column) for column in columns)
     cut = np.flatnonzero(((a | b | c) != 0) & ((a & b & c) == 0))
     corners = px[:, columns[:, cut].T]  # (2, T, 3)

@@ -4,11 +4,16 @@ from collections import deque
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.rasterizer_clip import ProjectedTriangles
 
+Indices = NDArray[np.int64]
+Steps = NDArray[np.int8]
 KNOWN_MESHES = 8
 """Meshes whose edges are remembered: about 1 MB each, for a body of 11 700 faces."""
 
@@ -18,26 +23,25 @@ class MeshEdges:
     """The edges between the triangles of a mesh; where more than two triangles meet, an edge is there several times.
 
     Attributes:
-        faces: (F, 3) int64, a copy.
+        faces: (F, 3) int64, a copy on their own device.
         ends: (2, E) int64, the edges' first and second points.
         sides: (2, E) int64, the face whose corners run from the first point to the second, and the one where they run back;
             F where there is none.
     """
 
     faces: Tensor
-    ends: Tensor
-    sides: Tensor
+    ends: Indices
+    sides: Indices
 
     @cached_property
-    def columns(self) -> Tensor:
+    def columns(self) -> Indices:
         """The faces' first, second and third corners, (3, F), each in a row of its own."""
-        return self.faces.T.contiguous()
+        return np.ascontiguousarray(as_numpy(self.faces).T)
 
     @cached_property
-    def used(self) -> Tensor:
+    def used(self) -> Indices:
         """Ids (U,) of the vertices that some face has."""
-        used: Tensor = torch.unique(self.ends)
-        return used
+        return np.unique(self.ends)
 
 
 _known: deque[MeshEdges] = deque(maxlen=KNOWN_MESHES)
@@ -68,10 +72,10 @@ def _edges_of(faces: Tensor) -> MeshEdges:
     ends[:, pair] = torch.stack((first, second))
     sides = faces.new_full((2, len(pairs)), count)
     sides[runs_back, pair] = torch.arange(count, device=faces.device).repeat(3)
-    return MeshEdges(faces, ends, sides)
+    return MeshEdges(faces, as_numpy(ends), as_numpy(sides))
 
 
-def contour_edges(edges: MeshEdges, triangles: ProjectedTriangles) -> tuple[Tensor, Tensor, Tensor]:
+def contour_edges(edges: MeshEdges, triangles: ProjectedTriangles[np.ndarray]) -> tuple[Indices, Indices, Steps]:
     """The edges that bound what is seen: not those between two triangles that face the same way.
 
     Args:
@@ -82,23 +86,22 @@ def contour_edges(edges: MeshEdges, triangles: ProjectedTriangles) -> tuple[Tens
         Upper and lower ends, indices of points, (N,) each, and (N,) what crossing the edge from the left adds.
 
     """
-    facing = torch.zeros(len(edges.faces) + 1, dtype=torch.int8, device=edges.faces.device)
+    facing = np.zeros(len(edges.faces) + 1, dtype=np.int8)
     if triangles.owner is None:
         facing[:-1] = triangles.orientation
         start, end, turn = _open_edges(edges, facing)
     else:
-        whole = (triangles.corners == edges.faces.T[:, triangles.owner]).all(dim=0)
-        facing[triangles.owner[whole]] = triangles.orientation[whole].to(torch.int8)
-        pieces, turns = triangles.corners[:, ~whole], triangles.orientation[~whole].to(torch.int8)
+        whole = (triangles.corners == edges.columns[:, triangles.owner]).all(0)
+        facing[triangles.owner[whole]] = triangles.orientation[whole]
+        pieces, turns = triangles.corners[:, ~whole], triangles.orientation[~whole].astype(np.int8)
         parts = _open_edges(edges, facing), *((pieces[k - 1], pieces[k], turns) for k in range(3))
-        start, end, turn = (torch.cat(part) for part in zip(*parts, strict=True))
-    rises = triangles.v.index_select(0, end) < triangles.v.index_select(0, start)  # as left sides do, if the area is positive: v is down
-    return torch.where(rises, end, start), torch.where(rises, start, end), torch.where(rises, turn, -turn)
+        start, end, turn = (np.concatenate(part) for part in zip(*parts, strict=True))
+    rises = triangles.v.take(end) < triangles.v.take(start)  # as left sides do, if the area is positive: v is down
+    return np.where(rises, end, start), np.where(rises, start, end), np.where(rises, turn, -turn)
 
 
-def _open_edges(edges: MeshEdges, facing: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _open_edges(edges: MeshEdges, facing: Steps) -> tuple[Indices, Indices, Steps]:
     """First and second points (N,) of edges whose faces do not cancel, and (N,) how often they run that way; facing is (F + 1,)."""
-    turn = facing.index_select(0, edges.sides[0]) - facing.index_select(0, edges.sides[1])
-    kept = torch.nonzero(turn)[:, 0]
-    start, end = (points.index_select(0, kept) for points in edges.ends)
-    return start, end, turn.index_select(0, kept)
+    ahead, behind = facing.take(edges.sides[0]), facing.take(edges.sides[1])
+    kept = np.flatnonzero(ahead != behind)
+    return edges.ends[0].take(kept), edges.ends[1].take(kept), ahead.take(kept) - behind.take(kept)

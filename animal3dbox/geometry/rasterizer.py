@@ -1,4 +1,4 @@
-"""Which pixels a mesh covers, and what it shows there: silhouettes and z-buffers, in plain torch.
+"""Which pixels a mesh covers, and what it shows there: silhouettes in NumPy, z-buffers in plain torch.
 
 Pixel centres sit at whole numbers. A triangle covers the centres (u, v) with v_least <= v < v_greatest that lie on or
 right of its left side and strictly left of its right side: of centres exactly on the boundary, those of top and left
@@ -12,19 +12,19 @@ triangles that face the same way adds nothing in all, so only the mesh's contour
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.mesh_edges import contour_edges, mesh_edges
-from animal3dbox.geometry.rasterizer_clip import (
-    ROWS_AT_ONCE,
-    ProjectedTriangles,
-    check_mesh,
-    expand,
-    project_triangles,
-    runs_at_once,
-)
+from animal3dbox.geometry.rasterizer_clip import ProjectedTriangles, check_mesh, project_triangles
+from animal3dbox.geometry.rasterizer_rows import ROWS_AT_ONCE, Sides, expand, runs_at_once, sides_between
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -65,24 +65,56 @@ def silhouette(
 
     """
     check_mesh(vertices_cam, faces, K, image_hw, near)
+    host = (as_numpy(vertices_cam.double()), faces.long(), as_numpy(K.double()))
+    part, place = covered_part(*host, image_hw, near, cull_backfaces)
+    covered = torch.zeros(*(int(side) for side in image_hw), dtype=torch.bool)
+    covered[place] = torch.from_numpy(part)
+    return covered.to(faces.device)
+
+
+def covered_part(
+    vertices_cam: Array, faces: Tensor, K: Array, image_hw: tuple[int, int], near: float | None = None, cull_backfaces: bool = False
+) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
+    """The part of a silhouette that holds all that is covered; arguments as silhouette's, float64, and not checked.
+
+    On the host whatever the faces' device: the contour is about a thousand edges, too few for a GPU.
+
+    Returns:
+        covered: (h, w).
+        place: the rows and columns of the image that these are.
+
+    """
     height, width = (int(side) for side in image_hw)
-    faces = faces.long()
-    triangles = project_triangles(vertices_cam.detach().double(), faces, K.detach().double(), near, cull_backfaces)
-    upper, lower, step = contour_edges(mesh_edges(faces), triangles)
-    sides = _sides(triangles, upper, lower, height)
-    dtype = _winding_dtype(sides, step, height)
-    steps, step = torch.zeros(height * width + 1, dtype=dtype, device=faces.device), step.to(dtype)
+    edges = mesh_edges(faces)
+    with np.errstate(all="ignore"):  # an edge along a row has no slope, and meets no row
+        triangles = project_triangles(vertices_cam, edges.columns, K, near, cull_backfaces)
+        upper, lower, step = contour_edges(edges, triangles)
+        sides = sides_between(triangles.u, triangles.v, upper, lower, height)
+        crossing = np.flatnonzero(sides.rows)
+        sides = Sides(*(values.take(crossing) for values in (sides.first_row, sides.rows, sides.first_u, sides.slope)))
+    return _filled(sides, step.take(crossing), width)
+
+
+def _filled(sides: Sides[np.ndarray], step: NDArray[np.int8], width: int) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
+    """What lies between sides that each meet a row, where crossing them from the left adds (N,) steps; see covered_part."""
+    if not len(step):
+        return np.zeros((0, 0), dtype=np.bool_), (slice(0), slice(0))
+    last_u = sides.first_u + (sides.rows - 1) * sides.slope
+    least, greatest = min(sides.first_u.min(), last_u.min()), max(sides.first_u.max(), last_u.max())
+    left, right = (ceil(min(max(u, 0.0), width)) for u in (least, greatest))
+    top, bottom = int(sides.first_row.min()), int((sides.first_row + sides.rows).max())
+    across = right - left
+    # A step is 2 at most and a row's steps add up to nothing: the running sum is never more than the number of sides
+    steps = np.zeros((bottom - top) * across + 1, dtype=np.int16 if len(step) < 1 << 15 else np.int32)
+    step = step.astype(steps.dtype)
     for first, last in runs_at_once(sides.rows, ROWS_AT_ONCE):
         side, down = expand(sides.rows[first:last])
-        side = side + first if first else side
-        pixel = (sides.first_row.index_select(0, side) + down) * width + sides.columns(side, down, width)
-        steps.index_add_(0, pixel, step.index_select(0, side))
-    # A row's steps add up to nothing, so the sum need not start anew, and a step right of the frame may stand in the next row
-    if len(step):
-        top, bottom = int(sides.first_row.amin()), int((sides.first_row + sides.rows).amax())
-        steps[top * width : bottom * width + 1].cumsum_(dim=0).gt_(0)
-    covered: Tensor = steps[:-1].reshape(height, width)
-    return covered.view(torch.bool) if covered.dtype == torch.int8 else covered.bool()
+        side += first
+        row = sides.first_row.take(side) + down
+        np.add.at(steps, (row - top) * across + (sides.columns(side, down, width) - left), step.take(side))
+    # For the same reason the sum need not start anew in a row, and a step right of the part may stand in the next row
+    covered = np.cumsum(steps, dtype=steps.dtype, out=steps) > 0
+    return covered[:-1].reshape(bottom - top, across), (slice(top, bottom), slice(left, right))
 
 
 def rasterize(
@@ -97,7 +129,7 @@ def rasterize(
     check_mesh(vertices_cam, faces, K, image_hw, near)
     height, width = (int(side) for side in image_hw)
     vertices, faces, K_float64 = vertices_cam.detach().double(), faces.long(), K.detach().double()
-    triangles = project_triangles(vertices, faces, K_float64, near, cull_backfaces)
+    triangles = project_triangles(vertices, faces.T.contiguous(), K_float64, near, cull_backfaces)
     weights = _corner_weights(vertices, faces, K_float64)
     planes = _face_planes(weights, vertices, faces)
     depth = torch.full((height * width,), torch.inf, dtype=torch.float64, device=faces.device)
@@ -168,56 +200,16 @@ def _barycentric(weights: Tensor, pixel: Tensor, width: int) -> Tensor:
     return shares / shares.sum(dim=1, keepdim=True)
 
 
-@dataclass(frozen=True)
-class _Sides:
-    """Edges as the rows of pixel centres meet them, from the upper end, included, to the lower one, excluded.
-
-    Attributes:
-        first_row: (N,) int64, in the image.
-        rows: (N,) int64, how many.
-        first_u: (N,) where the edge meets its first row.
-        slope: (N,) how far it moves in a row.
-
-    """
-
-    first_row: Tensor
-    rows: Tensor
-    first_u: Tensor
-    slope: Tensor
-
-    def columns(self, side: Tensor, down: Tensor, width: int) -> Tensor:
-        """The first columns (N,), 0 .. width, not left of these sides (N,) so many rows (N,) below their first."""
-        u = self.first_u.index_select(0, side) + down * self.slope.index_select(0, side)
-        columns: Tensor = u.ceil().clamp(0, width).to(torch.int64)
-        return columns
-
-
-def _sides(triangles: ProjectedTriangles, upper: Tensor, lower: Tensor, height: int) -> _Sides:
-    """The edges between (N,) upper and (N,) lower points; of one without height, or above or below the image, no rows."""
-    v_upper, v_lower = triangles.v.index_select(0, upper), triangles.v.index_select(0, lower)
-    u_upper, u_lower = triangles.u.index_select(0, upper), triangles.u.index_select(0, lower)
-    first_v = v_upper.ceil().clamp(0, height)
-    slope = (u_lower - u_upper) / (v_lower - v_upper)
-    rows = (v_lower.ceil().clamp(0, height) - first_v).to(torch.int64)
-    return _Sides(first_v.to(torch.int64), rows, u_upper + (first_v - v_upper) * slope, slope)
-
-
-def _winding_dtype(sides: _Sides, step: Tensor, height: int) -> torch.dtype:
-    """int8 if the running sum of no row can leave it, as with any animal; else int32."""
-    size, past = step.abs().int(), sides.first_row + sides.rows
-    change = torch.zeros(height + 1, dtype=torch.int32, device=step.device)
-    change.index_add_(0, sides.first_row, size).index_add_(0, past, -size)
-    return torch.int8 if int(change.cumsum(dim=0).amax()) <= 127 else torch.int32
-
-
-def _fragments(triangles: ProjectedTriangles, height: int, width: int) -> Iterator[tuple[Tensor, Tensor]]:
+def _fragments(triangles: ProjectedTriangles[Tensor], height: int, width: int) -> Iterator[tuple[Tensor, Tensor]]:
     """The pixels that triangles cover, as (face, flat pixel index) pairs, (N,) each, at most about ROWS_AT_ONCE at a time."""
     with_area = torch.nonzero(triangles.orientation)[:, 0]
     owner = with_area if triangles.owner is None else triangles.owner[with_area]
     corners = triangles.corners[:, with_area]
     corners = corners.gather(0, triangles.v[corners].argsort(dim=0))
     top, middle, bottom = corners.unbind(dim=0)
-    long_sides, upper_sides, lower_sides = (_sides(triangles, a, b, height) for a, b in ((top, bottom), (top, middle), (middle, bottom)))
+    long_sides, upper_sides, lower_sides = (
+        sides_between(triangles.u, triangles.v, a, b, height) for a, b in ((top, bottom), (top, middle), (middle, bottom))
+    )
     for first, last in runs_at_once(long_sides.rows, ROWS_AT_ONCE):
         triangle, down = expand(long_sides.rows[first:last])
         triangle = triangle + first

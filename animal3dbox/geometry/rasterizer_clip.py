@@ -1,21 +1,21 @@
 """Triangles cut at the near plane and put into the image, ready to be filled row by row."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
+from typing import Generic
 
 import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import AnyArray, namespace, take
 from animal3dbox.geometry.checks import check_finite, check_image_hw, check_intrinsics, check_shape
 
 NEAR_SHARE = 1e-6  # of the greatest depth: the near plane if none is given
-ROWS_AT_ONCE = 1 << 20  # crossings or pixels made at a time: what bounds the memory, at about 100 bytes each
 
 
 @dataclass(frozen=True)
-class ProjectedTriangles:
+class ProjectedTriangles(Generic[AnyArray]):
     """The parts of triangles in front of the near plane, in the image plane.
 
     Attributes:
@@ -28,11 +28,11 @@ class ProjectedTriangles:
 
     """
 
-    u: Tensor
-    v: Tensor
-    corners: Tensor
-    owner: Tensor | None
-    orientation: Tensor
+    u: AnyArray
+    v: AnyArray
+    corners: AnyArray
+    owner: AnyArray | None
+    orientation: AnyArray
 
 
 def check_mesh(vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float | None) -> None:
@@ -53,12 +53,14 @@ def check_mesh(vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[i
         raise ShapeError(f"near must be a depth > 0, got {near}")
 
 
-def project_triangles(vertices_cam: Tensor, faces: Tensor, K: Tensor, near: float | None, cull_backfaces: bool) -> ProjectedTriangles:
+def project_triangles(
+    vertices_cam: AnyArray, corners: AnyArray, K: AnyArray, near: float | None, cull_backfaces: bool
+) -> ProjectedTriangles[AnyArray]:
     """Clip triangles to depth >= near, and project them.
 
     Args:
         vertices_cam: (V, 3) float64.
-        faces: (F, 3) int64.
+        corners: (3, F) int64, the first, second and third corner of each face: columns are read much faster than rows.
         K: (3, 3) float64.
         near: depth of the near plane; None: NEAR_SHARE of the greatest depth.
         cull_backfaces: give triangles seen from behind the orientation 0.
@@ -67,19 +69,41 @@ def project_triangles(vertices_cam: Tensor, faces: Tensor, K: Tensor, near: floa
         At most two triangles a face.
 
     """
-    least, greatest = (float(value) for value in torch.aminmax(vertices_cam[:, 2])) if len(vertices_cam) else (0.0, 0.0)
+    least, greatest = (float(vertices_cam[:, 2].min()), float(vertices_cam[:, 2].max())) if len(vertices_cam) else (0.0, 0.0)
     near = max(greatest, 0.0) * NEAR_SHARE if near is None else near
     owner = None
     if least < near or not least > 0:
-        vertices_cam, faces, owner = _clip_near(vertices_cam, faces, near)
-    u, v = ((K[:2] @ vertices_cam.T) / vertices_cam[:, 2]).unbind(dim=0)
-    # Columns and index_select, not rows and [...]: half of the time of a silhouette
-    corners = torch.stack(faces.unbind(dim=1))
-    (u_a, v_a), (u_b, v_b), (u_c, v_c) = ((u.index_select(0, corner), v.index_select(0, corner)) for corner in corners.unbind(dim=0))
-    area = u_b.sub_(u_a).mul_(v_c.sub_(v_a)).sub_(u_c.sub_(u_a).mul_(v_b.sub_(v_a)))
-    if cull_backfaces:
-        area = area.clamp(max=0.0)
-    return ProjectedTriangles(u, v, corners, owner, area.sign())
+        vertices_cam, corners, owner = _cut(vertices_cam, corners, near)
+    u, v = _projected(vertices_cam, K)
+    (u_a, v_a), (u_b, v_b), (u_c, v_c) = ((take(u, corner), take(v, corner)) for corner in corners)
+    for coordinate, start in ((u_b, u_a), (v_b, v_a), (u_c, u_a), (v_c, v_a)):
+        coordinate -= start
+    u_b *= v_c
+    u_c *= v_b
+    u_b -= u_c  # twice the area
+    orientation = namespace(u).sign(u_b)
+    return ProjectedTriangles(u, v, corners, owner, orientation * (orientation < 0) if cull_backfaces else orientation)
+
+
+def _projected(vertices_cam: AnyArray, K: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Pixels u and v (V,) of vertices (V, 3)."""
+    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
+    x, y, z = vertices_cam.T
+    u, v = x / z, y / z
+    u *= fx
+    u += v * skew + cx if skew else cx
+    v *= fy
+    v += cy
+    return u, v
+
+
+def _cut(vertices_cam: AnyArray, corners: AnyArray, near: float) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """_clip_near of faces by their corners (3, F), of either kind."""
+    if isinstance(vertices_cam, Tensor):
+        points, faces, owner = _clip_near(vertices_cam, corners.T, near)
+        return points, faces.T.contiguous(), owner
+    points, faces, owner = _clip_near(torch.from_numpy(vertices_cam), torch.from_numpy(corners).T, near)
+    return points.numpy(), faces.T.contiguous().numpy(), owner.numpy()
 
 
 def _clip_near(vertices_cam: Tensor, faces: Tensor, near: float) -> tuple[Tensor, Tensor, Tensor]:
@@ -124,23 +148,3 @@ def _lead_with(faces: Tensor, chosen: Tensor) -> Tensor:
     """Faces (N, 3) turned so that each one's one chosen corner, (N, 3) bool, comes first."""
     first = chosen.to(torch.int64).argmax(dim=1, keepdim=True)
     return faces.gather(1, (first + torch.arange(3, device=faces.device)) % 3)
-
-
-def runs_at_once(counts: Tensor, limit: int) -> Iterator[tuple[int, int]]:
-    """Split a list of (N,) counts into runs [first, last) whose sums stay under the limit, or of one each."""
-    total = torch.cumsum(counts, dim=0)
-    if len(counts) == 0 or int(total[-1]) <= limit:
-        yield 0, len(counts)
-        return
-    first, done = 0, 0
-    while first < len(counts):
-        last = max(int(torch.searchsorted(total, done + limit, right=True)), first + 1)
-        yield first, last
-        first, done = last, int(total[last - 1])
-
-
-def expand(counts: Tensor) -> tuple[Tensor, Tensor]:
-    """For (N,) counts: which of the N each unit belongs to, and its number within, both (sum of counts,)."""
-    index = torch.repeat_interleave(counts)
-    begin = torch.cumsum(counts, dim=0) - counts
-    return index, torch.arange(len(index), device=counts.device) - begin.index_select(0, index)

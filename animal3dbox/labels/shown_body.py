@@ -8,7 +8,7 @@ from torch import Tensor
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.distortion import bent_points
 from animal3dbox.geometry.mesh_bounds import bounds_in_frame, frame_box
-from animal3dbox.geometry.rasterizer import silhouette
+from animal3dbox.geometry.rasterizer import covered_part
 from animal3dbox.labels.assemble import ShownBody, mask_box, points_box
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.observation import Array, Observation
@@ -16,10 +16,10 @@ from animal3dbox.labels.pose_problem import PoseEstimate
 from animal3dbox.labels.seen_surface import surface_share
 
 
-def mask_overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
-    """Intersection over union of two masks (H, W); 0 if both are empty."""
-    shared = np.count_nonzero(a & b)
-    union = np.count_nonzero(a) + np.count_nonzero(b) - shared
+def mask_overlap(part: NDArray[np.bool_], place: tuple[slice, slice], mask: NDArray[np.bool_]) -> float:
+    """Intersection over union of a drawn part (h, w) at its place in the frame and a mask (H, W); 0 if both are empty."""
+    shared = np.count_nonzero(part & mask[place])
+    union = np.count_nonzero(part) + np.count_nonzero(mask) - shared
     return float(shared / union) if union else 0.0
 
 
@@ -45,16 +45,11 @@ def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, box: Tensor
     if seen.faces is not None and draws:
         straight = bent_points(vertices_cam, seen.distortion)
         if seen.mask is not None and config.mask_iou:
-            overlap = mask_overlap(_drawn(seen, straight, seen.faces), seen.mask)
+            overlap = mask_overlap(*covered_part(straight, seen.faces, seen.K, seen.image_hw), seen.mask)
         if config.surface_share:
             mesh = torch.from_numpy(vertices_cam), seen.faces
             shares = surface_share(*mesh, pose.R @ R_box, torch.from_numpy(seen.K), seen.image_hw, torch.from_numpy(straight))
     return ShownBody(box if box is not None else _mesh_box(seen, vertices_cam), overlap, shares)
-
-
-def _drawn(seen: Observation, straight: Array, faces: Tensor) -> NDArray[np.bool_]:
-    """The silhouette (H, W) of vertices (V, 3) where a pinhole shows them."""
-    return silhouette(torch.from_numpy(straight), faces, torch.from_numpy(seen.K), seen.image_hw).numpy()
 
 
 def _mesh_box(seen: Observation, vertices_cam: Array) -> Tensor:
@@ -68,6 +63,8 @@ def _mesh_box(seen: Observation, vertices_cam: Array) -> Tensor:
             return torch.from_numpy(bounds)
         if seen.faces is not None and (inside := bounds_in_frame(px, seen.faces, frame)) is not None:
             return torch.from_numpy(inside)
-    elif seen.faces is not None and (drawn := _drawn(seen, straight.T, seen.faces)).any():
-        return mask_box(drawn)
+    elif seen.faces is not None:
+        part, (rows, columns) = covered_part(straight.T, seen.faces, seen.K, seen.image_hw)
+        if part.any():
+            return mask_box(part) + torch.tensor([columns.start, rows.start, columns.start, rows.start])
     return points_box(*project(seen.K, vertices_cam, seen.distortion), seen.image_hw)

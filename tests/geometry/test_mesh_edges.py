@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 import torch
 
@@ -11,7 +12,7 @@ K = torch.tensor([[100.0, 0, 50], [0, 100, 40], [0, 0, 1]], dtype=torch.float64)
 
 
 def rows(edges: edges_module.MeshEdges) -> set[tuple[int, ...]]:
-    return set(map(tuple, torch.cat((edges.ends, edges.sides)).T.tolist()))
+    return set(map(tuple, np.concatenate((edges.ends, edges.sides)).T.tolist()))
 
 
 def test_every_edge_of_a_tetrahedron_lies_between_two_faces() -> None:
@@ -28,9 +29,10 @@ def test_an_edge_of_four_faces_is_two_and_one_of_a_single_face_has_none_behind()
 
 def test_only_the_outline_of_a_closed_body_is_left() -> None:
     points = torch.tensor([[-1.0, -1, 5], [1, -1, 5], [0, 1, 5], [0, 0, 4]], dtype=torch.float64)  # its tip towards the camera
-    upper, lower, step = contour_edges(mesh_edges(TETRAHEDRON), project_triangles(points, TETRAHEDRON, K, None, cull_backfaces=False))
+    edges = mesh_edges(TETRAHEDRON)
+    upper, lower, step = contour_edges(edges, project_triangles(points.numpy(), edges.columns, K.numpy(), None, cull_backfaces=False))
     assert {frozenset(pair) for pair in zip(upper.tolist(), lower.tolist(), strict=True)} == {frozenset(p) for p in ((0, 1), (1, 2), (2, 0))}
-    assert set(step.abs().tolist()) == {2}  # of the face in front and the one behind
+    assert set(np.abs(step).tolist()) == {2}  # of the face in front and the one behind
 
 
 def test_edges_are_found_once_a_mesh_whatever_tensor_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.rasterizer import rasterize, silhouette
+from animal3dbox.geometry.rasterizer import covered_part, rasterize, silhouette
 
 F64 = torch.float64
 SIZES = [(1, 1), (7, 5), (50, 40), (96, 64), (64, 96), (480, 640), (640, 360)]
@@ -222,9 +222,10 @@ def test_culling_drops_exactly_the_faces_seen_from_behind() -> None:
     assert silhouette(one, torch.tensor([[0, 2, 1]]), K, (60, 60), cull_backfaces=True).any()
 
 
-def test_more_layers_than_a_byte_counts_are_still_covered() -> None:
-    vertices = torch.tensor([[-9.0, -9, 2], [9, -9, 2], [0, 9, 2]], dtype=F64).repeat(150, 1)
-    mask = silhouette(vertices, torch.arange(450).reshape(150, 3), intrinsics((9, 9)), (9, 9))
+@pytest.mark.parametrize("layers", [150, 40_000])
+def test_more_layers_than_one_or_two_bytes_count_are_still_covered(layers: int) -> None:
+    vertices = torch.tensor([[-9.0, -9, 2], [9, -9, 2], [0, 9, 2]], dtype=F64).repeat(layers, 1)
+    mask = silhouette(vertices, torch.arange(3 * layers).reshape(layers, 3), intrinsics((9, 9)), (9, 9))
     assert mask.dtype == torch.bool
     assert torch.equal(mask, silhouette(vertices, torch.tensor([[0, 1, 2]]), intrinsics((9, 9)), (9, 9)))
     assert mask.any()
@@ -238,6 +239,20 @@ def test_small_chunks_give_the_same_raster(monkeypatch: pytest.MonkeyPatch) -> N
     assert torch.equal(parts.face_index, whole.face_index)
     assert torch.equal(parts.depth, whole.depth)
     assert torch.equal(silhouette(vertices, faces, K, (50, 40)), mask)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (-2.5, 0.5), (2.0, -1.5), (30.0, 0.0)])
+def test_the_covered_part_is_the_silhouette_at_its_place(shift: tuple[float, float]) -> None:
+    vertices, faces = lumpy_ball(0)
+    vertices, K = vertices + torch.tensor([*shift, 4.0], dtype=F64), intrinsics((60, 80))
+    part, place = covered_part(vertices.numpy(), faces, K.numpy(), (60, 80))
+    frame = np.zeros((60, 80), dtype=np.bool_)
+    frame[place] = part
+    pixels = np.nonzero(silhouette(vertices, faces, K, (60, 80)).numpy())
+    assert np.array_equal(np.nonzero(frame), pixels)
+    assert part.any() == (shift[0] < 30)
+    if shift == (0, 0):
+        assert part.shape == tuple(at.max() - at.min() + 1 for at in pixels)  # of a ball inside the frame no more than needed
 
 
 @pytest.mark.parametrize("n_vertices", [0, 5])

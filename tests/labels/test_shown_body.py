@@ -27,7 +27,7 @@ def test_a_label_without_measured_surface_and_overlap_draws_nothing_and_is_else_
     R, t = camera_round(50, 15)
     mask = silhouette(MESH @ R.mT + t, FACES, K, IMAGE_HW) if masked else None
     full = label_of(R, t, mask, LabelConfig())
-    monkeypatch.delattr(shown_body, "silhouette")
+    monkeypatch.delattr(shown_body, "covered_part")
     monkeypatch.delattr(seen_surface, "rasterize")
     quick = label_of(R, t, mask)
     assert full.surface_share is not None
