@@ -1,7 +1,7 @@
 """Many starting poses, all refined at once on the keypoints alone; the hopeless ones are left behind on the way."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -122,28 +122,33 @@ def _sight(problem: PoseProblem) -> tuple[Sight, float]:
     return Sight(problem.points_world.numpy(), pixels - K[:2, 2:], sigma, K[:2, :2], widest), extent
 
 
-def search_poses(problem: PoseProblem, starts: list[PoseEstimate]) -> Candidates:
+def search_poses(problem: PoseProblem, starts: Iterable[PoseEstimate]) -> Candidates:
     """Refine the given starts and, unless one of them is beyond doubt, a grid of views; robust, keypoints only.
 
     Args:
         problem: about its own mean, in units of its own spread.
-        starts: poses worth trying.
+        starts: poses worth trying, taken one by one and none after one beyond doubt.
 
     Returns:
         The different poses found, best first.
 
     """
     sight, extent = _sight(problem)
-    names = tuple(start.hypothesis for start in starts)
-    if starts:
-        R, t = (np.stack([part.numpy() for part in parts]) for parts in zip(*((start.R, start.t) for start in starts), strict=True))
-        found = _beyond_doubt(sight, extent, R, t, names)
+    tried = list[PoseEstimate]()
+    for start in starts:
+        found = _beyond_doubt(sight, extent, start)
         if found is not None:
             return found
-    R_views = VIEWS @ problem.R_box.numpy().T
+        tried.append(start)
+    return _found_among_views(sight, problem.R_box.numpy(), tried)
+
+
+def _found_among_views(sight: Sight, R_box: Array, starts: list[PoseEstimate]) -> Candidates:
+    """The best of the starts and of views from all round a body with these axes (3, 3), refined."""
+    R_views = VIEWS @ R_box.T
     t_views = weak_perspective_translation(sight, R_views)
-    names += tuple(f"view_{i}" for i in range(len(R_views)))
-    R, t = (np.concatenate((R, R_views)), np.concatenate((t, t_views))) if starts else (R_views, t_views)
+    names = *(start.hypothesis for start in starts), *(f"view_{i}" for i in range(len(R_views)))
+    R, t = np.stack([*(start.R.numpy() for start in starts), *R_views]), np.stack([*(start.t.numpy() for start in starts), *t_views])
     R, t, *_ = descend(sight.local, R, t, WIDE_ROUNDS)
     middle = replace(sight, width=math.sqrt(sight.width * CAUCHY_95))
     R, t, cost, _ = descend(middle.local, R, t, MIDDLE_ROUNDS)
@@ -156,21 +161,19 @@ def search_poses(problem: PoseProblem, starts: list[PoseEstimate]) -> Candidates
     return Candidates(R[best], t[best], tuple(names[kept[i]] for i in best), scale)
 
 
-def _beyond_doubt(sight: Sight, extent: float, R: Array, t: Array, names: Sequence[str]) -> Candidates | None:
-    """The starts (B, 3, 3), (B, 3) refined, if the best explains so many keypoints so well that no other view can."""
+def _beyond_doubt(sight: Sight, extent: float, start: PoseEstimate) -> Candidates | None:
+    """The start refined, if it explains so many keypoints so well that no other view can."""
     if len(sight.sigma) < SURE_KEYPOINTS or extent < SURE_EXTENT:
         return None
     narrow = replace(sight, width=CAUCHY_95)
-    near = narrow.distances(R, t).max(-1) < 2 * SURE_DISTANCE
-    if not near.any():
+    R, t = start.R.numpy()[None], start.t.numpy()[None]
+    if not narrow.distances(R, t).max() < 2 * SURE_DISTANCE:
         return None
-    R, t, cost, _ = descend(narrow.local, R[near], t[near], NARROW_ROUNDS)
-    best = int(cost.argmin())
-    off = narrow.distances(R, t)[best]
-    if not np.isfinite(cost[best]) or off.max() > SURE_DISTANCE:
+    R, t, cost, _ = descend(narrow.local, R, t, NARROW_ROUNDS)
+    off = narrow.distances(R, t)
+    if not np.isfinite(cost[0]) or off.max() > SURE_DISTANCE:
         return None
-    name = names[int(np.flatnonzero(near)[best])]
-    return Candidates(R[best : best + 1], t[best : best + 1], (name,), max(1.0, float(np.median(off)) / RAYLEIGH_MEDIAN))
+    return Candidates(R, t, (start.hypothesis,), max(1.0, float(np.median(off)) / RAYLEIGH_MEDIAN))
 
 
 def _different(R: Array, cost: Array, most: int) -> list[int]:

@@ -1,3 +1,4 @@
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -59,3 +60,14 @@ def test_views_are_tried_where_one_keypoint_is_wild_or_the_animal_is_small(wild_
     found = search_poses(replace(seen, points_px=wild, sigma_px=seen.sigma_px if wild_px else 20 * seen.sigma_px), starts)
     assert tried
     assert float(rotation_angle(torch.from_numpy(found.R[0]), R)) < 0.1
+
+
+def test_no_start_is_asked_for_after_one_beyond_doubt() -> None:
+    seen, _ = problem(40.0)
+
+    def starts() -> Iterator[PoseEstimate]:
+        yield replace(start_of(seen)[0], R=torch.eye(3, dtype=F64), hypothesis="far off")
+        yield from start_of(seen)
+        pytest.fail("asked for another start")
+
+    assert search_poses(seen, starts()).names == ("sqpnp",)
