@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.descent import LEAST_DEPTH, NOTHING, Array, Local, descend, project_with_slopes
@@ -18,43 +19,44 @@ BAND = 0.06
 """Of the body's extent in the picture: points so near to its bounds are watched while the pose moves."""
 LEAST_CURVATURE = 0.05
 """Of a residual's weight: the Cauchy loss bends down beyond its width, which a descent must not follow."""
+BOUNDS_PX = 1e-7
+"""Bounds that differ by less are the same."""
 SIDES = (0, 1, 0, 1)
 """Which coordinate left, top, right and bottom are."""
+ONE_COORDINATE = np.eye(2)[:, SIDES]
 
 
 @dataclass(frozen=True)
 class Joint:
     """Keypoints and bounds; every coordinate's residual has its own Cauchy loss of width CAUCHY_95.
 
+    With a mask, the points that bound the body to the left, top, right and bottom are four more points, each of which
+    has a target and a weight in one coordinate only.
+
     Attributes:
         points: (N, 3) landmarks, about their mean, in units of their spread.
-        pixels: (2, N) about the principal point.
-        by_keypoint: (N,) 1 / px: what their residuals are multiplied by.
+        target: (2, N) keypoints about the principal point; (2, N + 4) with a mask, whose box is the last four's.
+        by: (2, N) or (2, N + 4) 1 / px: what residuals are multiplied by.
         linear: (2, 2) K's upper left.
-        cloud: (V, 3) the points whose bounds are compared with the mask's; V = 0 without that term.
-        watched: (B, M) those of them that may bound the body near each pose.
-        mask_box: (4,) xyxy px about the principal point.
-        by_bound: 1 / px likewise.
+        cloud: (3, V) the points whose bounds are compared with the mask's; V = 0 without that term.
+        watched: (B, 3, M) those of them that may bound the body near each pose.
     """
 
     points: Array
-    pixels: Array
-    by_keypoint: Array
+    target: Array
+    by: Array
     linear: Array
     cloud: Array
-    watched: np.ndarray
-    mask_box: Array
-    by_bound: float
+    watched: Array
+
+    @property
+    def has_bounds(self) -> bool:
+        """Whether the mask's box counts."""
+        return bool(self.cloud.size)
 
     def local(self, R: Array, t: Array) -> Local:
         """The cost of poses and its derivatives."""
-        px, slopes, depth = project_with_slopes(self.points, self.linear, R, t)
-        off = ((px - self.pixels) * self.by_keypoint).reshape(len(R), -1)
-        slopes = (slopes * self.by_keypoint).reshape(len(R), 6, -1)
-        allowed = depth.min(-1) > LEAST_DEPTH
-        if len(self.cloud):
-            beyond, by_step = self._bounds(R, t)
-            off, slopes = np.concatenate((off, beyond), -1), np.concatenate((slopes, by_step), -1)
+        off, slopes, allowed = self.residuals(R, t)
         square = (off / CAUCHY_95) ** 2
         weight = 1 / (1 + square)
         curvature = weight * np.maximum((1 - square) * weight, LEAST_CURVATURE)
@@ -62,29 +64,54 @@ class Joint:
         A, b = (slopes * curvature[:, None]) @ slopes.mT, (slopes @ (weight * off)[..., None])[..., 0]
         return Local(np.where(allowed, cost, np.inf), A, b)
 
-    def _bounds(self, R: Array, t: Array) -> tuple[Array, Array]:
-        """How far the watched points' bounds are beyond the mask's, as the paper's d_bbox, (B, 4), and by a step (B, 6, 4)."""
-        near = self.cloud[self.watched]
-        cam = R @ near.mT + t[..., None]
-        flat = self.linear @ (cam[:, :2] / np.maximum(cam[:, 2:], 1e-9))
-        outermost = np.concatenate((flat.argmin(-1), flat.argmax(-1)), -1)  # (B, 4)
-        px, slopes, _ = project_with_slopes(near[np.arange(len(R))[:, None], outermost], self.linear, R, t)
-        off = px[:, SIDES, range(4)] - self.mask_box
-        beyond = np.sign(off) * np.maximum(np.abs(off) - MASK_SLACK_PX, 0)
-        return self.by_bound * beyond, self.by_bound * slopes[:, :, SIDES, range(4)] * (beyond != 0)[:, None]
+    def residuals(self, R: Array, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Residuals (B, D) coordinate by coordinate, what a step does to them (B, 6, D), and whether the landmarks are before the camera (B,)."""
+        points, count = self.points, len(self.points)
+        if self.has_bounds:
+            points = np.concatenate((np.broadcast_to(points, (len(R), count, 3)), self._outermost(R, t)), 1)
+        off, slopes, depth = project_with_slopes(points, self.linear, R, t)
+        off -= self.target
+        if self.has_bounds:  # how far they are beyond the mask's, as the paper's d_bbox
+            beyond = off[..., count:]
+            beyond -= np.minimum(np.maximum(beyond, -MASK_SLACK_PX), MASK_SLACK_PX)
+            slopes[..., count:] *= (beyond != 0)[:, None]
+        off *= self.by
+        slopes *= self.by
+        return off.reshape(len(R), -1), slopes.reshape(len(R), 6, -1), depth[:, :count].min(-1) > LEAST_DEPTH
+
+    def _flat(self, points: Array, R: Array, t: Array) -> Array:
+        """Where points (3, M) or (B, 3, M) stand in the picture about its principal point, (B, 2, M)."""
+        cam = R @ points
+        cam += t[..., None]
+        flat = self.linear @ cam[:, :2]
+        flat /= np.maximum(cam[:, 2:], 1e-9)
+        return flat
+
+    def _outermost(self, R: Array, t: Array) -> Array:
+        """The watched points (B, 4, 3) that bound the body to the left, top, right and bottom."""
+        flat = self._flat(self.watched, R, t)
+        ids = np.concatenate((flat.argmin(-1), flat.argmax(-1)), -1)
+        outermost: Array = self.watched[np.arange(len(R))[:, None], :, ids]
+        return outermost
 
     def watching(self, R: Array, t: Array) -> "Joint":
         """The same, watching the points that bound the body near other poses."""
-        if not len(self.cloud):
+        if not self.has_bounds:
             return self
-        cam = R @ self.cloud.T + t[..., None]
-        flat = self.linear @ (cam[:, :2] / np.maximum(cam[:, 2:], 1e-9))  # (B, 2, V)
+        flat = self._flat(self.cloud, R, t)
         least, greatest = flat.min(-1)[..., None], flat.max(-1)[..., None]
         band = BAND * (greatest - least)
         outer = ((flat < least + band) | (flat > greatest - band)).any(1)
         ids = [np.flatnonzero(row) for row in outer]
         most = max(map(len, ids))
-        return replace(self, watched=np.stack([np.resize(one, most) for one in ids]))  # shorter ones say some twice
+        return replace(self, watched=np.stack([self.cloud[:, np.resize(one, most)] for one in ids]))  # shorter ones say some twice
+
+    def watches_enough(self, R: Array, t: Array, kept: NDArray[np.int64]) -> bool:
+        """Whether at poses that started from those kept of the watched ones, no other point bounds the body."""
+        if not self.has_bounds:
+            return True
+        of_all, of_watched = self._flat(self.cloud, R, t), self._flat(self.watched[kept], R, t)
+        return np.allclose(of_all.min(-1), of_watched.min(-1), 0, BOUNDS_PX) and np.allclose(of_all.max(-1), of_watched.max(-1), 0, BOUNDS_PX)
 
 
 def joint_of(problem: PoseProblem, scale: float, config: LabelConfig) -> Joint:
@@ -97,14 +124,16 @@ def joint_of(problem: PoseProblem, scale: float, config: LabelConfig) -> Joint:
 
     """
     K, sigma, points = problem.K.numpy(), problem.sigma_px.numpy(), problem.points_world.numpy()
+    target, by_keypoint = problem.points_px.numpy().T - K[:2, 2:], np.sqrt(config.lambda_keypoints) / (scale * sigma)
+    by = np.stack((by_keypoint, by_keypoint))
     extent = "none" if problem.is_cut or problem.mask_box is None else config.mask_box or "mesh"
-    cloud, box = np.zeros((0, 3)), np.zeros(4)
-    if problem.mask_box is not None and extent != "none":
-        cloud = points if extent == "keypoints" or problem.vertices_world is None else problem.vertices_world.numpy()
-        box = problem.mask_box.numpy() - K[SIDES, 2]
+    if problem.mask_box is None or extent == "none":
+        return Joint(points, target, by, K[:2, :2], np.zeros((3, 0)), np.zeros((1, 3, 0)))
+    cloud = points if extent == "keypoints" or problem.vertices_world is None else problem.vertices_world.numpy()
     by_bound = float(np.sqrt(1 - config.lambda_keypoints) / (scale * np.median(sigma)))
-    by_keypoint = np.sqrt(config.lambda_keypoints) / (scale * sigma)
-    return Joint(points, problem.points_px.numpy().T - K[:2, 2:], by_keypoint, K[:2, :2], cloud, np.zeros((1, 0), int), box, by_bound)
+    target = np.concatenate((target, ONE_COORDINATE * (problem.mask_box.numpy() - K[SIDES, 2])), 1)
+    by = np.concatenate((by, by_bound * ONE_COORDINATE), 1)
+    return Joint(points, target, by, K[:2, :2], cloud.T, np.zeros((1, 3, 0)))
 
 
 def refine_jointly(problem: PoseProblem, candidates: Candidates, count: int, config: LabelConfig) -> tuple[Array, Array, Array]:
@@ -122,6 +151,6 @@ def refine_jointly(problem: PoseProblem, candidates: Candidates, count: int, con
         order = np.argsort(cost, kind="stable")
         order = order[cost[order] <= BEHIND * cost[order[0]] + NOTHING]
         R, t, cost = R[order], t[order], cost[order]
-        if settled and (not len(joint.cloud) or np.allclose(joint.watching(R, t).local(R, t).cost, cost, rtol=1e-9, atol=NOTHING)):
+        if settled and near.watches_enough(R, t, order):
             break
     return R, t, cost

@@ -13,7 +13,7 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.rigid import rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.descent import descend, project_with_slopes, small_turns
-from animal3dbox.labels.pose_joint import Joint, joint_of
+from animal3dbox.labels.pose_joint import MASK_SLACK_PX, SIDES, Joint, joint_of
 from animal3dbox.labels.pose_problem import PoseProblem
 from animal3dbox.labels.pose_search import CAUCHY_95, Sight
 
@@ -80,9 +80,11 @@ def test_the_slope_of_each_cost_is_that_of_finite_differences(which: int) -> Non
 def test_the_watched_points_bound_the_body_like_all_of_them() -> None:
     R, t = poses()
     joint = joint_of(problem(), 1.0, LabelConfig())
-    everything = replace(joint, watched=np.tile(np.arange(len(joint.cloud)), (3, 1)))
+    everything = replace(joint, watched=np.stack([joint.cloud] * 3))
     watching = joint.watching(R, t)
-    assert watching.watched.shape[1] < len(joint.cloud) / 2
+    assert watching.watched.shape[2] < joint.cloud.shape[1] / 2
+    assert watching.watches_enough(R, t, np.arange(3))
+    assert not replace(watching, watched=0.9 * watching.watched).watches_enough(R, t, np.arange(3))
     assert np.array_equal(watching.local(R, t).cost, everything.local(R, t).cost)
 
 
@@ -109,16 +111,21 @@ def test_what_is_found_already_has_settled_at_once() -> None:
 def test_the_joint_cost_is_brought_as_low_as_by_scipy(wild: int) -> None:
     R, t = (x.numpy()[None] for x in camera_round(40, 20))
     given = problem(wild=wild)
-    t = t + np.array([0, 0, 3.0])
+    assert given.vertices_world is not None
+    assert given.mask_box is not None
+    t, vertices, mask_box = t + np.array([0, 0, 3.0]), given.vertices_world.numpy(), given.mask_box.numpy()
     joint = joint_of(given, 1.0, LabelConfig())
-    joint = replace(joint, watched=np.arange(len(joint.cloud))[None])
+    joint = replace(joint, watched=joint.cloud[None])
 
     def residuals(x: Array) -> Array:
         R_here, t_here = moved(R[0], t[0], x)
         cam = given.points_world.numpy() @ R_here.T + t_here
         px = (cam @ K.numpy().T)[:, :2] / cam[:, 2:]
-        off = (px - given.points_px.numpy()) * joint.by_keypoint[:, None]
-        return np.concatenate((off.ravel(), joint._bounds(R_here[None], t_here[None])[0][0]))
+        off = (px - given.points_px.numpy()) * joint.by[:, : len(px)].T
+        body = vertices @ R_here.T + t_here
+        body_px = (body @ K.numpy().T)[:, :2] / body[:, 2:]
+        beyond = np.concatenate((body_px.min(0), body_px.max(0))) - mask_box
+        return np.concatenate((off.ravel(), (beyond - beyond.clip(-MASK_SLACK_PX, MASK_SLACK_PX)) * joint.by[0, -2]))
 
     expected = least_squares(residuals, np.zeros(6), loss="cauchy", f_scale=CAUCHY_95, xtol=1e-12, ftol=1e-12, gtol=1e-12).cost
     *_, cost, _ = descend(joint.local, R, t, 60)
@@ -132,7 +139,8 @@ def test_bounds_that_differ_by_less_than_a_mask_can_tell_cost_nothing(off_px: fl
     assert given.vertices_world is not None
     px, _ = project(K, given.vertices_world @ torch.from_numpy(R[0]).mT + torch.from_numpy(t[0]))
     box = torch.cat((px.amin(0), px.amax(0))) + off_px * torch.tensor([1.0, -1, 1, -1], dtype=F64)
-    beyond, slopes = joint_of(replace(given, mask_box=box), 1.0, LabelConfig()).watching(R, t)._bounds(R, t)
+    off, by_step, _ = joint_of(replace(given, mask_box=box), 1.0, LabelConfig()).watching(R, t).residuals(R, t)
+    beyond, slopes = (x.reshape(-1, 2, 30)[:, SIDES, 26 + np.arange(4)] for x in (off, by_step[0]))
     assert (bool(beyond.all()), bool(slopes.any())) == (costs, costs)
     assert bool(beyond.any()) == costs
 
