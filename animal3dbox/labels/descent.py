@@ -10,18 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.checks import IDENTITY
-from animal3dbox.geometry.rigid import cross_matrix
+from animal3dbox.geometry.rigid import CROSS
 
 Array = NDArray[np.float64]
 LEAST_DEPTH = 0.05
 """Of the landmarks' spread, which is 1: no landmark may come nearer to the camera's plane."""
 FIRST_DAMPING = 1e-3
 SETTLED = 1e-10
-"""Relative gain in cost below which, on an undamped step, a pose counts as found."""
+"""Relative gain in cost below which a pose counts as found."""
 
 ROUNDING = 1e-13
 """Relative: a cost that rises by less has not risen."""
 ONES = np.eye(6)
+HALF_CROSS = np.array(CROSS) / 2
+"""(3, 9): a vector times this is half its cross_matrix, row by row."""
 NOTHING = 1e-16
 """A cost that is none."""
 
@@ -78,13 +80,15 @@ def project_with_slopes(points: Array, linear: Array, R: Array, t: Array) -> tup
 
 def small_turns(w: Array) -> Array:
     """Rotations (B, 3, 3) about w (B, 3), by its length to first order: Cayley's map, whose angle is 2 atan(|w| / 2)."""
-    half = w / 2
-    square = (half * half).sum(-1)[:, None, None]
-    turn: Array = IDENTITY + 2 / (1 + square) * (cross_matrix(half) + half[:, :, None] * half[:, None] - square * IDENTITY)
+    half = (w @ HALF_CROSS).reshape(-1, 3, 3)
+    turn: Array = half @ half
+    turn += half
+    turn *= (8 / (4 + (w * w).sum(-1)))[:, None, None]
+    turn += IDENTITY
     return turn
 
 
-def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: int) -> tuple[Array, Array, Array, bool]:
+def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: int, gain: float = SETTLED) -> tuple[Array, Array, Array, bool]:
     """Poses that cost less, by at most so many damped steps, each kept only if it helps.
 
     Args:
@@ -92,6 +96,7 @@ def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: 
         R: (B, 3, 3) where to start.
         t: (B, 3).
         rounds: most steps.
+        gain: relative, in cost: a pose that gains less on an undamped step has settled.
 
     Returns:
         R, t, their costs (B,), and whether all of them have settled.
@@ -105,14 +110,20 @@ def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: 
         R_new, t_new = small_turns(step[:, :3]) @ R, t + step[:, 3:]
         there = local(R_new, t_new)
         better = (there.cost <= here.cost * (1 + ROUNDING)) & np.isfinite(there.cost)
-        settled = (better & (there.cost >= here.cost * (1 - SETTLED)) & (damping <= FIRST_DAMPING)) | (here.cost < NOTHING)
-        R, t = np.where(better[:, None, None], R_new, R), np.where(better[:, None], t_new, t)
-        here = Local(
-            np.where(better, there.cost, here.cost),
-            np.where(better[:, None, None], there.A, here.A),
-            np.where(better[:, None], there.b, here.b),
-        )
-        damping = np.clip(np.where(better, damping * 0.1, damping * 8), 1e-12, 1e8)
+        settled = (better & (there.cost >= here.cost * (1 - gain)) & (damping <= FIRST_DAMPING)) | (here.cost < NOTHING)
+        R, t, here = (R_new, t_new, there) if better.all() else _where(better, (R_new, t_new, there), (R, t, here))
+        damping = np.minimum(np.maximum(np.where(better, damping * 0.1, damping * 8), 1e-12), 1e8)
         if settled.all():
             return R, t, here.cost, True
     return R, t, here.cost, False
+
+
+def _where(better: NDArray[np.bool_], there: tuple[Array, Array, Local], here: tuple[Array, Array, Local]) -> tuple[Array, Array, Local]:
+    """For each pose what is there if that is better (B,), else what is here."""
+    vectors, matrices = better[:, None], better[:, None, None]
+    local = Local(
+        np.where(better, there[2].cost, here[2].cost),
+        np.where(matrices, there[2].A, here[2].A),
+        np.where(vectors, there[2].b, here[2].b),
+    )
+    return np.where(matrices, there[0], here[0]), np.where(vectors, there[1], here[1]), local

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.descent import LEAST_DEPTH, NOTHING, Array, Local, descend, project_with_slopes
 from animal3dbox.labels.pose_problem import PoseProblem
-from animal3dbox.labels.pose_search import CAUCHY_95, Candidates
+from animal3dbox.labels.pose_search import CAUCHY_95, Candidates, median
 
 MASK_SLACK_PX = 1.0
 """A mask's border is that of pixel centres, and tips thinner than a pixel fall between them: up to 0.8 px (benchmarks/masks_and_visibility.py)."""
@@ -81,9 +81,11 @@ class Joint:
 
     def _flat(self, points: Array, R: Array, t: Array) -> Array:
         """Where points (3, M) or (B, 3, M) stand in the picture about its principal point, (B, 2, M)."""
-        cam = R @ points
-        cam += t[..., None]
-        flat = self.linear @ cam[:, :2]
+        lens = np.eye(3)
+        lens[:2, :2] = self.linear
+        cam = lens @ R @ points
+        cam += (t @ lens.T)[..., None]
+        flat: Array = cam[:, :2]
         flat /= np.maximum(cam[:, 2:], 1e-9)
         return flat
 
@@ -111,7 +113,8 @@ class Joint:
         if not self.has_bounds:
             return True
         of_all, of_watched = self._flat(self.cloud, R, t), self._flat(self.watched[kept], R, t)
-        return np.allclose(of_all.min(-1), of_watched.min(-1), 0, BOUNDS_PX) and np.allclose(of_all.max(-1), of_watched.max(-1), 0, BOUNDS_PX)
+        apart = np.maximum(of_watched.min(-1) - of_all.min(-1), of_all.max(-1) - of_watched.max(-1))
+        return bool(apart.max() <= BOUNDS_PX)
 
 
 def joint_of(problem: PoseProblem, scale: float, config: LabelConfig) -> Joint:
@@ -130,7 +133,7 @@ def joint_of(problem: PoseProblem, scale: float, config: LabelConfig) -> Joint:
     if problem.mask_box is None or extent == "none":
         return Joint(points, target, by, K[:2, :2], np.zeros((3, 0)), np.zeros((1, 3, 0)))
     cloud = points if extent == "keypoints" or problem.vertices_world is None else problem.vertices_world.numpy()
-    by_bound = float(np.sqrt(1 - config.lambda_keypoints) / (scale * np.median(sigma)))
+    by_bound = np.sqrt(1 - config.lambda_keypoints) / (scale * median(sigma))
     target = np.concatenate((target, ONE_COORDINATE * (problem.mask_box.numpy() - K[SIDES, 2])), 1)
     by = np.concatenate((by, by_bound * ONE_COORDINATE), 1)
     return Joint(points, target, by, K[:2, :2], cloud.T, np.zeros((1, 3, 0)))
