@@ -71,10 +71,12 @@ def project_with_slopes(points: Array, linear: Array, R: Array, t: Array) -> tup
     by_y[:, 0], by_y[:, 1], by_y[:, 2] = -z0 - y * y0, y * x0, x0
     by_x[:, 3] = by_y[:, 4] = 1.0
     by_x[:, 5], by_y[:, 5] = -x, -y
-    slopes *= inverse[:, None, None]
     if linear[0, 1] == 0:
-        slopes *= linear.diagonal()[:, None]
-        return plane * linear.diagonal()[:, None], slopes, depth
+        focal = linear.diagonal()[:, None]
+        slopes *= (focal * inverse[:, None])[:, None]
+        plane *= focal
+        return plane, slopes, depth
+    slopes *= inverse[:, None, None]
     return linear @ plane, linear @ slopes, depth
 
 

@@ -56,15 +56,17 @@ class Sight:
 
     def local(self, R: Array, t: Array) -> Local:
         """The Cauchy loss of each keypoint's distance, summed, and its derivatives by reweighting."""
-        px, slopes, depth = project_with_slopes(self.points, self.linear, R, t)
-        off = (px - self.pixels) / self.sigma
+        off, slopes, depth = project_with_slopes(self.points, self.linear, R, t)
+        off -= self.pixels
+        off /= self.sigma
         square = (off * off).sum(1) / self.width**2
         cost = self.width**2 / 2 * np.log1p(square).sum(-1)
-        slopes /= self.sigma
-        weighted = slopes * (1 / (1 + square))[:, None, None]
-        flat, flat_weighted = slopes.reshape(len(R), 6, -1), weighted.reshape(len(R), 6, -1)
+        root = np.sqrt(1 / (1 + square))[:, None]  # of the weight: half of it to either factor of A and b
+        off *= root
+        slopes *= (root / self.sigma)[:, None]
+        slopes = slopes.reshape(len(R), 6, -1)
         allowed = depth.min(-1) > LEAST_DEPTH
-        return Local(np.where(allowed, cost, np.inf), flat_weighted @ flat.mT, (flat_weighted @ off.reshape(len(R), -1, 1))[..., 0])
+        return Local(np.where(allowed, cost, np.inf), slopes @ slopes.mT, (slopes @ off.reshape(len(R), -1, 1))[..., 0])
 
 
 @dataclass(frozen=True)
