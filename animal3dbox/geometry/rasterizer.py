@@ -104,16 +104,14 @@ def _filled(sides: Sides[np.ndarray], step: NDArray[np.int8], width: int) -> tup
     left, right = (ceil(min(max(u, 0.0), width)) for u in (least, greatest))
     top, bottom = int(sides.first_row.min()), int((sides.first_row + sides.rows).max())
     across = right - left
-    # A step is 2 at most and a row's steps add up to nothing: the running sum is never more than the number of sides
-    steps = np.zeros((bottom - top) * across + 1, dtype=np.int16 if len(step) < 1 << 15 else np.int32)
-    step = step.astype(steps.dtype)
+    steps, step = np.zeros((bottom - top) * across + 1, dtype=np.int32), step.astype(np.int32)
     for first, last in runs_at_once(sides.rows, ROWS_AT_ONCE):
         side, down = expand(sides.rows[first:last])
         side += first
         row = sides.first_row.take(side) + down
         np.add.at(steps, (row - top) * across + (sides.columns(side, down, width) - left), step.take(side))
-    # For the same reason the sum need not start anew in a row, and a step right of the part may stand in the next row
-    covered = np.cumsum(steps, dtype=steps.dtype, out=steps) > 0
+    # A row's steps add up to nothing, so the sum need not start anew, and a step right of the part may stand in the next row
+    covered = np.cumsum(steps, dtype=np.int32, out=steps) > 0
     return covered[:-1].reshape(bottom - top, across), (slice(top, bottom), slice(left, right))
 
 

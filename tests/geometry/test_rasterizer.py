@@ -223,7 +223,7 @@ def test_culling_drops_exactly_the_faces_seen_from_behind() -> None:
 
 
 @pytest.mark.parametrize("layers", [150, 40_000])
-def test_more_layers_than_one_or_two_bytes_count_are_still_covered(layers: int) -> None:
+def test_more_layers_than_one_byte_or_two_can_count_are_still_covered(layers: int) -> None:
     vertices = torch.tensor([[-9.0, -9, 2], [9, -9, 2], [0, 9, 2]], dtype=F64).repeat(layers, 1)
     mask = silhouette(vertices, torch.arange(3 * layers).reshape(layers, 3), intrinsics((9, 9)), (9, 9))
     assert mask.dtype == torch.bool
