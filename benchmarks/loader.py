@@ -25,6 +25,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from animal3dbox.datasets import Animal3DDataset, LabelDataset, SyntheticSet, collate
 from animal3dbox.datasets.animal3d_writer import write_animal3d
+from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.images import read_photo
 from animal3dbox.datasets.label_dataset import Target
 from animal3dbox.datasets.records import AnimalRecord
@@ -37,6 +38,7 @@ from animal3dbox.transforms import ColorJitter, Compose, RandomHorizontalFlip, R
 
 torch.set_num_threads(1)
 cv2.setNumThreads(1)
+BATCH = 8
 
 
 class Decoded(Dataset[Any]):
@@ -66,7 +68,7 @@ def written(folder: Path, images: int) -> tuple[Path, Path]:
 
 def seconds_an_image(dataset: Dataset[Any], workers: int) -> float:
     """Time of one epoch by its images; of workers that are already running."""
-    loader: Any = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=workers, persistent_workers=workers > 0)
+    loader: Any = DataLoader(dataset, batch_size=BATCH, collate_fn=collate, num_workers=workers, persistent_workers=workers > 0)
     if workers:
         for _ in loader:  # starts the workers, and lets them open what they need
             pass
@@ -110,30 +112,41 @@ def compare(root: Path, model: Path, cache: Path, workers: list[int], rounds: in
 
 
 def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
-    """Print what one image costs, stage by stage, by its JPEG's decoding."""
-    exact, stored = Animal3DDataset(root, model, pose="exact"), Animal3DDataset(root, model, pose="exact", cache=cache)
-    samples = [exact.source.sample(i) for i in range(len(exact))]
-    facts = [exact.source.facts(sample) for sample in samples]
-    masks = [sample.records[0].mask for sample in samples]  # type: ignore[union-attr]
-    parts: dict[str, Callable[[int], Any]] = {
-        "JPEG": lambda i: read_photo(samples[i].records[0].image_path, "x"),  # type: ignore[arg-type]
-        "mask": lambda i: samples[i].records[0].mask,  # type: ignore[union-attr]
-        "annotation": exact.source.sample,
-        "label, known pose": lambda i: exact._rows.rows([Asked(samples[i], 0, facts[i], masks[i])]),
-        "label, from the cache": lambda i: stored._rows.rows([Asked(samples[i], 0, facts[i], masks[i])]),
-        "whole sample, cached": stored.__getitem__,
+    """Print what one image costs, stage by stage, by its JPEG's decoding.
+
+    As in a worker, each stage comes right after a batch's JPEGs have been decoded: the processor's caches are then full of them.
+    """
+    exact, searched, stored = (Animal3DDataset(root, model, **more) for more in ({"pose": "exact"}, {}, {"pose": "exact", "cache": cache}))
+    pictures = [exact.source.sample(i).records[0].image_path for i in range(len(exact))]
+    masks = [exact.source.sample(i).mask(0) for i in range(len(exact))]
+
+    def labelled(dataset: LabelDataset, batch: list[int]) -> Any:
+        return dataset._rows.rows([Asked(dataset.source.sample(i), 0, PhotoFacts(), masks[i]) for i in batch])
+
+    parts: dict[str, tuple[int, Callable[[list[int]], Any]]] = {
+        "JPEG": (BATCH, lambda batch: [read_photo(pictures[i], "x") for i in batch]),  # type: ignore[arg-type]
+        "mask": (BATCH, lambda batch: [exact.source.sample(i).mask(0) for i in batch]),
+        "label, known pose": (BATCH, lambda batch: labelled(exact, batch)),
+        "label, known pose, alone": (1, lambda batch: labelled(exact, batch)),
+        "label, pose searched": (BATCH, lambda batch: labelled(searched, batch)),
+        "label, from the cache": (BATCH, lambda batch: labelled(stored, batch)),
+        "whole sample, cached": (BATCH, stored.__getitems__),
     }
-    spent: dict[str, list[float]] = {name: [] for name in parts}
+    floor, spent = {name: list[float]() for name in parts}, {name: list[float]() for name in parts}
     with one_thread():
         for _ in range(rounds):
-            for name, part in parts.items():
-                start = time.perf_counter()
-                for i in range(len(samples)):
-                    part(i)
-                spent[name].append((time.perf_counter() - start) / len(samples))
-    print("\nstages of an image of one animal, in the main process")
+            for name, (size, part) in parts.items():
+                for first in range(0, len(pictures), size):
+                    batch = [*range(first, min(first + size, len(pictures)))]
+                    begin = time.perf_counter()
+                    parts["JPEG"][1](batch)
+                    decoded = time.perf_counter()
+                    part(batch)
+                    floor[name].append((decoded - begin) / len(batch))
+                    spent[name].append((time.perf_counter() - decoded) / len(batch))
+    print(f"\nstages of an image of one animal in the main process, batches of {BATCH} after their JPEGs")
     for name, times in spent.items():
-        print(f"  {name:28} {1e3 * float(np.median(times)):7.3f} ms {np.median(np.array(times) / np.array(spent['JPEG'])):7.2f} x JPEG")
+        print(f"  {name:28} {1e3 * float(np.median(times)):7.3f} ms {np.median(np.array(times) / np.array(floor[name])):7.2f} x JPEG")
 
 
 def epoch_with_faults(folder: Path, images: int) -> None:

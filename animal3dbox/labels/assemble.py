@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -78,11 +78,11 @@ def points_box(px: Tensor | Array, depth: Tensor | Array, image_hw: tuple[int, i
 
 
 def assemble_labels(animals: Sequence[Prepared]) -> list[CuboidLabel]:
-    """The labels of animals whose boxes and cameras are known; those of one size of image and one lens go together."""
-    alike: dict[tuple[tuple[int, int], bytes | None], list[int]] = {}
+    """The labels of animals whose boxes and cameras are known; those of one size of image, one lens and as many keypoints go together."""
+    alike: dict[tuple[tuple[int, int], bytes | None, int], list[int]] = {}
     for i, animal in enumerate(animals):
-        lens = animal.seen.distortion
-        alike.setdefault((animal.seen.image_hw, None if lens is None else lens.tobytes()), []).append(i)
+        seen, lens = animal.seen, animal.seen.distortion
+        alike.setdefault((seen.image_hw, None if lens is None else lens.tobytes(), len(seen.vocabulary)), []).append(i)
     labels: dict[int, CuboidLabel] = {}
     for indices in alike.values():
         labels |= zip(indices, _assemble_alike([animals[i] for i in indices]), strict=True)
@@ -90,7 +90,7 @@ def assemble_labels(animals: Sequence[Prepared]) -> list[CuboidLabel]:
 
 
 def _assemble_alike(animals: Sequence[Prepared]) -> list[CuboidLabel]:
-    """Labels of animals whose images have one size and one lens, batched (B, ...)."""
+    """Labels of animals whose images have one size and one lens, and that have as many keypoints, batched (B, ...)."""
     image_hw, distortion = animals[0].seen.image_hw, animals[0].seen.distortion
     K = np.array([animal.seen.K for animal in animals])
     R, t = (np.array([x.numpy() for x in part]) for part in zip(*((a.pose.R, a.pose.t) for a in animals), strict=True))
@@ -102,6 +102,7 @@ def _assemble_alike(animals: Sequence[Prepared]) -> list[CuboidLabel]:
     corners_2d, depth = project(K, corners, distortion)
     faces = corners_visibility(corners, K, image_hw, visible_faces(corners, np.zeros_like(center)), distortion)
     in_front = depth > near_depth_of_corners(corners)[:, None]
+    behind, truncation, fit = (~in_front.all(1)).tolist(), faces.truncation.tolist(), _fit(animals, K, R, t, distortion)
     fields = {
         "corners_3d": corners, "center": center, "rotation": rotation, "size": size, "corners_2d": corners_2d, "corner_in_front": in_front,
         "face_visible": faces.visible, "face_area": faces.area, "face_share": faces.share, "face_share_in_image": faces.share_in_image,
@@ -114,11 +115,11 @@ def _assemble_alike(animals: Sequence[Prepared]) -> list[CuboidLabel]:
             image_hw=image_hw,
             box=one.shown.box if one.shown.box is not None else points_box(corners_2d[i], depth[i], image_hw),
             surface_share=one.shown.surface_share,
-            truncation=float(faces.truncation[i]),
-            behind_camera=not in_front[i].all(),
+            truncation=truncation[i],
+            behind_camera=behind[i],
             keypoints=None if one.seen.keypoints_2d is None else torch.from_numpy(one.seen.keypoints_2d),
             cuboid_mesh=one.cuboid_mesh,
-            quality=_quality(one),
+            quality=_quality(one, fit.n_keypoints[i], fit.mean_px[i], fit.n_inliers[i]),
             distortion=None if distortion is None else torch.from_numpy(distortion.copy()),
         )
         for i, one in enumerate(animals)
@@ -130,23 +131,42 @@ def _own(fields: Mapping[str, Any], i: int) -> dict[str, Any]:
     return {name: torch.from_numpy(values[i].copy()) for name, values in fields.items()}
 
 
-def _quality(animal: Prepared) -> Quality:
-    """How the label came about; distances are in px of the picture as it is, with its lens."""
-    seen, pose = animal.seen, animal.pose
-    used = seen.matched
-    errors, extent = np.zeros(0), 0.0
-    if seen.keypoints_2d is not None and seen.landmarks is not None and used.any():
-        keypoints = seen.keypoints_2d[used, :2]
-        projected, _ = project(seen.K, seen.landmarks[used] @ pose.R.numpy().T + pose.t.numpy(), seen.distortion)
-        errors, extent = norm(projected - keypoints), float((keypoints.max(0) - keypoints.min(0)).max())
+class _Fit(NamedTuple):
+    """How well keypoints fit, of each animal (B,): how many count, their mean distance in px, and how many are near."""
+
+    n_keypoints: list[int]
+    mean_px: list[float]
+    n_inliers: list[int]
+
+
+def _fit(animals: Sequence[Prepared], K: Array, R: Array, t: Array, distortion: Array | None) -> _Fit:
+    """Distances of keypoints from their landmarks, in px of the picture as it is, with its lens."""
+    nowhere = np.zeros((len(animals[0].seen.vocabulary), 3))
+    used = np.array([animal.seen.matched for animal in animals])
+    keypoints, landmarks = (
+        np.where(used[..., None], np.array([nowhere if part is None else part for part in parts]), 0.0)
+        for parts in zip(*((animal.seen.keypoints_2d, animal.seen.landmarks) for animal in animals), strict=True)
+    )
+    seen = keypoints[..., :2]
+    projected, _ = project(K, landmarks @ R.mT + t[:, None], distortion)
+    off, count = np.where(used, norm(projected - seen), 0.0), used.sum(1)
+    greatest, least = (np.where(used[..., None], seen, edge) for edge in (-np.inf, np.inf))
+    extent = (greatest.max(1) - least.min(1)).max(1)
+    near = used & (off < INLIER_PER_EXTENT * extent[:, None])
+    return _Fit(count.tolist(), (off.sum(1) / np.maximum(count, 1)).tolist(), near.sum(1).tolist())
+
+
+def _quality(animal: Prepared, n_keypoints: int, mean_px: float, n_inliers: int) -> Quality:
+    """How the label came about."""
+    seen = animal.seen
     return Quality(
-        reprojection_error_px=float(errors.mean()) if len(errors) else None,
-        n_keypoints=len(errors),
-        n_inliers=int((errors < INLIER_PER_EXTENT * extent).sum()),
+        reprojection_error_px=mean_px if n_keypoints else None,
+        n_keypoints=n_keypoints,
+        n_inliers=n_inliers,
         mask_iou=animal.shown.mask_iou,
         orientation_rule=animal.orientation_rule,
         pose_source="estimated" if seen.pose is None else "given",
-        pose_hypothesis=pose.hypothesis,
+        pose_hypothesis=animal.pose.hypothesis,
         bounds_source=animal.bounds_source,
         mask_source="none" if seen.mask is None else "dataset",
         K_source=seen.K_source,

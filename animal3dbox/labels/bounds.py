@@ -38,7 +38,7 @@ def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array
 
 
 def tight_cuboids(bodies: Sequence[Array], R_box: Array, margin: float | None = None) -> Cuboid:
-    """The smallest boxes with given axes around bodies, grown by a margin (section 2.1.2, V_min and V_max); see tight_cuboid.
+    """tight_cuboid around many bodies.
 
     Args:
         bodies: (B,) of (V, 3) float64.

@@ -19,8 +19,8 @@ FIRST_DAMPING = 1e-3
 SETTLED = 1e-10
 """Relative gain in cost below which a pose counts as found."""
 
-ROUNDING = 1e-13
-"""Relative: a cost that rises by less has not risen."""
+ROUNDING, RESIDUAL_ROUNDING = 1e-13, 1e-12
+"""Of the cost, and of its root, since residuals of exact keypoints are differences of pixels: a cost that rises by less has not risen."""
 ONES = np.eye(6)
 HALF_CROSS = np.array(CROSS) / 2
 """(3, 9): a vector times this is half its cross_matrix, row by row."""
@@ -111,7 +111,7 @@ def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: 
         step = -np.linalg.solve(here.A + ridge[..., None] * ONES, here.b[..., None])[..., 0]
         R_new, t_new = small_turns(step[:, :3]) @ R, t + step[:, 3:]
         there = local(R_new, t_new)
-        better = (there.cost <= here.cost * (1 + ROUNDING)) & np.isfinite(there.cost)
+        better = (there.cost <= here.cost * (1 + ROUNDING) + RESIDUAL_ROUNDING * np.sqrt(here.cost)) & np.isfinite(there.cost)
         settled = (better & (there.cost >= here.cost * (1 - gain)) & (damping <= FIRST_DAMPING)) | (here.cost < NOTHING)
         R, t, here = (R_new, t_new, there) if better.all() else _where(better, (R_new, t_new, there), (R, t, here))
         damping = np.minimum(np.maximum(np.where(better, damping * 0.1, damping * 8), 1e-12), 1e8)

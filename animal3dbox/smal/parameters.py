@@ -56,22 +56,22 @@ def posed_bodies(model: SmalModel, parameters: Sequence[SmalParameters], vertice
     """
     for one in parameters:
         check_shape("trans", one.trans, "3")
-        check_finite("trans", one.trans)
     dtype = as_numpy(model.v_template).dtype
-    betas = np.stack([_whole_betas(model, one.betas, one.family_mean) for one in parameters])
-    pose = np.stack([_fitted_pose(model, one.pose) for one in parameters])
-    trans = np.stack([as_numpy(one.trans) for one in parameters])
-    betas, pose, trans = (values.astype(dtype, copy=False) for values in (betas, pose, trans))
+    betas = np.array([_whole_betas(model, one.betas, one.family_mean) for one in parameters], dtype)
+    pose = np.array([_fitted_pose(model, one.pose) for one in parameters], dtype)
+    trans = np.array([as_numpy(one.trans) for one in parameters], dtype)
+    for name, values in (("betas", betas), ("pose", pose), ("trans", trans)):
+        check_finite(name, values)
     return model.posed_arrays(betas, pose, trans, vertices_in)
 
 
 def fitted_pose(model: SmalModel, pose: Tensor) -> Tensor:
     """A pose as (J, 3) of the model's joints; see posed_bodies."""
+    check_finite("pose", pose)
     return torch.from_numpy(_fitted_pose(model, pose)).to(model.v_template)
 
 
 def _fitted_pose(model: SmalModel, pose: Tensor) -> np.ndarray:
-    check_finite("pose", pose)
     if pose.numel() % 3 or pose.ndim > 2 or (pose.ndim == 2 and pose.shape[1] != 3):
         raise ShapeError(f"pose must be (3 J,) or (J, 3), got {tuple(pose.shape)}")
     joints, flat = model.joint_count, as_numpy(pose).reshape(-1, 3)
@@ -88,16 +88,18 @@ def _fitted_pose(model: SmalModel, pose: Tensor) -> np.ndarray:
 
 def whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) -> Tensor:
     """Betas (S,) of the model: offsets and mean added, missing ones 0."""
+    check_finite("betas", betas)
     return torch.from_numpy(_whole_betas(model, betas, family_mean)).to(model.v_template)
 
 
 def _whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) -> np.ndarray:
     whole = np.zeros(model.beta_count)
+    if family_mean is not None:
+        check_finite("family_mean", family_mean)
     for name, part in (("betas", betas), ("family_mean", family_mean)):
         if part is None:
             continue
         check_shape(name, part, "S")
-        check_finite(name, part)
         if len(part) > model.beta_count:
             raise ShapeError(f"{name} has {len(part)} numbers, but the model has {model.beta_count} shape columns: take the model they belong to")
         whole[: len(part)] += as_numpy(part)

@@ -154,3 +154,15 @@ def test_small_turns_are_rotations_and_those_by_their_vectors_to_first_order() -
     by_angle = rotation_from_axis_angle(axis * 2 * np.arctan(np.linalg.norm(w, axis=-1, keepdims=True) / 2))
     assert np.abs(turns - by_angle).max() < 1e-14
     assert np.abs(small_turns(1e-5 * w) - rotation_from_axis_angle(1e-5 * w)).max() < 1e-14
+
+
+@pytest.mark.parametrize("off_px", [1e-5, 1e-6, 1e-7])
+def test_keypoints_that_are_exact_but_for_rounding_are_settled_at_once(off_px: float) -> None:
+    R, t = poses(1)
+    given = problem()
+    noise = torch.from_numpy(np.random.default_rng(0).normal(size=given.points_px.shape))
+    px, _ = project(K, given.points_world @ torch.from_numpy(R[0]).mT + torch.from_numpy(t[0]))
+    joint = joint_of(replace(given, points_px=px + off_px * noise, vertices_world=None, mask_box=None), 1.0, LabelConfig())
+    *_, cost, settled = descend(joint.local, R, t, 6)
+    assert settled
+    assert 0 < cost[0] < 26 * off_px**2
