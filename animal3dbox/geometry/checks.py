@@ -28,19 +28,22 @@ def check_shape(name: str, tensor: Tensor | np.ndarray, spec: str) -> None:
         ShapeError: naming the argument, the shape expected and the shape that came.
 
     """
-    batched, sizes = _parsed(spec)
+    batched, count, sizes = _parsed(spec)
     shape = tensor.shape
-    extra = len(shape) - len(sizes)
-    if extra < 0 or (extra and not batched) or any(size is not None and shape[extra + at] != size for at, size in enumerate(sizes)):
+    fits = len(shape) == count or (batched and len(shape) > count)
+    for place, size in sizes:
+        fits = fits and shape[place] == size
+    if not fits:
         raise ShapeError(f"{name} must have shape ({', '.join(spec.split())}), got {tuple(shape)}")
 
 
 @lru_cache
-def _parsed(spec: str) -> tuple[bool, tuple[int | None, ...]]:
-    """Whether batch dimensions may lead, and the sizes asked for, None for any."""
+def _parsed(spec: str) -> tuple[bool, int, tuple[tuple[int, int], ...]]:
+    """Whether batch dimensions may lead, how many others there are, and the sizes asked for by their places counted from the last."""
     words = spec.split()
     batched = words[0] == "..."
-    return batched, tuple(int(word) if word.isdigit() else None for word in words[batched:])
+    words = words[batched:]
+    return batched, len(words), tuple((place - len(words), int(word)) for place, word in enumerate(words) if word.isdigit())
 
 
 def check_finite(name: str, tensor: Tensor | np.ndarray) -> None:

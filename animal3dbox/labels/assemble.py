@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -62,10 +63,12 @@ class Prepared:
 
 def mask_box(mask: Tensor | NDArray[np.bool_]) -> Tensor:
     """The box (4,) xyxy in px around a mask (H, W): pixels from min - 0.5 to max + 0.5."""
-    inside = as_numpy(mask)
-    rows = np.flatnonzero(inside.any(1))
-    columns = np.flatnonzero(inside[rows[0] : rows[-1] + 1].any(0))
-    return torch.tensor([columns[0] - 0.5, rows[0] - 0.5, columns[-1] + 0.5, rows[-1] + 0.5], dtype=torch.float64)
+    inside = as_numpy(mask).view(np.uint8)
+    if inside.flags.c_contiguous:
+        left, top, width, height = cv2.boundingRect(inside)
+    else:  # such as of runs, which go down the columns
+        top, left, height, width = cv2.boundingRect(np.ascontiguousarray(inside.T))
+    return torch.tensor([left - 0.5, top - 0.5, left + width - 0.5, top + height - 0.5], dtype=torch.float64)
 
 
 def points_box(px: Tensor | Array, depth: Tensor | Array, image_hw: tuple[int, int]) -> Tensor:
