@@ -1,7 +1,7 @@
 """What is read of a sample's files before its animals are labelled."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from animal3dbox.datasets.images import Photo
 from animal3dbox.datasets.row_maker import Asked
@@ -9,8 +9,7 @@ from animal3dbox.datasets.sources import ImageSample, SampleSource
 from animal3dbox.errors import SampleError
 
 
-@dataclass(frozen=True, eq=False)
-class OpenedSample:
+class OpenedSample(NamedTuple):
     """An image with what is annotated in it.
 
     Attributes:

@@ -1,7 +1,6 @@
 """From an annotated animal to its label row: from the cache if it is there, made and stored otherwise."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,8 +28,7 @@ NOT_STORED = "its label could not be stored"
 _NOTHING_TOLD = PhotoFacts()
 
 
-@dataclass(frozen=True, eq=False)
-class Asked:
+class Asked(NamedTuple):
     """An animal whose row is asked for.
 
     Attributes:
