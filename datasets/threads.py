@@ -1,6 +1,7 @@
 """One thread for what a sample needs: its problems are small, and threads of a forked parent hang their children."""
 
 import os
+from contextlib import AbstractContextManager
 
 import cv2
 import torch
@@ -9,11 +10,16 @@ from torch.utils.data import get_worker_info
 _before_fork: list[int] = []
 
 
-class one_thread:  # noqa: N801  # used like a function
+def one_thread() -> AbstractContextManager[None]:
     """Run with one thread of torch and of OpenCV, so that sums are the same in the main process and in every worker.
 
     In a worker they stay at one; in the main process they go back to what they were.
     """
+    return _OneThread()
+
+
+class _OneThread(AbstractContextManager[None]):
+    """See one_thread; a generator would cost each sample more."""
 
     def __enter__(self) -> None:
         self.before = torch.get_num_threads(), cv2.getNumThreads()
