@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from animal3dbox.datasets.heads import AnimalHead
 from animal3dbox.datasets.images import Photo
 from animal3dbox.datasets.row_maker import Asked
 from animal3dbox.datasets.sources import ImageSample, SampleSource
@@ -34,12 +35,11 @@ def opened_sample(source: SampleSource, place: int, numbers: Mapping[str, int]) 
     """
     sample = source.sample(place)
     photo = source.photo(sample)
-    return OpenedSample(sample, photo, tuple(_asked(sample, animal, photo, numbers) for animal in range(len(sample.animals))))
+    return OpenedSample(sample, photo, tuple([_asked(sample, animal, head, photo, numbers) for animal, head in enumerate(sample.animals)]))
 
 
-def _asked(sample: ImageSample, animal: int, photo: Photo, numbers: Mapping[str, int]) -> Asked | SampleError:
+def _asked(sample: ImageSample, animal: int, head: AnimalHead, photo: Photo, numbers: Mapping[str, int]) -> Asked | SampleError:
     """An animal with its mask, or what is wrong with it."""
-    head = sample.animals[animal]
     if head.category not in numbers:
         return SampleError(head.sample_id, "category", f"{head.category!r} is none of the classes {', '.join([*numbers][:20])}")
     try:
