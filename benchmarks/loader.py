@@ -29,7 +29,6 @@ from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.images import read_photo
 from animal3dbox.datasets.label_dataset import Target
 from animal3dbox.datasets.records import AnimalRecord
-from animal3dbox.datasets.row_maker import Asked
 from animal3dbox.datasets.synthetic_set import animal3d_world
 from animal3dbox.datasets.targets import image_tensor
 from animal3dbox.datasets.threads import one_thread
@@ -121,7 +120,7 @@ def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
     masks = [exact.source.sample(i).mask(0) for i in range(len(exact))]
 
     def labelled(dataset: LabelDataset, batch: list[int]) -> Any:
-        return dataset._rows.rows([Asked(dataset.source.sample(i), 0, PhotoFacts(), masks[i]) for i in batch])
+        return dataset._rows.rows([dataset._rows.asked(dataset.source.sample(i), 0, PhotoFacts())._replace(mask=masks[i]) for i in batch])
 
     parts: dict[str, tuple[int, Callable[[list[int]], Any]]] = {
         "JPEG": (BATCH, lambda batch: [read_photo(pictures[i], "x") for i in batch]),  # type: ignore[arg-type]

@@ -176,6 +176,10 @@ class ParametersBody:
     parameters: Mapping[str, SmalParameters]
     vertices_in: torch.dtype = torch.float32
 
+    def __post_init__(self) -> None:
+        if self.vertices_in not in (torch.float32, torch.float64):
+            raise ConfigError(f"vertices_in must be torch.float32 or torch.float64, got {self.vertices_in}")
+
     @property
     def name(self) -> str:
         """How many bodies, of how many joints."""
@@ -229,6 +233,6 @@ class ParametersBody:
 
 def many_bodies(source: BodySource, records: Sequence[AnimalRecord]) -> list[Body]:
     """The bodies of several records, posed together if the source can; raises SampleError of the first that has none."""
-    if isinstance(source, ParametersBody):
+    if isinstance(source, ParametersBody) and type(source).body is ParametersBody.body:
         return source.bodies(records)
     return [source.body(record) for record in records]

@@ -56,7 +56,8 @@ class ImageHead(NamedTuple):
 
 def head_of(record: AnimalRecord | CuboidRecord, content: bytes) -> AnimalHead:
     """The head of a record."""
-    known = record.sample_id, record.category, record.image_hw
+    height, width = record.image_hw
+    known = str(record.sample_id), str(record.category), (int(height), int(width))
     if isinstance(record, CuboidRecord):
         return AnimalHead(*known, None, False, "", content)
     return AnimalHead(*known, record.vocabulary, record.mask_runs is not None, str(record.mask_path or ""), content)

@@ -1,7 +1,7 @@
 """The shared Dataset: annotated images in, images and targets out, labels made on the way."""
 
 import operator
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -165,8 +165,10 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         keys = [self._key(index) for index in indices]
         with one_thread():
             opened = [self._opened(place) for _, place in keys]
-            answers = iter(self._rows.rows([asked for one in opened if isinstance(one, OpenedSample) for asked in one.asked]))
-            return [self._sample(key, one, answers) for key, one in zip(keys, opened, strict=True)]
+            answers = self._rows.rows([asked for one in opened if isinstance(one, OpenedSample) for asked in one.asked])
+            self._note(case for answer in answers for case in answer.cases)  # told once: it must not be lost if a sample raises
+            left = iter(answers)
+            return [self._sample(key, one, left) for key, one in zip(keys, opened, strict=True)]
 
     def _key(self, index: Any) -> tuple[int, int]:
         """Epoch and place of an index; raises IndexError or TypeError."""
@@ -184,14 +186,17 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         except (TypeError, ValueError):
             raise TypeError(f"an index must be a whole number or a pair (epoch, index), got {index!r}") from None
 
-    def _skipped(self, place: int, cases: list[Case]) -> Skipped:
+    def _note(self, cases: Iterable[Case]) -> None:
         for case in cases:
             self.ledger.add(case)
+
+    def _skipped(self, place: int, cases: list[Case]) -> Skipped:
+        self._note(cases)
         return Skipped(place, self.image_id(place), tuple(cases))
 
     def _opened(self, place: int) -> OpenedSample | SampleError:
         try:
-            return opened_sample(self.source, place, self._numbers)
+            return opened_sample(self.source, place, self._numbers, self._rows)
         except SampleError as error:
             return error
 
@@ -219,8 +224,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             made = []
         if not made:
             return self._skipped(key[1], cases)
-        for case in cases:
-            self.ledger.add(case)
+        self._note(cases)
         rows, numbers = [row for row, _, _ in made], [number for _, number, _ in made]
         check_one_camera(sample.image_id, rows)
         masks = [mask for _, _, mask in made if mask is not None]
@@ -234,8 +238,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         known = [(sample, self.source.facts(sample)) for sample in samples]
         with one_thread():
             cases = self._rows.fill(known)
-        for case in cases:
-            self.ledger.add(case)
+        self._note(cases)
         return tuple(cases)
 
     def _chosen(self, opened: OpenedSample, answers: Sequence[Answer]) -> tuple[list[Made], list[Case]]:
@@ -284,7 +287,7 @@ def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
 
 def _together(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
     """(N, H, W), contiguous, of masks (H, W) that are nobody else's: a single one is not copied."""
-    return np.stack(masks) if len(masks) > 1 else np.ascontiguousarray(masks[0])[None]
+    return np.ascontiguousarray(np.stack(masks)) if len(masks) > 1 else np.ascontiguousarray(masks[0])[None]
 
 
 def _not_made(sample_id: str, rejection: Rejection) -> SampleError:

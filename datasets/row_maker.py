@@ -35,12 +35,14 @@ class Asked(NamedTuple):
         sample: what is annotated in its image.
         animal: which of the sample's.
         facts: of the image's header.
+        key: names what its label is made from, as its files were before anything was decoded; empty without a cache.
         mask: (H, W), if it has been decoded; None: decoded when it is needed, if it has one.
     """
 
     sample: ImageSample
     animal: int
     facts: PhotoFacts
+    key: bytes
     mask: NDArray[np.bool_] | None = None
 
     @property
@@ -64,12 +66,11 @@ class Answer(NamedTuple):
 
 
 class _Missing(NamedTuple):
-    """An animal that must be labelled: its place among those asked for, the key of its label, and what was wrong with the cache."""
+    """An animal that must be labelled: its place among those asked for, and what was wrong with the cache."""
 
     place: int
     asked: Asked
     record: AnimalRecord
-    key: bytes
     cases: list[Case]
 
 
@@ -104,6 +105,12 @@ class RowMaker:
             made_by = digest(code_digest(), bodies, content_digest(config), scaled, pose.encode())
             self.cache = LabelCache(Path(cache), made_by)
 
+    def asked(self, sample: ImageSample, animal: int, facts: PhotoFacts) -> Asked:
+        """An animal to ask for, its mask not decoded yet; raises SampleError if its files cannot be read or it has no body."""
+        head = sample.animals[animal]
+        cached = self.cache is not None and head.vocabulary is not None  # a box is as it comes
+        return Asked(sample, animal, facts, _key(head, sample.bodies, facts) if cached else b"")
+
     def rows(self, asked: Sequence[Asked | SampleError]) -> list[Answer]:
         """What becomes of animals, in order; those that must be labelled are labelled together, and errors stay what they are."""
         answers: dict[int, Answer] = {}
@@ -112,13 +119,13 @@ class RowMaker:
             try:
                 if isinstance(one, SampleError):
                     raise one
-                key, found, cases = self._kept(one)
+                found, cases = self._kept(one)
                 if found is not None:
                     answers[place] = Answer(found, cases)
                 elif isinstance(one.record, CuboidRecord):
                     answers[place] = Answer(label_row(given_label(one.record)), cases)
                 else:
-                    missing.setdefault(id(one.bodies), []).append(_Missing(place, one, one.record, key, cases))
+                    missing.setdefault(id(one.bodies), []).append(_Missing(place, one, one.record, cases))
             except SampleError as error:
                 answers[place] = Answer(error, [])
         for group in missing.values():
@@ -134,47 +141,56 @@ class RowMaker:
                 answers[one.place] = Answer(outcome, one.cases)
             else:
                 made = outcome if isinstance(outcome, Rejection) else label_row(outcome)
-                answers[one.place] = Answer(made, [*one.cases, *self._store(one.record, one.key, made)])
+                answers[one.place] = Answer(made, [*one.cases, *self._store(one.asked, made)])
         return answers
 
     def fill(self, samples: Sequence[tuple[ImageSample, PhotoFacts]]) -> list[Case]:
         """Store the rows of all animals of some samples, labelled together; what could not be, and why."""
-        asked = [
-            Asked(sample, animal, facts)
-            for sample, facts in samples
-            for animal, head in enumerate(sample.animals)
-            if head.vocabulary is not None  # a box is as it comes
-        ]
+        names: list[str] = []
+        asked: list[Asked | SampleError] = []
+        for sample, facts in samples:
+            for animal, head in enumerate(sample.animals):
+                if head.vocabulary is None:
+                    continue  # a box is as it comes
+                names.append(head.sample_id)
+                try:
+                    asked.append(self.asked(sample, animal, facts))
+                except SampleError as error:
+                    asked.append(error)
         cases = []
-        for one, answer in zip(asked, self.rows(asked), strict=True):
+        for name, answer in zip(names, self.rows(asked), strict=True):
             cases += answer.cases
             if isinstance(answer.outcome, SampleError):
                 cases.append(fault_case(answer.outcome))
             elif isinstance(answer.outcome, Rejection):
-                cases.append(rejected_case(one.sample.animals[one.animal].sample_id, answer.outcome))
+                cases.append(rejected_case(name, answer.outcome))
         return cases
 
-    def _kept(self, asked: Asked) -> tuple[bytes, LabelRow | Rejection | None, list[Case]]:
-        """The key of an animal, what the cache holds under it, and what is wrong with the cache."""
+    def _kept(self, asked: Asked) -> tuple[LabelRow | Rejection | None, list[Case]]:
+        """What the cache holds of an animal, and what is wrong with the cache."""
         head = asked.sample.animals[asked.animal]
-        if self.cache is None or head.vocabulary is None:  # a box is as it comes
-            return b"", None, []
-        key, cases = _key(head, asked.sample.bodies, asked.facts), self._cases(self.cache, head.sample_id)
-        found, damaged = self.cache.get(key) if self.reuse else (None, False)
+        if self.cache is None or not asked.key:
+            return None, []
+        cases = self._cases(self.cache, head.sample_id)
+        found, damaged = self.cache.get(asked.key) if self.reuse else (None, False)
         if damaged:
             cases.append(
                 _cache_case(head.sample_id, "its label was damaged and is made anew" if found is None else "one copy of its label is damaged")
             )
-        return key, found, cases
+        return found, cases
 
-    def _store(self, record: AnimalRecord, key: bytes, made: LabelRow | Rejection) -> list[Case]:
+    def _store(self, asked: Asked, made: LabelRow | Rejection) -> list[Case]:
         """Put a row into the cache, if there is one; the case that it could not be."""
         if self.cache is None:
             return []
+        name = asked.sample.animals[asked.animal].sample_id
         try:
-            self.cache.put(key, made)
+            if self.asked(asked.sample, asked.animal, asked.facts).key == asked.key:  # else a file was replaced meanwhile: which one was decoded?
+                self.cache.put(asked.key, made)
+        except SampleError:  # or has vanished
+            return []
         except OSError as error:
-            return [_cache_case(record.sample_id, f"{NOT_STORED} ({error}): it is used, and made anew the next time")]
+            return [_cache_case(name, f"{NOT_STORED} ({error}): it is used, and made anew the next time")]
         return []
 
     def _cases(self, cache: LabelCache, sample_id: str) -> list[Case]:

@@ -162,7 +162,7 @@ class FileSource:
         for name, members in groups.items():
             contents = (record_content(found[i], self._records.packed(first + k), self.bodies) for k, i in enumerate(members))
             animals = tuple(head_of(found[i], content) for i, content in zip(members, contents, strict=True))
-            yield ImageHead(name, str(paths[name] or ""), name in unread, first, animals)
+            yield ImageHead(str(name), str(paths[name] or ""), name in unread, first, animals)
             first += len(members)
 
     def __len__(self) -> int:

@@ -91,17 +91,17 @@ def transposed(matrix: AnyArray) -> AnyArray:
 
 
 def large_product(a: AnyArray, b: AnyArray) -> AnyArray:
-    """A @ b of matrices so large that NumPy would share the work among threads of its own.
+    """A @ b of matrices (N, K) and (K, M), of which b is large; each row the same in any company, in any process.
 
-    A loader's workers have one thread each as far as torch is concerned, but NumPy's threads know nothing of that: with every
-    core busy, their waiting for each other makes such a product a hundred times slower. So torch multiplies, and row by row: a
-    library rounds rows differently by how many there are, but a sample must not depend on its batch.
+    Neither library's product will do for arrays. NumPy shares a large one among threads of its own, which make it a hundred times
+    slower where a loader's workers have every core busy. torch's depends on what its user has set (autocast, the precision
+    of float32 products), and both round a row differently by how many others there are. So it is summed in order, row by row.
     """
     if isinstance(a, Tensor):
         return a @ b
-    rows, matrix = torch.from_numpy(a), torch.from_numpy(b)
-    products = [rows[i : i + 1] @ matrix for i in range(len(rows))]
-    product: np.ndarray = (products[0] if len(products) == 1 else torch.cat(products)).numpy()
+    product = np.empty((len(a), b.shape[1]), b.dtype)
+    for row, into in zip(a, product, strict=True):
+        np.einsum("k,km->m", row, b, out=into)
     return product
 
 

@@ -55,7 +55,9 @@ class Cuboid:
             raise ShapeError(f"size must not be negative, got {self.size.tolist()}")
 
     def __getitem__(self, index: int) -> "Cuboid":
-        """One box of a batch, in memory of its own; checked already."""
+        """One box of a batch, in memory of its own; checked already. Raises TypeError if this is one box, and IndexError."""
+        if self.center.ndim == 1:
+            raise TypeError("this is one box, not a batch of them")
         box = object.__new__(Cuboid)
         for name in ("center", "rotation", "size"):
             held = getattr(self, name)

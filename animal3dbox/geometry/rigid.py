@@ -166,7 +166,9 @@ def nearest_rotation(M: AnyArray) -> AnyArray:
     U, _, Vt = xp.linalg.svd(M)
     turned: AnyArray = U @ Vt
     sign = xp.linalg.det(turned)
-    if not isinstance(M, Tensor) and (sign > 0).all():
-        return turned
+    if not isinstance(M, Tensor):
+        if (sign > 0).all():
+            return turned
+        sign = np.where(sign < 0, -1.0, 1.0)  # exactly, so that no matrix depends on the others
     R: AnyArray = xp.concatenate((U[..., :2], U[..., 2:] * sign[..., None, None]), -1) @ Vt
     return R

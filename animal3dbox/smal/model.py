@@ -151,9 +151,10 @@ class SmalModel:
     def posed_arrays(self, betas: np.ndarray, pose: np.ndarray, trans: np.ndarray, vertices_in: torch.dtype | None = None) -> PosedBody:
         """posed, of arrays of the right shapes; a few bodies at a time, which stay in the processor's cache.
 
-        vertices_in is the type in which vertices are computed before trans is added (skinning.py); None: the model's.
+        vertices_in is the type in which vertices are computed before trans is added (skinning.py); None: the model's, as of any
+        whose template stands so far from its origin that float32 would tell.
         """
-        maps = self._array_maps(vertices_in or self.v_template.dtype)
+        maps = self._array_maps(vertices_in if vertices_in is not None and self._is_about_origin else self.v_template.dtype)
         starts = range(0, max(len(betas), 1), BODIES_AT_ONCE)
         pieces = [skin(maps, *(x[k : k + BODIES_AT_ONCE] for x in (betas, pose, trans))) for k in starts]
         vertices, joints, R_world_joint = pieces[0] if len(pieces) == 1 else (np.concatenate(parts) for parts in zip(*pieces, strict=True))
@@ -167,6 +168,13 @@ class SmalModel:
         if dtype not in self._array_maps_by_type:
             self._array_maps_by_type[dtype] = array_maps(self._tensor_maps, dtype)
         return self._array_maps_by_type[dtype]
+
+    @cached_property
+    def _is_about_origin(self) -> bool:
+        """Whether the template's middle is nearer to its origin than it is long."""
+        template = as_numpy(self.v_template)
+        least, greatest = template.min(0), template.max(0)
+        return bool(np.abs(least + greatest).max() / 2 <= (greatest - least).max())
 
     @cached_property
     def _array_maps_by_type(self) -> dict[torch.dtype, SkinMaps[np.ndarray]]:

@@ -54,6 +54,8 @@ def posed_bodies(model: SmalModel, parameters: Sequence[SmalParameters], vertice
         ShapeError: naming the parameter that does not fit the model.
 
     """
+    if not parameters:
+        raise ShapeError("parameters must be of at least one animal")
     for one in parameters:
         check_shape("trans", one.trans, "3")
     dtype = as_numpy(model.v_template).dtype

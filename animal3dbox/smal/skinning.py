@@ -20,7 +20,7 @@ from animal3dbox.geometry.arrays import AnyArray, as_numpy, as_type_of, large_pr
 from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
 
 SPARSE_BELOW = 0.3
-"""Share of entries that are not zero up to which a sparse matrix is the faster one."""
+"""Share of a pose's columns that is not zero up to which a sparse matrix is the faster one."""
 BODIES_AT_ONCE = 12
 """Arrays of so many bodies at a time: more of them fall out of the processor's cache."""
 
@@ -32,8 +32,8 @@ class SkinMaps(Generic[AnyArray]):
     Attributes:
         template: (3 V,) coordinate by coordinate.
         shape: (S, 3 V).
-        pose: (3 V, 9 (J - 1)), or sparse.
-        weights: (V, J), or sparse.
+        pose: (9 (J - 1), 3 V), or its transpose, sparse.
+        weights: (V, J); of arrays sparse.
         joints: (3 J,) of the template, joint by joint.
         joints_shape: (S, 3 J).
         bones: (J, J) 1 on the diagonal, -1 at each joint's parent: joints to bones.
@@ -68,7 +68,7 @@ def skin_maps(
     return SkinMaps(
         template=v_template.mT.flatten(),
         shape=shapedirs.permute(2, 1, 0).flatten(1).contiguous(),
-        pose=posedirs.permute(1, 0, 2).flatten(0, 1).contiguous(),
+        pose=posedirs.permute(2, 1, 0).flatten(1).contiguous(),
         weights=weights,
         joints=(J_regressor @ v_template).flatten(),
         joints_shape=joints_shape.contiguous(),
@@ -82,12 +82,8 @@ def array_maps(maps: SkinMaps[Tensor], dtype: torch.dtype) -> SkinMaps[np.ndarra
     """The same constants as arrays, sparse where that is faster; those of all vertices in a floating-point type."""
     template, shape, pose, weights = (as_numpy(x.to(dtype)) for x in (maps.template, maps.shape, maps.pose, maps.weights))
     joints, joints_shape, bones, still = (as_numpy(x) for x in (maps.joints, maps.joints_shape, maps.bones, maps.still))
-    return SkinMaps(template, shape, _maybe_sparse(pose), _maybe_sparse(weights), joints, joints_shape, bones, still, maps.jumps)
-
-
-def _maybe_sparse(values: np.ndarray) -> Any:
-    few = np.count_nonzero(values) < SPARSE_BELOW * values.size
-    return csr_array(values) if few else values
+    few = np.count_nonzero(pose) < SPARSE_BELOW * pose.size
+    return SkinMaps(template, shape, csr_array(pose.T) if few else pose, csr_array(weights), joints, joints_shape, bones, still, maps.jumps)
 
 
 def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray, trans: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
@@ -110,12 +106,19 @@ def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray, trans: AnyAr
     feature = (rotations[:, 1:] - like(pose, IDENTITY)).reshape(batch, -1)
     v_posed = large_product(as_type_of(betas, maps.shape), maps.shape[:used])
     v_posed += maps.template
-    v_posed += (maps.pose @ as_type_of(feature, maps.shape).mT).mT
+    v_posed += _pose_offsets(maps, as_type_of(feature, maps.shape))
     R_world_joint, joints = _along_the_tree(maps, rotations, maps.bones @ joints_rest)
     offsets = joints[..., None] - R_world_joint @ joints_rest[..., None]
     moves = namespace(betas).concatenate((R_world_joint, offsets), -1)  # of each joint: 3 rows of 4
     vertices = _blended(maps, as_type_of(moves, maps.shape), v_posed.reshape(batch, 1, 3, -1)) + trans[..., None]
     return vertices, joints + trans[:, None], R_world_joint
+
+
+def _pose_offsets(maps: SkinMaps[AnyArray], feature: AnyArray) -> AnyArray:
+    """What bent joints' features (B, 9 (J - 1)) add to the vertices (B, 3 V)."""
+    product: Any = (maps.pose @ feature.T).T if isinstance(maps.pose, csr_array) else large_product(feature, maps.pose)
+    offsets: AnyArray = product
+    return offsets
 
 
 def _blended(maps: SkinMaps[AnyArray], moves: AnyArray, v_posed: AnyArray) -> AnyArray:

@@ -18,7 +18,6 @@ from animal3dbox.datasets.codec import Codec
 from animal3dbox.datasets.label_rows import LabelRow, packed_outcome, unpacked_outcome
 from animal3dbox.datasets.packed import PackedList
 from animal3dbox.datasets.reading import ReadOptions, read_dataset
-from animal3dbox.datasets.row_maker import Asked
 from animal3dbox.datasets.sources import FileSource
 from animal3dbox.labels.types import Rejection
 
@@ -100,7 +99,7 @@ def test_outcomes_come_back_as_they_were_stored(animals: Path, tmp_path: Path) -
     assert unpacked_outcome(packed_outcome(rejection)) == rejection
     dataset = small_dataset(animals)
     sample = dataset.source.sample(0)
-    row = dataset._rows.rows([Asked(sample, 0, dataset.source.facts(sample))])[0].outcome
+    row = dataset._rows.rows([dataset._rows.asked(sample, 0, dataset.source.facts(sample))])[0].outcome
     assert isinstance(row, LabelRow)
     bent = replace(
         row, distortion=np.array([0.1, 0.0, 0.0, 0.2]), scale_m_per_unit=0.5, scale_source="x", quality={**row.quality, "warnings": ("a", "b")}
