@@ -66,11 +66,11 @@ def code_digest() -> bytes:
 
 
 @lru_cache(maxsize=4096)
-def _file_digest(path: str, size: int, modified_ns: int) -> bytes:
+def _file_digest(path: str, *state: int) -> bytes:
     return digest(Path(path).read_bytes())
 
 
 def file_digest(path: Path | str) -> bytes:
-    """16 bytes that name a file's content; read again only if its size or time of change differ. Raises OSError."""
+    """16 bytes that name a file's content; read again only if its size, times of change or place on the disk differ. Raises OSError."""
     told = os.stat(path)  # noqa: PTH116  # a Path made for this would cost as much again
-    return _file_digest(str(path), told.st_size, told.st_mtime_ns)
+    return _file_digest(str(path), told.st_size, told.st_mtime_ns, told.st_ctime_ns, told.st_ino)

@@ -138,6 +138,9 @@ class FileSource:
         found: Sequence[Any] = records.records
         if isinstance(records, RecordSet) and bodies is None:
             raise ConfigError(f"a dataset of animals ({records.name}) needs a source of their bodies, such as preset_body('dog')")
+        missing = [] if bodies is None else [name for name in ("fingerprint", "lasting", "content", "body") if not hasattr(bodies, name)]
+        if missing:
+            raise ConfigError(f"{type(bodies).__name__} is no source of bodies: it lacks {', '.join(missing)} (see datasets.bodies.BodySource)")
         self.name, self.faults, self.notes, self.bodies = records.name, records.faults, records.notes, bodies
         self.named_faces = all(getattr(record, "heading_known", True) for record in found)
         self.has_cameras = any(has_camera(record) for record in found)

@@ -1,17 +1,26 @@
 """A batch asked for at once: the samples of one by one, to the last bit, whoever else is in it."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
+import torch
 from loading import in_bytes
-from small_animals import small_dataset, spoiled
+from small_animals import model_of, small_dataset, spoiled
 from torch.utils.data import DataLoader, Subset
 
-from animal3dbox.datasets import LabelDataset, LabelFilter, Skipped, SyntheticDataset, SyntheticSet, collate
+from animal3dbox.datasets import LabelDataset, LabelFilter, Skipped, SyntheticDataset, SyntheticSet, collate, sources
+from animal3dbox.datasets.bodies import Body, ParametersBody
+from animal3dbox.datasets.images import read_mask
 from animal3dbox.datasets.label_dataset import Target
-from animal3dbox.errors import SampleError
+from animal3dbox.datasets.reading import ReadOptions, read_dataset
+from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.sources import FileSource
+from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels import bounds, prepare
 
 
@@ -102,3 +111,79 @@ def test_an_index_that_is_none_is_an_error_before_anything_is_read(animals: Path
     with pytest.raises(TypeError, match="whole number"):
         dataset.__getitems__(["0"])  # type: ignore[list-item]
     assert dataset.__getitems__([]) == []
+
+
+class Twice(ParametersBody):
+    """Bodies twice as large."""
+
+    def body(self, record: AnimalRecord) -> Body:
+        body = super().bodies([record])[0]
+        return replace(body, vertices=2 * body.vertices, landmarks=2 * body.landmarks)
+
+
+def test_bodies_of_ones_own_are_asked_for_theirs(animals: Path) -> None:
+    read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
+    assert isinstance(read.bodies, ParametersBody)
+    sizes = [
+        LabelDataset(FileSource(read.records, source), pose="exact")[0][1]["size"]  # type: ignore[index]
+        for source in (read.bodies, Twice(read.bodies.model, read.bodies.parameters))
+    ]
+    assert torch.allclose(2 * sizes[0], sizes[1])
+
+
+def test_what_is_no_source_of_bodies_is_refused_by_what_it_lacks(animals: Path) -> None:
+    read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
+    with pytest.raises(ConfigError, match="object is no source of bodies: it lacks fingerprint, lasting, content, body"):
+        FileSource(read.records, object())  # type: ignore[arg-type]
+
+
+def test_records_may_hold_numpys_numbers_and_words(animals: Path) -> None:
+    read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
+    odd = [
+        replace(one, image_hw=tuple(np.array(one.image_hw)), category=np.str_(one.category), image_id=np.str_(one.image_id))
+        for one in read.records.records
+    ]
+    records = (read.records, replace(read.records, records=tuple(odd)))
+    plain, other = (LabelDataset(FileSource(kept, read.bodies), pose="exact") for kept in records)
+    assert told(other[0]) == told(plain[0])
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_a_mask_that_is_replaced_while_it_is_read_leaves_no_wrong_label(
+    animals: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: bool
+) -> None:
+    root = shutil.copytree(animals, tmp_path / "set")
+    shutil.copy(model_of(animals), tmp_path / "set-model.pkl")
+    dataset = small_dataset(root, cache=tmp_path / "cache")
+    path = Path(dataset.source.sample(0).animals[0].mask_path)
+    old, moved = path.read_bytes(), np.roll(np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)), 9, axis=1)
+    new = cv2.imencode(".png", moved)[1].tobytes()
+
+    def replaced(*arguments: Any) -> Any:
+        if before:
+            path.write_bytes(new)
+        mask = read_mask(*arguments)
+        path.write_bytes(new)
+        return mask
+
+    monkeypatch.setattr(sources, "read_mask", replaced)
+    dataset[0]
+    monkeypatch.undo()
+    for content in (new, old):
+        path.write_bytes(content)
+        assert told(small_dataset(root, cache=tmp_path / "cache")[0]) == told(small_dataset(root)[0])
+
+
+def test_what_is_wrong_with_the_cache_is_told_even_if_a_sample_of_the_batch_raises(animals: Path, tmp_path: Path) -> None:
+    root = with_faults(animals, tmp_path)
+    dataset = small_dataset(root, on_bad="skip", cache=tmp_path / "cache")
+    samples = dataset.__getitems__([*range(len(dataset))])
+    (segment,) = (tmp_path / "cache").rglob("*.labels")
+    content = bytearray(segment.read_bytes())
+    content[len(content) // 2] ^= 255
+    segment.write_bytes(content)
+    again = small_dataset(root, on_bad="skip", cache=tmp_path / "cache")
+    again.on_bad = "error"
+    with pytest.raises(SampleError):
+        again.__getitems__([*range(len(samples))])
+    assert again.report().of("cache")

@@ -113,3 +113,12 @@ def test_only_a_mirror_mirrors() -> None:
 
 def test_every_corner_order_that_keeps_the_loop_is_not_cartesian() -> None:
     assert list(CORNER_SIGNS) != list(itertools.product((-1, 1), repeat=3))
+
+
+def test_a_batch_gives_its_boxes_and_a_single_box_none() -> None:
+    batch = Cuboid(torch.arange(6.0).reshape(2, 3), torch.eye(3).expand(2, 3, 3), torch.ones(2, 3))
+    assert [batch[i].center.tolist() for i in range(2)] == batch.center.tolist()
+    batch[1].center.zero_()
+    assert batch.center[1].tolist() == [3, 4, 5]
+    with pytest.raises(TypeError, match="one box"):
+        batch[0][0]

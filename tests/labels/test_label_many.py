@@ -41,6 +41,7 @@ def test_many_labels_are_those_of_one_by_one_to_the_last_bit(config: LabelConfig
     animals[2] |= {"distortion": [-0.1, 0.02, 0.001, 0.0]}
     animals[3] |= {"distortion": [-3.0, 0.0, 0.0, 0.0]}  # shows next to nothing
     animals[4] |= {"pose": None, "keypoints_2d": None}
+    animals[5] |= {"vertices": animals[5]["vertices"] * torch.tensor([1.0, -1, 1])}  # mirrored, as no rotation makes it
     many = label_many(animals, config)
     assert [type(one) for one in many[:6]] == [CuboidLabel, CuboidLabel, CuboidLabel, Rejection, Rejection, CuboidLabel]
     for animal, label in zip(animals, many, strict=True):

@@ -1,4 +1,6 @@
 import pickle
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 import torch
@@ -87,9 +89,18 @@ def test_a_model_in_another_type_poses_in_it_and_is_otherwise_the_same() -> None
     assert_close(body.vertices[0].double(), model.v_template, atol=1e-6, rtol=0)
 
 
+def dense(model: SmalModel) -> SmalModel:
+    """The model with pose columns and weights of which few are zero."""
+    generator = torch.Generator().manual_seed(1)
+    weights = model.weights + 0.01 * torch.rand(model.weights.shape, generator=generator, dtype=F64)
+    posedirs = model.posedirs + 1e-4 * torch.randn(model.posedirs.shape, generator=generator, dtype=F64)
+    return replace(model, posedirs=posedirs, weights=weights / weights.sum(1, keepdim=True))
+
+
+@pytest.mark.parametrize("change", [lambda model: model, dense])
 @pytest.mark.parametrize("vertices_in", [torch.float32, torch.float64])
-def test_bodies_posed_together_are_those_posed_one_by_one_to_the_last_bit(vertices_in: torch.dtype) -> None:
-    model, generator = load_quadruped(), torch.Generator().manual_seed(0)
+def test_bodies_posed_together_are_those_posed_one_by_one_to_the_last_bit(vertices_in: torch.dtype, change: Callable[[SmalModel], SmalModel]) -> None:
+    model, generator = change(load_quadruped()), torch.Generator().manual_seed(0)
     animals = [
         SmalParameters(0.2 * torch.randn(105, generator=generator), preset_betas("cow")[:count], torch.randn(3, generator=generator, dtype=F64))
         for count in range(1, 20)
@@ -117,3 +128,28 @@ def test_what_a_model_works_out_is_not_sent_along_with_it() -> None:
     assert len(pickle.dumps(model)) == before
     again = pickle.loads(pickle.dumps(model))  # noqa: S301  # our own bytes
     assert torch.equal(again.v_template, model.v_template)
+
+
+def test_what_the_user_has_set_for_products_of_his_own_changes_no_body() -> None:
+    model, animal = load_quadruped(), SmalParameters(named_pose("walk"), preset_betas("dog"), ZERO)
+    plain, precision = posed_bodies(model, [animal], torch.float32).vertices, torch.get_float32_matmul_precision()
+    torch.set_float32_matmul_precision("medium")
+    try:
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            assert torch.equal(posed_bodies(model, [animal], torch.float32).vertices, plain)
+    finally:
+        torch.set_float32_matmul_precision(precision)
+
+
+@pytest.mark.parametrize("away", [0.0, 0.3, 10.0, 1000.0])
+def test_vertices_in_float32_are_good_wherever_the_template_stands(away: float) -> None:
+    model = load_quadruped()
+    shifted = replace(model, v_template=model.v_template + away)
+    animal = SmalParameters(named_pose("walk"), preset_betas("dog"), ZERO)
+    quick, exact = (posed_bodies(shifted, [animal], dtype).vertices for dtype in (torch.float32, torch.float64))
+    assert float((quick - exact).abs().amax()) < 1e-6
+
+
+def test_no_animals_are_no_bodies() -> None:
+    with pytest.raises(ShapeError, match="at least one animal"):
+        posed_bodies(load_quadruped(), [])
