@@ -68,11 +68,12 @@ class Loader:
         body = bodies.body(self.records[i])
         return self.label(i, QUICK, keypoints_3d=body.landmarks, vertices=body.vertices, template=body.template, pose=STILL)
 
-    def batch(self, size: int) -> list[CuboidLabel | Rejection]:
+    def batch(self, size: int, masks: bool = False) -> list[CuboidLabel | Rejection]:
         """Labels of known cameras from SMAL parameters, many at once."""
         ids = [i % len(self.records) for i in range(size)]
-        posed = zip(ids, self.bodies.bodies([self.records[i] for i in ids]), strict=True)
-        return label_many((self.arguments(i, keypoints_3d=body.landmarks, vertices=body.vertices, pose=STILL) for i, body in posed), QUICK)
+        known = [{"mask": self.masks[i]} if masks else {} for i in ids]
+        posed = zip(ids, known, self.bodies.bodies([self.records[i] for i in ids]), strict=True)
+        return label_many((self.arguments(i, keypoints_3d=b.landmarks, vertices=b.vertices, pose=STILL, **more) for i, more, b in posed), QUICK)
 
 
 def main() -> None:
@@ -90,6 +91,7 @@ def main() -> None:
         "  the same, posed in float64": (1, lambda i: load.with_posing(i, load.float64)),
         "pose and label, 16 at once": (16, lambda i: load.batch(16)),
         "pose and label, 64 at once": (64, lambda i: load.batch(64)),
+        "  the same, with their masks": (64, lambda i: load.batch(64, masks=True)),
         "surface share": (1, lambda i: load.label(i, LabelConfig(mask_iou=False), pose=STILL, mask=load.masks[i])),
         "mask overlap": (1, lambda i: load.label(i, COLD, pose=STILL, mask=load.masks[i])),
         "cold label, no mask": (1, lambda i: load.label(i, COLD)),

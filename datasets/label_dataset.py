@@ -21,7 +21,7 @@ from animal3dbox.datasets.opened import OpenedSample, opened_sample
 from animal3dbox.datasets.row_maker import Answer, Asked, RowMaker, fault_case, rejected_case
 from animal3dbox.datasets.scale import ScaleSource
 from animal3dbox.datasets.sources import ImageSample, SampleSource
-from animal3dbox.datasets.targets import check_one_camera, empty_target, image_tensor, target_of
+from animal3dbox.datasets.targets import check_one_camera, empty_target, image_tensor, masks_of, target_of
 from animal3dbox.datasets.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
@@ -228,7 +228,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         rows, numbers = [row for row, _, _ in made], [number for _, number, _ in made]
         check_one_camera(sample.image_id, rows)
         masks = [mask for _, _, mask in made if mask is not None]
-        whole = _together(masks).view(np.uint8) if self.masks and len(masks) == len(rows) else None
+        whole = masks_of(masks) if self.masks and len(masks) == len(rows) else None
         target = target_of(sample.image_id, rows, numbers, whole, _one_vocabulary(sample), self.source.named_faces)
         return self._transformed(image, target, key)
 
@@ -283,11 +283,6 @@ def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
     """The vocabulary of the image's keypoints; None if there are none, or its animals are of kinds that are marked differently."""
     words = {head.vocabulary.name: head.vocabulary for head in sample.animals if head.vocabulary is not None}
     return next(iter(words.values())) if len(words) == 1 else None
-
-
-def _together(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
-    """(N, H, W), contiguous, of masks (H, W) that are nobody else's: a single one is not copied."""
-    return np.ascontiguousarray(np.stack(masks)) if len(masks) > 1 else np.ascontiguousarray(masks[0])[None]
 
 
 def _not_made(sample_id: str, rejection: Rejection) -> SampleError:

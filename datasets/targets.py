@@ -111,6 +111,12 @@ def check_one_camera(sample_id: str, rows: Sequence[LabelRow]) -> None:
             raise SampleError(sample_id, "K", f"the animals {rows[0].sample_id} and {row.sample_id} of this image have different intrinsics")
 
 
+def masks_of(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
+    """(N, H, W) 0 and 1, contiguous, of masks (H, W) that are nobody else's: a single one is not copied."""
+    whole = np.ascontiguousarray(np.stack(masks)) if len(masks) > 1 else np.ascontiguousarray(masks[0])[None]
+    return whole.view(np.uint8)
+
+
 def image_tensor(pixels: NDArray[np.uint8]) -> torch.Tensor:
     """(3, H, W) uint8 RGB of (H, W, 3), without a copy: channels last in memory, as decoders and OpenCV have them."""
     return torch.from_numpy(pixels).permute(2, 0, 1)
