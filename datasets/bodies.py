@@ -225,9 +225,10 @@ class ParametersBody:
             if len(records) == 1:
                 raise SampleError(records[0].sample_id, "parameters", str(error)) from error
             return [self.body(record) for record in records]  # tells which
+        read = {words: self.model.read_keypoints(words, posed.vertices.numpy()) for words in {record.vocabulary for record in records}}
         return [
-            Body(vertices, self.model.faces, torch.from_numpy(self.model.read_keypoints(record.vocabulary, vertices.numpy())), None, self.model)
-            for record, vertices in zip(records, posed.vertices, strict=True)
+            Body(vertices, self.model.faces, torch.from_numpy(read[record.vocabulary][i]), None, self.model)
+            for i, (record, vertices) in enumerate(zip(records, posed.vertices, strict=True))
         ]
 
 

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -65,10 +64,18 @@ def mask_box(mask: Tensor | NDArray[np.bool_]) -> Tensor:
     """The box (4,) xyxy in px around a mask (H, W): pixels from min - 0.5 to max + 0.5."""
     inside = as_numpy(mask).view(np.uint8)
     if inside.flags.c_contiguous:
-        left, top, width, height = cv2.boundingRect(inside)
+        top, bottom, left, right = _first_and_last(inside)
     else:  # such as of runs, which go down the columns
-        top, left, height, width = cv2.boundingRect(np.ascontiguousarray(inside.T))
-    return torch.tensor([left - 0.5, top - 0.5, left + width - 0.5, top + height - 0.5], dtype=torch.float64)
+        left, right, top, bottom = _first_and_last(np.ascontiguousarray(inside.T))
+    return torch.tensor([left - 0.5, top - 0.5, right + 0.5, bottom + 0.5], dtype=torch.float64)
+
+
+def _first_and_last(inside: NDArray[np.uint8]) -> tuple[int, int, int, int]:
+    """First and last row, first and last column of the pixels that are 1, of (H, W) 0 and 1, row by row in memory."""
+    held, width = inside.tobytes(), inside.shape[1]
+    first, last = held.find(1) // width, held.rfind(1) // width
+    columns = np.bitwise_or.reduce(inside[first : last + 1], 0).tobytes()
+    return first, last, columns.find(1), columns.rfind(1)
 
 
 def points_box(px: Tensor | Array, depth: Tensor | Array, image_hw: tuple[int, int]) -> Tensor:
