@@ -17,7 +17,7 @@ from animal3dbox.datasets.filters import LabelFilter
 from animal3dbox.datasets.label_rows import LabelRow
 from animal3dbox.datasets.labelling import PosePolicy, check_pose_policy
 from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
-from animal3dbox.datasets.opened import OpenedSample, opened_sample
+from animal3dbox.datasets.opened import OpenedSample, opened_samples
 from animal3dbox.datasets.row_maker import Answer, Asked, RowMaker, fault_case, rejected_case
 from animal3dbox.datasets.scale import ScaleSource
 from animal3dbox.datasets.sources import ImageSample, SampleSource
@@ -164,7 +164,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
     def _samples(self, indices: Sequence[SampleIndex]) -> list[tuple[Tensor, Target] | Skipped]:
         keys = [self._key(index) for index in indices]
         with one_thread():
-            opened = [self._opened(place) for _, place in keys]
+            opened = opened_samples(self.source, [place for _, place in keys], self._numbers, self._rows)
             answers = self._rows.rows([asked for one in opened if isinstance(one, OpenedSample) for asked in one.asked])
             self._note(case for answer in answers for case in answer.cases)  # told once: it must not be lost if a sample raises
             left = iter(answers)
@@ -193,12 +193,6 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
     def _skipped(self, place: int, cases: list[Case]) -> Skipped:
         self._note(cases)
         return Skipped(place, self.image_id(place), tuple(cases))
-
-    def _opened(self, place: int) -> OpenedSample | SampleError:
-        try:
-            return opened_sample(self.source, place, self._numbers, self._rows)
-        except SampleError as error:
-            return error
 
     def _sample(self, key: tuple[int, int], opened: OpenedSample | SampleError, answers: Iterator[Answer]) -> tuple[Tensor, Target] | Skipped:
         """An opened sample with its target; of the answers, it takes those to its animals."""
