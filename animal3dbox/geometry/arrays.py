@@ -24,7 +24,7 @@ def namespace(array: Tensor | np.ndarray) -> Any:
 
 def as_numpy(array: Tensor | np.ndarray) -> np.ndarray:
     """The array itself, or a tensor's values on the host without its gradients; shares memory where it can."""
-    return array.detach().cpu().numpy() if isinstance(array, Tensor) else array
+    return array.numpy(force=True) if isinstance(array, Tensor) else array
 
 
 def like(array: AnyArray, values: Any) -> AnyArray:
@@ -86,23 +86,10 @@ def transposed(matrix: AnyArray) -> AnyArray:
     """The transpose (N, M) of a matrix (M, N) of floating-point numbers, in memory as it is counted."""
     if isinstance(matrix, Tensor):
         return matrix.mT.contiguous()
+    if not matrix.size:
+        return matrix.T.copy()
     turned: np.ndarray = cv2.transpose(matrix)  # in blocks: half the time of a copy along columns
     return turned
-
-
-def large_product(a: AnyArray, b: AnyArray) -> AnyArray:
-    """A @ b of matrices (N, K) and (K, M), of which b is large; each row the same in any company, in any process.
-
-    Neither library's product will do for arrays. NumPy shares a large one among threads of its own, which make it a hundred times
-    slower where a loader's workers have every core busy. torch's depends on what its user has set (autocast, the precision
-    of float32 products), and both round a row differently by how many others there are. So it is summed in order, row by row.
-    """
-    if isinstance(a, Tensor):
-        return a @ b
-    product = np.empty((len(a), b.shape[1]), b.dtype)
-    for row, into in zip(a, product, strict=True):
-        np.einsum("k,km->m", row, b, out=into)
-    return product
 
 
 def take(array: AnyArray, index: AnyArray) -> AnyArray:

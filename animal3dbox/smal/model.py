@@ -143,9 +143,9 @@ class SmalModel:
         check_shape("pose", pose, f"{batch} {self.joint_count} 3")
         check_shape("trans", trans, f"{batch} 3")
         self._check_beta_count(betas)
-        inputs = (betas, pose, trans)
-        if any(x.requires_grad or x.device.type != "cpu" for x in (*inputs, self.v_template)):
-            return PosedBody(*(x.mT if i == 0 else x for i, x in enumerate(skin(self._tensor_maps, *inputs))))
+        if any(x.requires_grad or x.device.type != "cpu" for x in (betas, pose, trans, self.v_template)):
+            vertices, joints, R_world_joint = skin(self._tensor_maps, betas, pose)
+            return PosedBody((vertices + trans[..., None]).mT, joints + trans[:, None], R_world_joint)
         return self.posed_arrays(betas.numpy(), pose.numpy(), trans.numpy())
 
     def posed_arrays(self, betas: np.ndarray, pose: np.ndarray, trans: np.ndarray, vertices_in: torch.dtype | None = None) -> PosedBody:
@@ -155,9 +155,14 @@ class SmalModel:
         whose template stands so far from its origin that float32 would tell.
         """
         maps = self._array_maps(vertices_in if vertices_in is not None and self._is_about_origin else self.v_template.dtype)
-        starts = range(0, max(len(betas), 1), BODIES_AT_ONCE)
-        pieces = [skin(maps, *(x[k : k + BODIES_AT_ONCE] for x in (betas, pose, trans))) for k in starts]
-        vertices, joints, R_world_joint = pieces[0] if len(pieces) == 1 else (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        count, dtype = len(betas), np.result_type(betas, pose, trans)
+        vertices = np.empty((count, 3, self.vertex_count), dtype)
+        joints, R_world_joint = np.empty((count, self.joint_count, 3), dtype), np.empty((count, self.joint_count, 3, 3), dtype)
+        for k in range(0, count, BODIES_AT_ONCE):
+            some = slice(k, k + BODIES_AT_ONCE)
+            about_origin, joints[some], R_world_joint[some] = skin(maps, betas[some], pose[some])
+            np.add(about_origin, trans[some, :, None], out=vertices[some])
+        joints += trans[:, None]
         return PosedBody(torch.from_numpy(vertices).mT, torch.from_numpy(joints), torch.from_numpy(R_world_joint))
 
     @cached_property

@@ -13,39 +13,33 @@ from typing import Any, Generic
 
 import numpy as np
 import torch
-from scipy.sparse import csr_array
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, as_numpy, as_type_of, large_product, like, namespace, transposed
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, like, namespace
 from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
+from animal3dbox.smal.products import row_table
 
-SPARSE_BELOW = 0.3
-"""Share of a pose's columns that is not zero up to which a sparse matrix is the faster one."""
 BODIES_AT_ONCE = 12
 """Arrays of so many bodies at a time: more of them fall out of the processor's cache."""
 
 
 @dataclass(frozen=True)
 class SkinMaps(Generic[AnyArray]):
-    """A model's constants, laid out for skin; Any stands for an array, or a sparse matrix that multiplies like one.
+    """A model's constants, laid out for skin.
 
     Attributes:
-        template: (3 V,) coordinate by coordinate.
-        shape: (S, 3 V).
-        pose: (9 (J - 1), 3 V), or its transpose, sparse.
-        weights: (V, J); of arrays sparse.
+        columns: (1 + S + 9 (J - 1), 3, V) coordinate by coordinate: the template, then what shape and bent joints add to it.
+        weights: (J, 1, V).
         joints: (3 J,) of the template, joint by joint.
         joints_shape: (S, 3 J).
         bones: (J, J) 1 on the diagonal, -1 at each joint's parent: joints to bones.
         still: (J + 1, 4, 4) moves that change nothing.
         jumps: for each joint, and a last one that stands still: the ancestor 1, 2, 4, ... steps up the tree.
 
-    template, shape, pose and weights may be in float32 beside joints in float64.
+    Of arrays, columns and weights are RowTables (products.py), which may be in float32 beside joints in float64.
     """
 
-    template: AnyArray
-    shape: AnyArray
-    pose: Any
+    columns: Any
     weights: Any
     joints: AnyArray
     joints_shape: AnyArray
@@ -66,10 +60,8 @@ def skin_maps(
     while any(ancestor < len(parents) for ancestor in jumps[-1]):
         jumps.append([jumps[-1][ancestor] for ancestor in jumps[-1]])
     return SkinMaps(
-        template=v_template.mT.flatten(),
-        shape=shapedirs.permute(2, 1, 0).flatten(1).contiguous(),
-        pose=posedirs.permute(2, 1, 0).flatten(1).contiguous(),
-        weights=weights,
+        columns=torch.cat([part.permute(2, 1, 0) for part in (v_template[..., None], shapedirs, posedirs)]),
+        weights=weights.mT[:, None].contiguous(),
         joints=(J_regressor @ v_template).flatten(),
         joints_shape=joints_shape.contiguous(),
         bones=bones,
@@ -79,57 +71,58 @@ def skin_maps(
 
 
 def array_maps(maps: SkinMaps[Tensor], dtype: torch.dtype) -> SkinMaps[np.ndarray]:
-    """The same constants as arrays, sparse where that is faster; those of all vertices in a floating-point type."""
-    template, shape, pose, weights = (as_numpy(x.to(dtype)) for x in (maps.template, maps.shape, maps.pose, maps.weights))
+    """The same constants as arrays; those of all vertices in a floating-point type."""
+    columns = row_table(as_numpy(maps.columns.to(dtype)), BODIES_AT_ONCE)
+    weights = row_table(as_numpy(maps.weights.to(dtype)), 12 * BODIES_AT_ONCE)
     joints, joints_shape, bones, still = (as_numpy(x) for x in (maps.joints, maps.joints_shape, maps.bones, maps.still))
-    few = np.count_nonzero(pose) < SPARSE_BELOW * pose.size
-    return SkinMaps(template, shape, csr_array(pose.T) if few else pose, csr_array(weights), joints, joints_shape, bones, still, maps.jumps)
+    return SkinMaps(columns, weights, joints, joints_shape, bones, still, maps.jumps)
 
 
-def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray, trans: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Bodies in some pose.
+def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """Bodies in some pose, about the template's origin.
 
     Args:
         maps: the model's.
         betas: (B, at most S); the rest are 0.
         pose: (B, J, 3) axis-angle in radians, root first.
-        trans: (B, 3) added at the end.
 
     Returns:
-        Vertices (B, 3, V), joints (B, J, 3) and the joints' global rotations (B, J, 3, 3).
+        Vertices (B, 3, V), in the type of the maps', joints (B, J, 3) and the joints' global rotations (B, J, 3, 3).
 
     """
     batch, joint_count = pose.shape[:2]
-    used = betas.shape[1]
-    joints_rest = (maps.joints + (betas[:, None] @ maps.joints_shape[:used])[:, 0]).reshape(batch, joint_count, 3)
+    joints_rest = (maps.joints + (betas[:, None] @ maps.joints_shape[: betas.shape[1]])[:, 0]).reshape(batch, joint_count, 3)
     rotations = rotation_from_axis_angle(pose)
-    feature = (rotations[:, 1:] - like(pose, IDENTITY)).reshape(batch, -1)
-    v_posed = large_product(as_type_of(betas, maps.shape), maps.shape[:used])
-    v_posed += maps.template
-    v_posed += _pose_offsets(maps, as_type_of(feature, maps.shape))
     R_world_joint, joints = _along_the_tree(maps, rotations, maps.bones @ joints_rest)
     offsets = joints[..., None] - R_world_joint @ joints_rest[..., None]
     moves = namespace(betas).concatenate((R_world_joint, offsets), -1)  # of each joint: 3 rows of 4
-    vertices = _blended(maps, as_type_of(moves, maps.shape), v_posed.reshape(batch, 1, 3, -1)) + trans[..., None]
-    return vertices, joints + trans[:, None], R_world_joint
+    return _blended(maps, moves, _before_turning(maps, betas, rotations)), joints, R_world_joint
 
 
-def _pose_offsets(maps: SkinMaps[AnyArray], feature: AnyArray) -> AnyArray:
-    """What bent joints' features (B, 9 (J - 1)) add to the vertices (B, 3 V)."""
-    product: Any = (maps.pose @ feature.T).T if isinstance(maps.pose, csr_array) else large_product(feature, maps.pose)
-    offsets: AnyArray = product
-    return offsets
+def _before_turning(maps: SkinMaps[AnyArray], betas: AnyArray, rotations: AnyArray) -> AnyArray:
+    """The template in a shape (B, at most S) with what bent joints (B, J, 3, 3) add to it, (B, 3, V)."""
+    xp, one = namespace(betas), namespace(betas).ones_like(rotations[:, 0, :1, 0])
+    left_out: list[AnyArray] = [xp.zeros_like(one) for _ in range(betas.shape[1], maps.joints_shape.shape[0])]
+    bent = (rotations[:, 1:] - like(rotations, IDENTITY)).reshape(len(betas), 9 * (rotations.shape[1] - 1))
+    weights: AnyArray = xp.concatenate((one, betas, *left_out, bent), 1)
+    return _sums(maps.columns, weights)
 
 
 def _blended(maps: SkinMaps[AnyArray], moves: AnyArray, v_posed: AnyArray) -> AnyArray:
-    """Vertices (B, 1, 3, V) moved by the weighted mean of the joints' moves (B, J, 3, 4), (B, 3, V)."""
+    """Vertices (B, 3, V) moved by the weighted mean of the joints' moves (B, J, 3, 4), (B, 3, V)."""
     batch, joint_count = moves.shape[:2]
-    blended = maps.weights @ namespace(moves).swapaxes(moves, 0, 1).reshape(joint_count, batch * 12)
-    rows = transposed(blended).reshape(batch, 3, 4, -1)
-    vertices: AnyArray = rows[:, :, 3] + rows[:, :, 0] * v_posed[:, :, 0]
+    of_entries = namespace(moves).swapaxes(moves.reshape(batch, joint_count, 12), 1, 2).reshape(batch * 12, joint_count)
+    rows = _sums(maps.weights, of_entries).reshape(batch, 3, 4, -1)
+    vertices: AnyArray = rows[:, :, 3] + rows[:, :, 0] * v_posed[:, None, 0]
     for axis in (1, 2):
-        vertices += rows[:, :, axis] * v_posed[:, :, axis]
+        vertices += rows[:, :, axis] * v_posed[:, None, axis]
     return vertices
+
+
+def _sums(rows: Any, weights: AnyArray) -> AnyArray:
+    """Weighted sums (N, C, V) of a map's rows (K, C, V) by weights (N, K)."""
+    sums: AnyArray = torch.tensordot(weights, rows, 1) if isinstance(weights, Tensor) else rows.sums(weights)
+    return sums
 
 
 def _along_the_tree(maps: SkinMaps[AnyArray], rotations: AnyArray, bones: AnyArray) -> tuple[AnyArray, AnyArray]:
