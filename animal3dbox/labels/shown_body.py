@@ -38,33 +38,44 @@ def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, box: Tensor
     draws = seen.faces is not None and (wants_overlap or config.surface_share)
     if seen.vertices is None or (box is not None and not draws):
         return ShownBody(box, None, None)
-    vertices_cam = pose.R.numpy() @ seen.vertices.T
-    vertices_cam += pose.t.numpy()[:, None]
-    vertices_cam = vertices_cam.T
     overlap = shares = None
     if seen.faces is not None and draws:
+        vertices_cam = _in_camera(pose.R.numpy(), pose.t.numpy(), seen.vertices)
         straight = bent_points(vertices_cam, seen.distortion)
         if seen.mask is not None and config.mask_iou:
             overlap = mask_overlap(*covered_part(straight, seen.faces, seen.K, seen.image_hw), seen.mask)
         if config.surface_share:
             mesh = torch.from_numpy(vertices_cam), seen.faces
             shares = surface_share(*mesh, pose.R @ R_box, torch.from_numpy(seen.K), seen.image_hw, torch.from_numpy(straight))
-    return ShownBody(box if box is not None else _mesh_box(seen, vertices_cam), overlap, shares)
+    return ShownBody(box if box is not None else _mesh_box(seen, pose), overlap, shares)
 
 
-def _mesh_box(seen: Observation, vertices_cam: Array) -> Tensor:
+def _in_camera(R: Array, t: Array, vertices: Array) -> Array:
+    """Vertices (V, 3) turned and moved; R may be K @ R and t K @ t."""
+    moved: Array = R @ vertices.T
+    moved += t[:, None]
+    return moved.T
+
+
+def _mesh_box(seen: Observation, pose: PoseEstimate) -> Tensor:
     """The flat box (4,) xyxy px of a body without a mask: the bounds of what the frame shows of it."""
-    straight, frame = bent_points(vertices_cam, seen.distortion).T, frame_box(seen.image_hw)
-    if straight[2].min() > 0:
-        px = seen.K[:2] @ straight
-        px /= straight[2]
-        bounds = np.concatenate((px.min(1), px.max(1)))
-        if (bounds[:2] >= frame[:2]).all() and (bounds[2:] <= frame[2:]).all():
+    K, R, t, vertices = seen.K, pose.R.numpy(), pose.t.numpy(), np.zeros((0, 3)) if seen.vertices is None else seen.vertices
+    if seen.distortion is None:
+        scaled = _in_camera(K @ R, K @ t, vertices).T
+    else:
+        scaled = K @ bent_points(_in_camera(R, t, vertices), seen.distortion).T
+    if scaled[2].min() > 0:
+        px = scaled[:2]
+        px /= scaled[2]
+        bounds, frame = np.concatenate((px.min(1), px.max(1))), frame_box(seen.image_hw)
+        (left, top, right, bottom), (first_x, first_y, last_x, last_y) = bounds.tolist(), frame.tolist()
+        if left >= first_x and top >= first_y and right <= last_x and bottom <= last_y:
             return torch.from_numpy(bounds)
         if seen.faces is not None and (inside := bounds_in_frame(px, seen.faces, frame)) is not None:
             return torch.from_numpy(inside)
-    elif seen.faces is not None:
-        part, (rows, columns) = covered_part(straight.T, seen.faces, seen.K, seen.image_hw)
+    vertices_cam = _in_camera(R, t, vertices)
+    if seen.faces is not None and scaled[2].min() <= 0:
+        part, (rows, columns) = covered_part(bent_points(vertices_cam, seen.distortion), seen.faces, K, seen.image_hw)
         if part.any():
             return mask_box(part) + torch.tensor([columns.start, rows.start, columns.start, rows.start])
-    return points_box(*project(seen.K, vertices_cam, seen.distortion), seen.image_hw)
+    return points_box(*project(K, vertices_cam, seen.distortion), seen.image_hw)
