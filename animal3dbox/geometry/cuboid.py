@@ -61,7 +61,7 @@ class Cuboid:
         box = object.__new__(Cuboid)
         for name in ("center", "rotation", "size"):
             held = getattr(self, name)
-            one = torch.from_numpy(held.numpy()[index].copy()) if held.device.type == "cpu" and not held.requires_grad else held[index].clone()
+            one = torch.from_numpy(held.numpy()[index].copy()) if held.is_cpu and not held.requires_grad else held[index].clone()
             object.__setattr__(box, name, one)
         return box
 

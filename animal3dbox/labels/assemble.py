@@ -103,11 +103,10 @@ def _assemble_alike(animals: Sequence[Prepared]) -> list[CuboidLabel]:
     """Labels of animals whose images have one size and one lens, and that have as many keypoints, batched (B, ...)."""
     image_hw, distortion = animals[0].seen.image_hw, animals[0].seen.distortion
     K = np.array([animal.seen.K for animal in animals])
-    R, t = (np.array([x.numpy() for x in part]) for part in zip(*((a.pose.R, a.pose.t) for a in animals), strict=True))
+    R, t = (torch.stack(part).numpy() for part in zip(*((animal.pose.R, animal.pose.t) for animal in animals), strict=True))
     boxes = [animal.cuboid_mesh for animal in animals]
-    size = np.array([box.size.numpy() for box in boxes])
-    center = (R @ np.array([box.center.numpy() for box in boxes])[..., None])[..., 0] + t
-    rotation = R @ np.array([box.rotation.numpy() for box in boxes])
+    center, rotation, size = (torch.stack(part).numpy() for part in zip(*((box.center, box.rotation, box.size) for box in boxes), strict=True))
+    center, rotation = (R @ center[..., None])[..., 0] + t, R @ rotation
     corners = center[:, None] + (SIGNS * size[:, None]) @ rotation.mT
     corners_2d, depth = project(K, corners, distortion)
     faces = corners_visibility(corners, K, image_hw, visible_faces(corners, np.zeros_like(center)), distortion)

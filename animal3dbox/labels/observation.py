@@ -139,16 +139,16 @@ class _Reader:
             raise self.fail(
                 "keypoints_2d", f"has {len(keypoints)} keypoints, but vocabulary {vocabulary} has {count}: name the vocabulary they are in"
             )
-        confidence, seen = keypoints[:, 2], keypoints[:, 2] > 0
-        if len(confidence) and not (confidence.min() >= 0 and confidence.max() <= 1):
-            raise self.fail("keypoints_2d", "visibility must be 0 or a confidence in (0, 1]; convert COCO's 0/1/2 and clear NaN first")
-        farther, limit = np.abs(keypoints[:, :2]).max(1), 10 * max(image_hw)
-        if (((farther > 0) & (farther <= limit)) | ~seen).all():
+        seen, limit = keypoints[:, 2] > 0, 10 * max(image_hw)
+        if all(c == 0 or (0 < c <= 1 and abs(x) <= limit and abs(y) <= limit and (x or y)) for x, y, c in keypoints.tolist()):
             return np.where(seen[:, None], keypoints, 0.0), []
-        return self._doubtful_keypoints(keypoints, seen, farther, limit)
+        return self._doubtful_keypoints(keypoints, seen, limit)
 
-    def _doubtful_keypoints(self, keypoints: Array, seen: NDArray[np.bool_], farther: Array, limit: int) -> tuple[Array, list[str]]:
+    def _doubtful_keypoints(self, keypoints: Array, seen: NDArray[np.bool_], limit: int) -> tuple[Array, list[str]]:
         """The same of keypoints (J, 3) of which some seen ones are at (0, 0), or farther from it than the limit in px, or nowhere."""
+        if not ((keypoints[:, 2] >= 0) & (keypoints[:, 2] <= 1)).all():
+            raise self.fail("keypoints_2d", "visibility must be 0 or a confidence in (0, 1]; convert COCO's 0/1/2 and clear NaN first")
+        farther = np.abs(keypoints[:, :2]).max(1)
         bad = seen & ~np.isfinite(farther)
         if bad.any():
             raise self.fail("keypoints_2d", f"keypoint {int(bad.argmax())} is visible but NaN or infinite; give it visibility 0")
@@ -273,6 +273,6 @@ def _landmarks(read: _Reader, keypoints_3d: ArrayLike, body: Array | None, templ
     landmarks = read.array("keypoints_3d", keypoints_3d, "J 3")
     if len(landmarks) != len(words):
         raise read.fail("keypoints_3d", f"has {len(landmarks)} landmarks, but vocabulary {words.name} has {len(words)}")
-    if np.isinf(landmarks).any():
+    if not np.isfinite(landmarks).all() and np.isinf(landmarks).any():
         raise read.fail("keypoints_3d", "must not be infinite; a landmark the body does not have is a row of NaN")
     return landmarks

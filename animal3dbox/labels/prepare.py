@@ -45,7 +45,7 @@ def prepare(animals: Sequence[Observation], config: LabelConfig) -> list[Prepare
             known[i] = axes
     if known:
         bounded = [_bounded(animals[i], config) for i in known]
-        cuboids = tight_cuboids([body.points for body in bounded], np.array([axes.R_box.numpy() for axes in known.values()]), _margin(config))
+        cuboids = tight_cuboids([body.points for body in bounded], torch.stack([axes.R_box for axes in known.values()]).numpy(), _margin(config))
         for place, ((i, axes), body) in enumerate(zip(known.items(), bounded, strict=True)):
             found[i] = _prepared(animals[i], axes, cuboids[place], body, config)
     return [one for one in found if one is not None]

@@ -222,6 +222,7 @@ BAD: dict[str, tuple[dict[str, object], str, str]] = {
     "a visible keypoint that is NaN": ({"keypoints_2d": [[NAN, 3, 1]] * 26}, "keypoints_2d", "give it visibility 0"),
     "a visible keypoint at infinity": ({"keypoints_2d": [[float("inf"), 3, 1]] * 26}, "keypoints_2d", "infinite"),
     "COCO's visibility 2": ({"keypoints_2d": [[5, 3, 2]] * 26}, "keypoints_2d", "COCO"),
+    "a visible keypoint whose y is NaN": ({"keypoints_2d": [[3, NAN, 1]] * 26}, "keypoints_2d", "give it visibility 0"),
     "a visibility that is NaN": ({"keypoints_2d": [[5, 3, NAN]] * 26}, "keypoints_2d", "visibility"),
     "keypoints far off any image": ({"keypoints_2d": [[1e6, 3, 1]] * 26}, "keypoints_2d", "ten image sizes"),
     "keypoints that are words": ({"keypoints_2d": "left eye"}, "keypoints_2d", "numbers"),
