@@ -10,6 +10,7 @@ import weakref
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from uuid import uuid4
 
 import msgspec
 
@@ -68,16 +69,14 @@ class Ledger:
     """The file of cases of one dataset.
 
     Args:
-        path: kept, and read again by a later run; None: a temporary file that ends with the process that made it.
+        path: kept, and read again by a later run; None: a temporary file, which is made for the first case and ends with the ledger.
 
     """
 
     def __init__(self, path: Path | str | None = None) -> None:
         if path is None:
-            descriptor, name = tempfile.mkstemp(prefix="animal3dbox-", suffix=".jsonl")
-            os.close(descriptor)
-            self.path = Path(name)
-            weakref.finalize(self, _remove_in, os.getpid(), name)
+            self.path = Path(tempfile.gettempdir(), f"animal3dbox-{uuid4().hex}.jsonl")
+            weakref.finalize(self, _remove_in, os.getpid(), self.path)
         else:
             self.path = Path(path)
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -120,7 +119,7 @@ class Ledger:
         return LoadReport(tuple(met))
 
 
-def _remove_in(process: int, path: str) -> None:
+def _remove_in(process: int, path: Path) -> None:
     """Remove a temporary file, but not at the end of a worker that only inherited it."""
     if os.getpid() == process:
-        Path(path).unlink(missing_ok=True)
+        path.unlink(missing_ok=True)

@@ -1,5 +1,6 @@
 """The Dataset: what comes out, what is left out, and what is said about it."""
 
+import gc
 import pickle
 from dataclasses import replace
 from fractions import Fraction
@@ -188,6 +189,20 @@ def test_skipping_says_what_was_skipped_and_why(copied: Path) -> None:
     assert len(dataset.ledger.path.read_text().splitlines()) == 1
     assert image in str(report)
     assert report.counts == {"fault": 1}
+
+
+def test_a_dataset_leaves_no_file_behind(copied: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (place := tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(place))
+    dataset = small_dataset(copied, on_bad="skip")
+    dataset[1]
+    assert not list(place.iterdir())  # a process that is killed could not remove it
+    corrupt_image(copied, dataset, 2)
+    dataset[2]
+    assert list(place.iterdir()) == [dataset.ledger.path]
+    del dataset
+    gc.collect()
+    assert not list(place.iterdir())
 
 
 def test_a_bad_animal_takes_nothing_from_its_neighbours(copied: Path) -> None:
