@@ -167,11 +167,14 @@ class SmalModel:
 
     @cached_property
     def _tensor_maps(self) -> SkinMaps[Tensor]:
+        return self._new_tensor_maps()
+
+    def _new_tensor_maps(self) -> SkinMaps[Tensor]:
         return skin_maps(self.v_template, self.shapedirs, self.posedirs, self.J_regressor, self.weights, self.parents)
 
     def _array_maps(self, dtype: torch.dtype) -> SkinMaps[np.ndarray]:
         if dtype not in self._array_maps_by_type:
-            self._array_maps_by_type[dtype] = array_maps(self._tensor_maps, dtype)
+            self._array_maps_by_type[dtype] = array_maps(self._new_tensor_maps(), dtype)  # not kept: they are as large as the model
         return self._array_maps_by_type[dtype]
 
     @cached_property

@@ -1,6 +1,6 @@
 """Linear blend skinning by one formula: over tensors, differentiable and on any device, or over arrays, for a loader's worker.
 
-Arrays keep what is mostly zeros (pose columns, weights) as sparse matrices, which torch cannot differentiate in all directions.
+Arrays leave out what is zero of most constants (products.py), in forms that torch cannot differentiate in all directions.
 Points are kept coordinate by coordinate, (B, 3, V): bounds and projections of a body then run along memory.
 
 Vertices may be computed in float32 where joints and places are in float64: the constants of all vertices are megabytes, and reading
