@@ -19,7 +19,7 @@ from animal3dbox.datasets.ledger import Case
 from animal3dbox.datasets.row_maker import NOT_STORED
 from animal3dbox.errors import ConfigError
 
-AT_ONCE = 32
+AT_ONCE = 64
 """So many images are labelled together."""
 
 
