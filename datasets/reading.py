@@ -1,7 +1,7 @@
 """Any dataset by its path: which format it is in, its records, and the bodies that come with it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
@@ -11,7 +11,7 @@ from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.exchange.recognition import is_omni3d
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import RecordSet
-from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.smal.vocabulary import Vocabulary
 
 
@@ -190,4 +190,25 @@ def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None =
             f"{path} holds cuboids in Omni3D's format, so there is nothing to label: load them with animal3dbox.datasets.Omni3DDataset, "
             "look at them with animal3dbox check, or convert them with animal3dbox export"
         )
-    return READERS[kind].read(path, options or ReadOptions())
+    read = READERS[kind].read(path, options or ReadOptions())
+    return replace(read, records=_of_unicode(read.records))
+
+
+def _of_unicode(read: RecordSet) -> RecordSet:
+    """The records whose names are Unicode, as reports and JSON are; the others, of files whose names are no UTF-8, are faults."""
+    bad = [record.sample_id for record in read.records if not _is_unicode(record.sample_id)]
+    if not bad and all(_is_unicode(str(fault)) for fault in read.faults):
+        return read
+    kept = tuple(record for record in read.records if _is_unicode(record.sample_id))
+    told = [SampleError(_escaped(str(fault.sample_id)), fault.field, _escaped(str(fault.problem))) for fault in read.faults]
+    told += [SampleError(_escaped(name), "sample_id", "the file's name is not UTF-8: rename it") for name in bad]
+    return replace(read, records=kept, faults=tuple(told))
+
+
+def _is_unicode(text: str) -> bool:
+    return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
+
+
+def _escaped(text: str) -> str:
+    """Text in which bytes that are no UTF-8 are spelt out."""
+    return text.encode("utf-8", "backslashreplace").decode()

@@ -132,6 +132,24 @@ def test_a_number_in_an_images_own_name_is_not_an_animals(tmp_path: Path) -> Non
     assert [record.sample_id for record in read.records.records] == ["a.jpg", "b.jpg", "frame.jpg", "frame_1.jpg", "frame_2.jpg"]
 
 
+def test_a_file_whose_name_is_not_utf8_is_a_fault_of_its_own(tmp_path: Path) -> None:
+    root = write_mesh_folder(tmp_path)
+    for file in sorted(root.rglob("a.*")):
+        try:
+            file.rename(file.with_stem("\udce9"))  # a byte that is no UTF-8
+        except OSError:
+            pytest.skip("this file system holds Unicode names only")
+    dataset = AnnotatedDataset(root, on_bad="skip")
+    (fault,) = dataset.source.faults
+    assert (fault.sample_id, fault.field) == ("\\udce9.jpg", "sample_id")
+    assert "UTF-8" in fault.problem
+    assert len(dataset) == 1
+    with pytest.raises(SystemExit) as ended:
+        main(["label", str(root), "--out", str(tmp_path / "out")])
+    assert ended.value.code == 4
+    assert r"\\udce9.jpg" in (tmp_path / "out" / "report.json").read_text()
+
+
 def test_what_nothing_was_made_of_is_counted(tmp_path: Path) -> None:
     root = write_mesh_folder(tmp_path)
     write_picture(root / "images" / "c.jpg")
