@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
+from torch.autograd.forward_ad import unpack_dual
 
 from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import AnyArray, as_numpy
@@ -36,6 +37,11 @@ class PosedBody:
     vertices: Tensor
     joints: Tensor
     R_world_joint: Tensor
+
+
+def _is_plain(tensor: Tensor) -> bool:
+    """Whether an array holds all of it: on the host, without derivatives of either mode."""
+    return tensor.is_cpu and not tensor.requires_grad and unpack_dual(tensor).tangent is None  # type: ignore[no-untyped-call]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +149,7 @@ class SmalModel:
         check_shape("pose", pose, f"{batch} {self.joint_count} 3")
         check_shape("trans", trans, f"{batch} 3")
         self._check_beta_count(betas)
-        if any(x.requires_grad or x.device.type != "cpu" for x in (betas, pose, trans, self.v_template)):
+        if not all(_is_plain(x) for x in (betas, pose, trans, self.v_template)):
             vertices, joints, R_world_joint = skin(self._tensor_maps, betas, pose)
             return PosedBody((vertices + trans[..., None]).mT, joints + trans[:, None], R_world_joint)
         return self.posed_arrays(betas.numpy(), pose.numpy(), trans.numpy())

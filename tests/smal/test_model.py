@@ -5,6 +5,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 from torch import Tensor
+from torch.autograd import forward_ad
 
 from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.rigid import rotation_from_axis_angle
@@ -101,6 +102,19 @@ def test_gradients_are_right_and_finite_at_the_zero_pose() -> None:
     for tensor in inputs:
         tensor.requires_grad_()
     assert torch.autograd.gradcheck(lambda *a: (model.posed(*a).vertices, model.posed(*a).joints), inputs, atol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")  # torch's own, the first time
+def test_forward_derivatives_are_those_of_small_steps() -> None:
+    model = random_model(joint_count=33, vertex_count=4, beta_count=2)
+    torch.manual_seed(0)
+    inputs = [0.1 * torch.randn(1, *shape, dtype=torch.float64) for shape in ((2,), (33, 3), (3,))]
+    along, step = [torch.randn_like(x) for x in inputs], 1e-6
+    ahead, behind = (model.posed(*(x + sign * step * d for x, d in zip(inputs, along, strict=True))).vertices for sign in (1, -1))
+    with forward_ad.dual_level():
+        duals = [forward_ad.make_dual(x, d) for x, d in zip(inputs, along, strict=True)]  # type: ignore[no-untyped-call]
+        found = forward_ad.unpack_dual(model.posed(*duals).vertices).tangent  # type: ignore[no-untyped-call]
+    torch.testing.assert_close(found, (ahead - behind) / (2 * step), atol=1e-7, rtol=1e-6)
 
 
 def test_turning_the_root_turns_everything_rigidly_about_it() -> None:
