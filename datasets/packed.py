@@ -33,6 +33,7 @@ class Arena:
     def _take(self, ends: Tensor, content: Tensor) -> None:
         self._ends, self._content = ends, content
         self._starts, self._view = ends.numpy().data, content.numpy().data  # the same memory: cheaper to look at than tensors
+        self._places = ends.data_ptr(), content.data_ptr()
 
     def __getstate__(self) -> tuple[Tensor, Tensor]:
         return self._ends, self._content
@@ -41,9 +42,11 @@ class Arena:
         self._take(*state)
 
     def __len__(self) -> int:
-        return len(self._starts) - 1
+        return self._ends.shape[0] - 1
 
     def __getitem__(self, index: int) -> bytes:
+        if (self._ends.data_ptr(), self._content.data_ptr()) != self._places:  # torch moves what it sends to a spawned worker
+            self._take(self._ends, self._content)
         count = len(self._starts) - 1
         if not -count <= index < count:
             raise IndexError(f"index {index} of {count}")

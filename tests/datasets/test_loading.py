@@ -47,7 +47,9 @@ def test_any_number_of_workers_gives_the_same_bytes(animals: Path, expected: lis
 
 @pytest.mark.parametrize("context", ["spawn", "forkserver"])
 def test_any_way_to_start_workers_gives_the_same_bytes(animals: Path, expected: list[Any], context: str) -> None:
-    assert loaded(augmented(animals), 2, context) == expected
+    dataset = augmented(animals)
+    assert loaded(dataset, 2, context) == expected
+    assert [in_bytes(dataset[i]) for i in range(len(dataset))] == expected  # what was sent to workers can still be read here
 
 
 def test_threads_in_the_main_process_do_not_change_a_byte(animals: Path, expected: list[Any]) -> None:
