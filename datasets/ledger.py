@@ -76,9 +76,10 @@ class Ledger:
     def __init__(self, path: Path | str | None = None) -> None:
         if path is None:
             self.path = Path(tempfile.gettempdir(), f"animal3dbox-{uuid4().hex}.jsonl")
+            self._mode = 0o600  # in a folder of everybody's
             weakref.finalize(self, _remove_in, os.getpid(), self.path)
         else:
-            self.path = Path(path)
+            self.path, self._mode = Path(path), 0o644
             self.path.parent.mkdir(parents=True, exist_ok=True)
         self._written: set[Case] | None = None
 
@@ -95,7 +96,7 @@ class Ledger:
             return
         line = msgspec.json.encode(case) + b"\n"
         try:
-            descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+            descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, self._mode)
             try:
                 written = os.write(descriptor, line)
             finally:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import torch
 from torch import Tensor
+from torch.autograd.forward_ad import unpack_dual
 
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 """Of each coordinate, the one after it and the one before."""
@@ -25,6 +26,16 @@ def namespace(array: Tensor | np.ndarray) -> Any:
 def as_numpy(array: Tensor | np.ndarray) -> np.ndarray:
     """The array itself, or a tensor's values on the host without its gradients; shares memory where it can."""
     return array.numpy(force=True) if isinstance(array, Tensor) else array
+
+
+def has_derivatives(tensor: Tensor) -> bool:
+    """Whether derivatives are wanted of a tensor, in either mode."""
+    return tensor.requires_grad or unpack_dual(tensor).tangent is not None  # type: ignore[no-untyped-call]
+
+
+def is_plain(tensor: Tensor) -> bool:
+    """Whether an array holds all of a tensor: on the host, without derivatives."""
+    return tensor.is_cpu and not has_derivatives(tensor)
 
 
 def like(array: AnyArray, values: Any) -> AnyArray:
@@ -82,10 +93,8 @@ def at_least(array: AnyArray, least: float) -> AnyArray:
     return floored
 
 
-def transposed(matrix: AnyArray) -> AnyArray:
+def transposed(matrix: np.ndarray) -> np.ndarray:
     """The transpose (N, M) of a matrix (M, N) of floating-point numbers, in memory as it is counted."""
-    if isinstance(matrix, Tensor):
-        return matrix.mT.contiguous()
     if not matrix.size:
         return matrix.T.copy()
     turned: np.ndarray = cv2.transpose(matrix)  # in blocks: half the time of a copy along columns

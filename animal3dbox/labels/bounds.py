@@ -1,7 +1,7 @@
 """Tight bounds of a body along given axes."""
 
 from collections.abc import Sequence
-from math import dist, hypot
+from math import dist
 
 import numpy as np
 import torch
@@ -20,20 +20,21 @@ ROUNDING = 32 * torch.finfo(torch.float64).eps
 """Of the greatest coordinate: what the way into the box frame and back may lose, for a body far from its origin or without extent."""
 
 
-def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array]:
-    """Tight bounds of points along the box axes (section 2.1.2: V_local about the origin, since no box depends on the mean that is taken off).
+def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array]:
+    """Tight bounds of points along the box axes, about one of them (section 2.1.2, V_local; there about their mean, which gives the same box).
 
     Args:
         vertices_world: (V, 3).
-        R_box: (3, 3), R_world_box.
+        R_box: (3, 3), R_world_box; about a point of the body, what it lacks of a rotation counts by the body's size alone.
 
     Returns:
-        The least and the greatest corner in the box frame, (3,) each.
+        The least and the greatest corner in the box frame and the point in world, (3,) each.
 
     """
     check_shape("vertices_world", vertices_world, "V 3")
-    vertices_box = R_box.T @ vertices_world.T
-    return vertices_box.min(1), vertices_box.max(1)
+    point_world = vertices_world[0]
+    vertices_box, point_box = R_box.T @ vertices_world.T, R_box.T @ point_world  # their difference is R_boxᵀ (v - c)
+    return vertices_box.min(1) - point_box, vertices_box.max(1) - point_box, point_world
 
 
 def tight_cuboids(bodies: Sequence[Array], R_box: Array, margin: float | None = None) -> Cuboid:
@@ -51,8 +52,8 @@ def tight_cuboids(bodies: Sequence[Array], R_box: Array, margin: float | None = 
     ordered = (np.asfortranarray(vertices) for vertices in bodies)  # what runs along memory is five times faster
     bounds = [box_bounds(vertices, axes) for vertices, axes in zip(ordered, R_box, strict=True)]
     grown = [_relative_margin(*(bound.tolist() for bound in one)) if margin is None else margin for one in bounds]
-    least, greatest = (np.array(part).reshape(-1, 3) for part in zip(*bounds, strict=True))
-    center = (R_box @ ((least + greatest) / 2)[..., None])[..., 0]
+    least, greatest, point_world = (np.array(part).reshape(-1, 3) for part in zip(*bounds, strict=True))
+    center = point_world + (R_box @ ((least + greatest) / 2)[..., None])[..., 0]
     size = greatest - least + 2 * np.array(grown)[:, None]
     return Cuboid(torch.from_numpy(center), torch.from_numpy(R_box), torch.from_numpy(size))
 
@@ -74,7 +75,7 @@ def tight_cuboid(vertices_world: Tensor | Array, R_box: Tensor, margin: float | 
     return tight_cuboids([vertices], axes[None], margin)[0]
 
 
-def _relative_margin(least: list[float], greatest: list[float]) -> float:
+def _relative_margin(least: list[float], greatest: list[float], point_world: list[float]) -> float:
     """The margin that grows with the box; of plain numbers, since three are not worth the calls."""
-    farthest = hypot(*map(max, map(abs, least), map(abs, greatest)))
+    farthest = max(map(abs, point_world)) + max(max(greatest), -min(least))
     return RELATIVE_MARGIN * dist(least, greatest) + ROUNDING * farthest

@@ -47,7 +47,7 @@ def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, box: Tensor
         if config.surface_share:
             mesh = torch.from_numpy(vertices_cam), seen.faces
             shares = surface_share(*mesh, pose.R @ R_box, torch.from_numpy(seen.K), seen.image_hw, torch.from_numpy(straight))
-    return ShownBody(box if box is not None else _mesh_box(seen, pose), overlap, shares)
+    return ShownBody(box if box is not None else _mesh_box(seen, seen.vertices, pose), overlap, shares)
 
 
 def _in_camera(R: Array, t: Array, vertices: Array) -> Array:
@@ -57,9 +57,9 @@ def _in_camera(R: Array, t: Array, vertices: Array) -> Array:
     return moved.T
 
 
-def _mesh_box(seen: Observation, pose: PoseEstimate) -> Tensor:
-    """The flat box (4,) xyxy px of a body without a mask: the bounds of what the frame shows of it."""
-    K, R, t, vertices = seen.K, pose.R.numpy(), pose.t.numpy(), np.zeros((0, 3)) if seen.vertices is None else seen.vertices
+def _mesh_box(seen: Observation, vertices: Array, pose: PoseEstimate) -> Tensor:
+    """The flat box (4,) xyxy px of a body (V, 3) without a mask: the bounds of what the frame shows of it."""
+    K, R, t = seen.K, pose.R.numpy(), pose.t.numpy()
     if seen.distortion is None:
         scaled = _in_camera(K @ R, K @ t, vertices).T
     else:

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
-from torch.autograd.forward_ad import unpack_dual
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.arrays import AnyArray, as_numpy
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, has_derivatives, is_plain
 from animal3dbox.geometry.checks import check_shape
 from animal3dbox.geometry.rigid import nearest_rotation
 from animal3dbox.smal.landmark_places import LandmarkPlaces
@@ -37,11 +36,6 @@ class PosedBody:
     vertices: Tensor
     joints: Tensor
     R_world_joint: Tensor
-
-
-def _is_plain(tensor: Tensor) -> bool:
-    """Whether an array holds all of it: on the host, without derivatives of either mode."""
-    return tensor.is_cpu and not tensor.requires_grad and unpack_dual(tensor).tangent is None  # type: ignore[no-untyped-call]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +143,7 @@ class SmalModel:
         check_shape("pose", pose, f"{batch} {self.joint_count} 3")
         check_shape("trans", trans, f"{batch} 3")
         self._check_beta_count(betas)
-        if not all(_is_plain(x) for x in (betas, pose, trans, self.v_template)):
+        if not all(is_plain(x) for x in (betas, pose, trans, *self._arrays)):
             vertices, joints, R_world_joint = skin(self._tensor_maps, betas, pose)
             return PosedBody((vertices + trans[..., None]).mT, joints + trans[:, None], R_world_joint)
         return self.posed_arrays(betas.numpy(), pose.numpy(), trans.numpy())
@@ -161,7 +155,7 @@ class SmalModel:
         whose template stands so far from its origin that float32 would tell.
         """
         maps = self._array_maps(vertices_in if vertices_in is not None and self._is_about_origin else self.v_template.dtype)
-        count, dtype = len(betas), np.result_type(betas, pose, trans)
+        count, dtype = len(betas), np.result_type(as_numpy(self.v_template), betas, pose, trans)
         vertices = np.empty((count, 3, self.vertex_count), dtype)
         joints, R_world_joint = np.empty((count, self.joint_count, 3), dtype), np.empty((count, self.joint_count, 3, 3), dtype)
         for k in range(0, count, BODIES_AT_ONCE):
@@ -171,8 +165,17 @@ class SmalModel:
         joints += trans[:, None]
         return PosedBody(torch.from_numpy(vertices).mT, torch.from_numpy(joints), torch.from_numpy(R_world_joint))
 
-    @cached_property
+    @property
+    def _arrays(self) -> tuple[Tensor, ...]:
+        return self.v_template, self.shapedirs, self.posedirs, self.J_regressor, self.weights
+
+    @property
     def _tensor_maps(self) -> SkinMaps[Tensor]:
+        of_one_call = any(has_derivatives(x) for x in self._arrays)
+        return self._new_tensor_maps() if of_one_call else self._known_tensor_maps
+
+    @cached_property
+    def _known_tensor_maps(self) -> SkinMaps[Tensor]:
         return self._new_tensor_maps()
 
     def _new_tensor_maps(self) -> SkinMaps[Tensor]:

@@ -62,7 +62,7 @@ class SplitTable:
     def sums(self, weights: np.ndarray) -> np.ndarray:
         """As RowTable says."""
         sums = np.empty((len(weights), self.full.shape[1]), self.full.dtype)
-        for row, into in zip(weights[:, ~self.is_few], sums, strict=True):
+        for row, into in zip(np.ascontiguousarray(weights[:, ~self.is_few]), sums, strict=True):
             np.einsum("k,km->m", row, self.full, out=into)
         if self.is_few.any():
             sums += transposed(self.few @ weights[:, self.is_few].T)

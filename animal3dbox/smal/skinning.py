@@ -8,6 +8,7 @@ them is what takes the time. About the body's own origin that costs less than a 
 """
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any, Generic
 
@@ -15,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, as_numpy, like, namespace
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, is_plain, like, namespace
 from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
 from animal3dbox.smal.products import row_table
 
@@ -48,11 +49,12 @@ class SkinMaps(Generic[AnyArray]):
     jumps: tuple[np.ndarray, ...]
 
 
+@torch.inference_mode(False)
 def skin_maps(
     v_template: Tensor, shapedirs: Tensor, posedirs: Tensor, J_regressor: Tensor, weights: Tensor, parents: Sequence[int]
 ) -> SkinMaps[Tensor]:
-    """The constants of a model as tensors; see SmalModel for the arguments."""
-    joints_shape = (J_regressor @ shapedirs.flatten(1)).reshape(-1, shapedirs.shape[2]).mT
+    """The constants of a model as tensors, whatever torch is set to; see SmalModel for the arguments."""
+    joints_shape = _joints_of(J_regressor, shapedirs.flatten(1)).reshape(3 * len(parents), shapedirs.shape[2]).mT
     bones = torch.eye(len(parents), dtype=weights.dtype, device=weights.device)
     for joint, parent in enumerate(parents[1:], start=1):
         bones[joint, parent] = -1
@@ -62,12 +64,21 @@ def skin_maps(
     return SkinMaps(
         columns=torch.cat([part.permute(2, 1, 0) for part in (v_template[..., None], shapedirs, posedirs)]),
         weights=weights.mT[:, None].contiguous(),
-        joints=(J_regressor @ v_template).flatten(),
+        joints=_joints_of(J_regressor, v_template).flatten(),
         joints_shape=joints_shape.contiguous(),
         bones=bones,
         still=torch.eye(4, dtype=weights.dtype, device=weights.device).repeat(len(parents) + 1, 1, 1),
         jumps=tuple(np.array(jump) for jump in jumps[:-1]),
     )
+
+
+def _joints_of(J_regressor: Tensor, values: Tensor) -> Tensor:
+    """The joints' (J, K) of what vertices have (V, K), not in half precision, and of plain tensors summed in order."""
+    if is_plain(J_regressor) and is_plain(values):
+        return torch.from_numpy(np.einsum("jv,vk->jk", as_numpy(J_regressor), as_numpy(values)))
+    kind = values.device.type
+    with torch.autocast(kind, enabled=False) if torch.amp.is_autocast_available(kind) else nullcontext():
+        return J_regressor @ values
 
 
 def array_maps(maps: SkinMaps[Tensor], dtype: torch.dtype) -> SkinMaps[np.ndarray]:
@@ -112,7 +123,8 @@ def _blended(maps: SkinMaps[AnyArray], moves: AnyArray, v_posed: AnyArray) -> An
     """Vertices (B, 3, V) moved by the weighted mean of the joints' moves (B, J, 3, 4), (B, 3, V)."""
     batch, joint_count = moves.shape[:2]
     of_entries = namespace(moves).swapaxes(moves.reshape(batch, joint_count, 12), 1, 2).reshape(batch * 12, joint_count)
-    rows = _sums(maps.weights, of_entries).reshape(batch, 3, 4, -1)
+    blended = _sums(maps.weights, of_entries)
+    rows = blended.reshape(batch, 3, 4, blended.shape[2])
     vertices: AnyArray = rows[:, :, 3] + rows[:, :, 0] * v_posed[:, None, 0]
     for axis in (1, 2):
         vertices += rows[:, :, axis] * v_posed[:, None, axis]

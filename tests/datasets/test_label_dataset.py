@@ -200,6 +200,7 @@ def test_a_dataset_leaves_no_file_behind(copied: Path, monkeypatch: pytest.Monke
     corrupt_image(copied, dataset, 2)
     dataset[2]
     assert list(place.iterdir()) == [dataset.ledger.path]
+    assert dataset.ledger.path.stat().st_mode & 0o077 == 0  # it names samples and files
     del dataset
     gc.collect()
     assert not list(place.iterdir())

@@ -5,6 +5,7 @@ from strategies import rotations, vector
 from torch import Tensor
 from torch.testing import assert_close
 
+from animal3dbox.geometry.rigid import rotation_from_axis_angle
 from animal3dbox.labels.bounds import tight_cuboid
 
 F64 = torch.float64
@@ -53,3 +54,10 @@ def test_a_body_smaller_than_its_square_can_be_still_lies_in_its_box() -> None:
     vertices = torch.zeros(10, 3, dtype=F64)
     vertices[9, 2] = 4e-172
     assert bool(tight_cuboid(vertices, torch.eye(3, dtype=F64)).contains(vertices).all())
+
+
+def test_a_box_holds_its_body_also_if_its_axes_are_rotations_to_single_precision_only() -> None:
+    R_box = rotation_from_axis_angle(torch.tensor([0.3, 0.4, 0.5], dtype=F64)).float()
+    for far in (0.0, 1e3, 1e6):
+        vertices = far + torch.randn(200, 3, generator=torch.Generator().manual_seed(0), dtype=F64)
+        assert bool(tight_cuboid(vertices, R_box, margin=1e-5).contains(vertices).all())

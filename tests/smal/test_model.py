@@ -1,5 +1,7 @@
 """SmalModel against a plain reference, on a tiny body that is made here."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -201,3 +203,53 @@ def test_parts_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ShapeError, match="landmarks"):
         SmalModel(model.v_template, model.faces, model.shapedirs, model.posedirs, model.J_regressor, model.weights, model.parents,
                   model.joint_names, {"nose": (12,)})  # fmt: skip
+
+
+def zeros(model: SmalModel, batch: int = 1, dtype: torch.dtype = torch.float64) -> list[Tensor]:
+    """betas, pose and trans of nothing."""
+    return [torch.zeros(batch, *shape, dtype=dtype) for shape in ((model.beta_count,), (model.joint_count, 3), (3,))]
+
+
+def test_bodies_are_in_the_models_type() -> None:
+    model = random_model()
+    for dtype in (torch.float32, torch.int64):
+        body = model.posed(*zeros(model, dtype=dtype))
+        assert {body.vertices.dtype, body.joints.dtype, body.R_world_joint.dtype} == {torch.float64}
+
+
+@pytest.mark.parametrize("batch", [0, 2])
+def test_a_model_may_have_no_shape_columns(batch: int) -> None:
+    model = replace(random_model(), shapedirs=torch.zeros(len(random_model().v_template), 3, 0, dtype=torch.float64))
+    betas, pose, trans = zeros(model, batch)
+    torch.testing.assert_close(model.posed(betas, pose, trans).vertices, model.v_template.expand(batch, -1, -1))
+    torch.testing.assert_close(model.posed(betas, pose.requires_grad_(), trans).vertices, model.v_template.expand(batch, -1, -1))
+
+
+@pytest.mark.parametrize("setting", ["autocast", "precision", "inference"])
+def test_the_first_use_of_a_model_does_not_decide_on_all_later_ones(setting: str) -> None:
+    fresh, used = (random_model(vertex_count=2000).to(torch.float32) for _ in range(2))
+    inputs, precision = zeros(fresh, dtype=torch.float32), torch.get_float32_matmul_precision()
+    used.posed(*inputs)
+    try:
+        if setting == "precision":
+            torch.set_float32_matmul_precision("medium")
+        with torch.autocast("cpu", enabled=setting == "autocast"), torch.inference_mode(setting == "inference"):
+            fresh.posed(*inputs)
+            if setting == "inference":
+                fresh.posed(inputs[0], inputs[1].clone().requires_grad_(), inputs[2])
+    finally:
+        torch.set_float32_matmul_precision(precision)
+    inputs[1] += 0.3
+    assert torch.equal(fresh.posed(*inputs).vertices, used.posed(*inputs).vertices)
+    (slope,) = torch.autograd.grad(fresh.posed(inputs[0], inputs[1].requires_grad_(), inputs[2]).vertices.sum(), inputs[1])
+    assert bool(slope.any())
+
+
+@pytest.mark.parametrize("name", ["v_template", "shapedirs", "posedirs", "J_regressor", "weights"])
+def test_a_models_own_constants_have_gradients_call_after_call(name: str) -> None:
+    model = random_model()
+    constant = getattr(model, name).requires_grad_()
+    for _ in range(2):
+        betas, pose, trans = zeros(model)
+        (slope,) = torch.autograd.grad(model.posed(betas + 0.1, pose + 0.1, trans).vertices.square().sum(), constant)
+        assert bool(slope.any())
