@@ -8,7 +8,7 @@ from animal3dbox.errors import ConfigError
 
 @dataclass(frozen=True)
 class LabelFilter:
-    """Limits that a label must keep; those at rest let everything pass. A measure that a label lacks fails its limit.
+    """Limits that a label must keep; those at rest let pass whatever the picture shows. A measure that a label lacks fails its limit.
 
     Attributes:
         min_mask_iou: overlap of the projected body with the mask, 0 to 1; the best judge of a pose (field notes).
@@ -18,6 +18,7 @@ class LabelFilter:
         max_truncation: part of the projected box outside the frame, 0 to 1.
         min_box_px: the longer side of the 2D box.
         allow_behind_camera: whether a corner may be nearer than the near plane.
+        allow_unseen: whether the frame may show nothing of the animal, as of one that another of several cameras sees.
     """
 
     min_mask_iou: float | None = None
@@ -27,6 +28,7 @@ class LabelFilter:
     max_truncation: float | None = None
     min_box_px: float | None = None
     allow_behind_camera: bool = True
+    allow_unseen: bool = False
 
     def __post_init__(self) -> None:
         for name in ("min_mask_iou", "min_inlier_share", "min_confidence", "max_truncation"):
@@ -40,11 +42,13 @@ class LabelFilter:
 
     def problem(self, row: LabelRow) -> tuple[str, str] | None:
         """The first limit that a label misses, and how; None if it keeps them all."""
+        left, top, right, bottom = row.field("box").tolist()
+        if not self.allow_unseen and not (left < right and top < bottom):
+            return "allow_unseen", "the frame shows nothing of the animal: this camera does not see it, or K, R or t are not this picture's"
         if self == _AT_REST:
             return None
         quality = row.quality
         visible = quality["n_keypoints"]
-        left, top, right, bottom = row.field("box").tolist()
         least = {
             "min_mask_iou": quality["mask_iou"],
             "min_inlier_share": quality["n_inliers"] / visible if visible else None,

@@ -1,7 +1,7 @@
 """The shared Dataset: annotated images in, images and targets out, labels made on the way."""
 
 import operator
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -20,7 +20,7 @@ from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
 from animal3dbox.datasets.opened import OpenedSample, opened_samples
 from animal3dbox.datasets.row_maker import Answer, Asked, RowMaker, fault_case, rejected_case
 from animal3dbox.datasets.scale import ScaleSource
-from animal3dbox.datasets.sources import ImageSample, SampleSource
+from animal3dbox.datasets.sources import ImageSample, SampleSource, images_of
 from animal3dbox.datasets.targets import check_one_camera, empty_target, image_tensor, masks_of, target_of
 from animal3dbox.datasets.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
@@ -209,6 +209,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
     def _labelled(self, key: tuple[int, int], opened: OpenedSample, answers: Sequence[Answer]) -> tuple[Tensor, Target] | Skipped:
         sample, image = opened.sample, image_tensor(opened.photo.pixels)
+        if sample.image is not None and sample.head.unread:  # it shows animals, of which none can be read
+            return self._skipped(key[1], [fault_case(fault) for fault in self.source.faults if sample.image_id in images_of(fault.sample_id or "")])
         if sample.image is not None:
             return self._transformed(image, empty_target(sample.image_id, sample.image.K, self.source.named_faces), key)
         made, cases = self._chosen(opened, answers)
@@ -223,7 +225,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         check_one_camera(sample.image_id, rows)
         masks = [mask for _, _, mask in made if mask is not None]
         whole = masks_of(masks) if self.masks and len(masks) == len(rows) else None
-        target = target_of(sample.image_id, rows, numbers, whole, _one_vocabulary(sample), self.source.named_faces)
+        words = _one_vocabulary(sample, {row.sample_id for row in rows})
+        target = target_of(sample.image_id, rows, numbers, whole, words, self.source.named_faces)
         return self._transformed(image, target, key)
 
     def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
@@ -273,9 +276,9 @@ def default_config(pose: PosePolicy, filters: LabelFilter) -> LabelConfig:
     return LabelConfig(surface_share=False, mask_iou=pose == "hypothesis" or filters.min_mask_iou is not None or filters.min_confidence is not None)
 
 
-def _one_vocabulary(sample: ImageSample) -> Vocabulary | None:
-    """The vocabulary of the image's keypoints; None if there are none, or its animals are of kinds that are marked differently."""
-    words = {head.vocabulary.name: head.vocabulary for head in sample.animals if head.vocabulary is not None}
+def _one_vocabulary(sample: ImageSample, labelled: Container[str]) -> Vocabulary | None:
+    """The vocabulary of the keypoints of an image's labelled animals; None if there are none, or they are of kinds that are marked differently."""
+    words = {head.vocabulary.name: head.vocabulary for head in sample.animals if head.vocabulary is not None and head.sample_id in labelled}
     return next(iter(words.values())) if len(words) == 1 else None
 
 

@@ -160,7 +160,7 @@ class FileSource:
 
     def _found_heads(self, found: Sequence[Any], groups: dict[str, list[int]], paths: dict[str, Path | None]) -> Iterator[ImageHead]:
         """The heads of all images, of the places of their records."""
-        unread = frozenset(name for fault in self.faults for name in _images_of(fault.sample_id or ""))
+        unread = frozenset(name for fault in self.faults for name in images_of(fault.sample_id or ""))
         first = 0
         for name, members in groups.items():
             contents = (record_content(found[i], self._records.packed(first + k), self.bodies) for k, i in enumerate(members))
@@ -240,7 +240,7 @@ def has_camera(record: Record) -> bool:
     return isinstance(record, CuboidRecord) or record.pose is not None or record.stored_pose is not None
 
 
-def _images_of(sample_id: str) -> tuple[str, ...]:
+def images_of(sample_id: str) -> tuple[str, ...]:
     """The images that a sample may be of: the one of its name, and of "a.jpg#1" also a.jpg; a file's name may hold a # itself."""
     name, mark, number = sample_id.rpartition("#")
     return (sample_id, name) if mark and number.isdecimal() else (sample_id,)

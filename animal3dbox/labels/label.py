@@ -18,6 +18,10 @@ UNKNOWN: Mapping[str, Any] = {
     "pose": None, "pose_hypotheses": (), "mask": None, "vocabulary": "animal3d26", "sample_id": None,
 }  # fmt: skip
 """label_animal's arguments that may be left out."""
+BEHIND = (
+    "all of its box is behind the camera: the camera does not see it, or R and t are not those of a camera with x right, y down, z forward "
+    "(of OpenGL's axes, negate the last two rows of R and t)"
+)
 
 
 def label_animal(
@@ -106,7 +110,9 @@ def _labelled(animals: Sequence[Observation], config: LabelConfig) -> list[Cuboi
 
 
 def _unless_degenerate(label: CuboidLabel, seen: Observation, config: LabelConfig) -> CuboidLabel | Rejection:
-    """The label, unless its camera is estimated and its projected box far smaller than the animal (section 3.2, degenerate)."""
+    """The label, unless its camera looks away, or is estimated and its projected box far smaller than the animal (section 3.2, degenerate)."""
+    if label.behind_camera and not bool(label.corner_in_front.any()):
+        return Rejection(seen.sample_id, "behind_camera", BEHIND)
     if seen.pose is not None:
         return label
     if seen.mask is not None:

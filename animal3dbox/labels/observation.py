@@ -23,6 +23,8 @@ from animal3dbox.smal.vocabulary import Vocabulary
 Array = NDArray[np.float64]
 ArrayLike = Any
 """A tensor, a NumPy array or nested lists of numbers."""
+LEAST_FOCAL = 0.05
+"""Of the longer side of the image: a field of view of 169 degrees."""
 
 
 @dataclass(frozen=True)
@@ -229,6 +231,9 @@ def observe(
     seen, warnings = (None, []) if keypoints_2d is None else read.keypoints(keypoints_2d, len(words), words.name, size)
     matrix = intrinsics(config.focal_guess * max(size), size).numpy() if K is None else read.array("K", K, "3 3")
     read.check(check_intrinsics, "K", matrix)
+    if min(matrix[0, 0], matrix[1, 1]) < LEAST_FOCAL * max(size):
+        problem = f"has focal lengths of {matrix[0, 0]:.3g} and {matrix[1, 1]:.3g} px for {size[1]} x {size[0]} px, as no lens has"
+        raise read.fail("K", f"{problem}: is it normalised? Multiply its first row by the width and its second by the height")
     lens = None if distortion is None else read.array("distortion", distortion, "N")
     if lens is not None:
         read.check(check_distortion, "distortion", lens)

@@ -12,7 +12,7 @@ REASONS = {
     "coplanar_keypoints": "the visible keypoints lie in one plane or coincide, so that the pose is ambiguous",
     "no_axes": "nothing tells which way the body points",
     "no_pose": "no camera pose explains the keypoints",
-    "behind_camera": "the pose found puts the animal behind the camera",
+    "behind_camera": "the pose puts the animal behind the camera",
     "beyond_lens": "the animal or its box reaches beyond the lens's field of view, where its projection means nothing",
     "degenerate_box": "the projected box is much smaller than the animal",
     "no_body": "there is no body for this animal",

@@ -18,6 +18,7 @@ FLAGS = {
     "low_overlap": f"the projected mesh overlaps the mask by less than {LOW_OVERLAP}",
     "truncated": f"more than {MUCH_TRUNCATED:.0%} of the box lies outside the image",
     "near_camera": "a corner of the box is at or behind the camera",
+    "unseen": "the image shows nothing of the animal",
 }
 """Why a label is kept but should be looked at."""
 
@@ -57,6 +58,7 @@ def flags_of(label: CuboidLabel) -> tuple[str, ...]:
         "low_overlap": quality.mask_iou is not None and quality.mask_iou < LOW_OVERLAP,
         "truncated": label.truncation > MUCH_TRUNCATED,
         "near_camera": label.behind_camera,
+        "unseen": label.truncation >= 1 or not bool((label.box[:2] < label.box[2:]).all()),
     }
     return tuple(flag for flag in FLAGS if raised[flag])
 

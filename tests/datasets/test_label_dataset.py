@@ -301,7 +301,7 @@ def test_a_filter_leaves_out_what_misses_it_and_says_so(animals: Path, limits: d
 
 def test_the_limits_of_inliers_and_truncation() -> None:
     values = np.zeros(WIDTH)
-    values[slice(*SPANS["truncation"])] = 0.3
+    values[slice(*SPANS["truncation"])], values[slice(*SPANS["box"])] = 0.3, (0, 0, 9, 9)
     row = LabelRow("a", values, None, {"n_keypoints": 10, "n_inliers": 7, "mask_iou": None, "confidence": 0.5, "reprojection_error_px": 2.0})
     assert LabelFilter(min_inlier_share=0.7, max_truncation=0.3).problem(row) is None
     assert LabelFilter(min_inlier_share=0.71).problem(row) == ("min_inlier_share", "is 0.7, the limit 0.71")
@@ -309,6 +309,9 @@ def test_the_limits_of_inliers_and_truncation() -> None:
     values[slice(*SPANS["behind_camera"])] = 1
     assert LabelFilter().problem(row) is None
     assert (LabelFilter(allow_behind_camera=False).problem(row) or ("",))[0] == "allow_behind_camera"
+    values[slice(*SPANS["box"])] = 9, 0, 9, 9
+    assert (LabelFilter().problem(row) or ("",))[0] == "allow_unseen"
+    assert LabelFilter(allow_unseen=True).problem(row) is None
 
 
 def test_a_measure_that_is_missing_fails_its_limit(animals: Path) -> None:

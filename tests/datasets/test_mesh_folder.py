@@ -29,6 +29,8 @@ from torch.testing import assert_close
 from animal3dbox.cli.main import main
 from animal3dbox.datasets import mesh_folder_bodies
 from animal3dbox.datasets.by_format import AnnotatedDataset
+from animal3dbox.datasets.filters import LabelFilter
+from animal3dbox.datasets.label_dataset import Skipped
 from animal3dbox.datasets.labelling import label_record
 from animal3dbox.datasets.mesh_files import read_mesh
 from animal3dbox.datasets.mesh_folder import MeshFolder, read_mesh_folder
@@ -130,6 +132,20 @@ def test_a_number_in_an_images_own_name_is_not_an_animals(tmp_path: Path) -> Non
     write_json(root / "camera.json", camera_json(60))
     read = read_mesh_folder(root)
     assert [record.sample_id for record in read.records.records] == ["a.jpg", "b.jpg", "frame.jpg", "frame_1.jpg", "frame_2.jpg"]
+
+
+def test_an_animal_that_its_camera_does_not_see_is_left_out_and_counted(tmp_path: Path) -> None:
+    root = write_mesh_folder(tmp_path)
+    camera = camera_json(60)
+    camera["t"][0] += 9.0
+    (root / "masks" / "a.png").unlink()
+    write_json(root / "cameras" / "a.json", camera)
+    dataset = AnnotatedDataset(root)
+    assert isinstance(dataset[0], Skipped)
+    (case,) = dataset.report().cases
+    assert (case.kind, case.sample_id, case.field) == ("filtered", "a.jpg", "allow_unseen")
+    seen = AnnotatedDataset(root, filters=LabelFilter(allow_unseen=True))[0]
+    assert not isinstance(seen, Skipped)
 
 
 def test_a_file_whose_name_is_not_utf8_is_a_fault_of_its_own(tmp_path: Path) -> None:

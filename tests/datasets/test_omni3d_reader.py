@@ -11,8 +11,10 @@ import pytest
 from cuboid_sets import random_set, simple_record
 from PIL import Image
 
+from animal3dbox.datasets.by_format import Omni3DDataset
 from animal3dbox.datasets.exchange.omni3d_reader import read_omni3d
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
+from animal3dbox.datasets.label_dataset import Skipped
 from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
 
@@ -59,6 +61,21 @@ def test_images_without_boxes_stay(tmp_path: Path, content: Content) -> None:
     back = read(tmp_path, content)
     assert [image.image_id for image in back.images] == [f"images/{n}.jpg" for n in range(5)]
     assert (back.records, back.faults) == ((), ())
+
+
+def test_an_image_whose_every_box_is_faulty_is_no_image_without_animals(tmp_path: Path, content: Content) -> None:
+    of_first = [annotation for annotation in content["annotations"] if annotation["image_id"] == content["images"][0]["id"]]
+    for annotation in of_first:
+        annotation["dimensions"] = [-5, 1, 1]
+    for n in range(5):
+        (tmp_path / "images").mkdir(exist_ok=True)
+        Image.new("RGB", (content["images"][n]["width"], content["images"][n]["height"])).save(tmp_path / f"images/{n}.jpg")
+    (tmp_path / "file.json").write_text(json.dumps(content))
+    dataset = Omni3DDataset(tmp_path / "file.json", on_bad="skip")
+    found = dataset[0]
+    assert isinstance(found, Skipped)
+    assert [case.field for case in found.cases] == ["dimensions"] * len(of_first)
+    assert len(of_first) > 0
 
 
 def test_minus_ones_are_read_as_unknown(tmp_path: Path, content: Content) -> None:

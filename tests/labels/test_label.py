@@ -207,6 +207,16 @@ def test_a_mesh_without_landmarks_or_template_has_no_sides() -> None:
     assert rejected(label_animal(IMAGE_HW, vertices=MESH, K=K, pose=camera_round(0, 0))).reason == "no_axes"
 
 
+@pytest.mark.parametrize("upside", ["y up, z backward", "far behind"])
+def test_an_animal_behind_its_known_camera_is_rejected(upside: str) -> None:
+    R, t = (part.numpy() for part in camera_round(50, 15))
+    signs = np.array([1.0, -1.0, -1.0])
+    pose = (R, t - [0, 0, 9]) if upside == "far behind" else (signs[:, None] * R, signs * t)
+    outcome = rejected(label_animal(IMAGE_HW, keypoints_3d=toy_landmarks(), vertices=MESH, K=K, pose=pose))
+    assert outcome.reason == "behind_camera"
+    assert "OpenGL" in outcome.detail
+
+
 def test_a_box_far_smaller_than_the_animal_is_rejected_as_degenerate() -> None:
     R, t = camera_round(50, 15, distance=400)
     outcome = rejected(label_animal(IMAGE_HW, keypoints_seen(R, t), toy_landmarks(), MESH, K=K, mask=np.ones(IMAGE_HW)))
@@ -245,6 +255,7 @@ BAD: dict[str, tuple[dict[str, object], str, str]] = {
     "a mask of another size": ({"mask": np.ones((640, 480))}, "mask", "image's size"),
     "a mask of NaN": ({"mask": np.full(IMAGE_HW, NAN)}, "mask", "finite"),
     "a lens of three numbers": ({"distortion": [0.1, 0, 0]}, "distortion", "OpenCV's order"),
+    "a normalised K": ({"K": [[0.9, 0, 0.5], [0, 1.2, 0.5], [0, 0, 1]]}, "K", "normalised"),
     "a lens of NaN": ({"distortion": [NAN] * 4}, "distortion", "finite"),
     "tail dropped without a template": ({"config": LabelConfig(tail="drop")}, "template", "tail"),
 }
