@@ -127,6 +127,13 @@ def stored_size(path: Path, sample_id: str) -> tuple[int, int]:
         return image.height, image.width
 
 
+def checked_facts(path: Path, sample_id: str, expected_hw: tuple[int, int]) -> PhotoFacts:
+    """The facts of an image file that is as large as annotated, its pixels not decoded; raises SampleError."""
+    with _opened(path, sample_id) as image:
+        _check_size(image, sample_id, expected_hw)
+        return facts_of(image)
+
+
 def read_mask(path: Path | str, sample_id: str, expected_hw: tuple[int, int]) -> NDArray[np.bool_]:
     """A mask stored as a picture: 0 and 1, or 0 and 255; of one that was compressed or smoothed, the upper half of its range.
 

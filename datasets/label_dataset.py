@@ -230,11 +230,15 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         return self._transformed(image, target, key)
 
     def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
-        """Store the labels of some samples in the cache, made together and without decoding their images; what could not be, and why."""
-        samples = [self.source.sample(index) for index in indices]
-        known = [(sample, self.source.facts(sample)) for sample in samples]
+        """Store the labels of some samples in the cache, made together; of their images only the headers are read. What could not be, and why."""
+        known, cases = [], list[Case]()
+        for sample in map(self.source.sample, indices):
+            try:
+                known.append((sample, self.source.facts(sample)))
+            except SampleError as error:
+                cases += [fault_case(SampleError(head.sample_id, error.field, error.problem)) for head in sample.animals]
         with one_thread():
-            cases = self._rows.fill(known)
+            cases += self._rows.fill(known)
         self._note(cases)
         return tuple(cases)
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies import BodySource
-from animal3dbox.datasets.exif import PhotoFacts, header_facts
+from animal3dbox.datasets.exif import PhotoFacts
 from animal3dbox.datasets.fingerprint import content_digest, digest
 from animal3dbox.datasets.heads import AnimalHead, ImageHead, PackedHeads, head_of
-from animal3dbox.datasets.images import Photo, read_mask, read_photo
+from animal3dbox.datasets.images import Photo, checked_facts, read_mask, read_photo
 from animal3dbox.datasets.packed import PackedList
 from animal3dbox.datasets.records import AnimalRecord, CuboidImage, CuboidRecord, CuboidSet, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
@@ -121,7 +121,7 @@ class SampleSource(Protocol):
         ...
 
     def facts(self, sample: ImageSample) -> PhotoFacts:
-        """What the image's header says, without decoding it."""
+        """What the image's header says, without decoding it; raises SampleError if there is no such image."""
         ...
 
 
@@ -198,9 +198,11 @@ class FileSource:
         return read_photo(head.image_path, head.image_id, (sample.image or head.animals[0]).image_hw)
 
     def facts(self, sample: ImageSample) -> PhotoFacts:
-        """Of the image file."""
-        path = _path(sample.head.image_path)
-        return PhotoFacts() if path is None else header_facts(path)
+        """Of the image file, if there is one."""
+        head = sample.head
+        if not head.image_path:
+            return PhotoFacts()
+        return checked_facts(Path(head.image_path), head.image_id, (sample.image or head.animals[0]).image_hw)
 
     def _unpacked(self, head: ImageHead) -> tuple[Record, ...]:
         path = _path(head.image_path)

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import torch
+from PIL import Image
 from small_animals import model_of, small_dataset
 
 from animal3dbox.cli.main import main
@@ -61,6 +62,21 @@ def test_what_cannot_be_labelled_is_told_and_ends_with_code_4(copied: Path, tmp_
     assert code == 4
     assert small_dataset(copied).image_id(2) in out
     assert "mask: " in out
+
+
+def test_images_that_cannot_be_used_are_told_before_an_epoch_meets_them(copied: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dataset = small_dataset(copied)
+    faulty = dataset.source.sample(1), dataset.source.sample(2)
+    junk, resized = (sample.records[0].image_path for sample in faulty)
+    assert junk is not None
+    assert resized is not None
+    junk.write_bytes(b"junk")
+    Image.new("RGB", (8, 9)).save(resized)
+    code, out, _ = run(capsys, "label", copied, "--model", model_of(copied), "--stored-pose", "exact", "--cache", tmp_path / "cache", "--json")
+    told = json.loads(out)
+    assert code == 4
+    assert {(case["sample_id"], case["field"]) for case in told["cases"]} == {(head.sample_id, "image") for one in faulty for head in one.animals}
+    assert told["stored"] == told["animals"] - sum(len(one.animals) for one in faulty) == entries(tmp_path / "cache")
 
 
 @pytest.mark.parametrize(
