@@ -49,6 +49,7 @@ class AnnotatedDataset(LabelDataset):
         model: the SMAL file of the dataset's own parameters or meshes.
         vocabulary: what the keypoints are, if their names do not tell: a vocabulary, its name, or a TOML file.
         body: one body for all animals, a preset's name, a model's file or a source; None: the dataset's own, else a dog.
+        focal_px: of every image without a camera of its own; None: what the dataset or the picture's header says, or a guess.
         **options: LabelDataset's.
 
     """
@@ -62,11 +63,12 @@ class AnnotatedDataset(LabelDataset):
         model: Path | str | None = None,
         vocabulary: str | Vocabulary | None = None,
         body: str | BodySource | None = None,
+        focal_px: float | None = None,
         **options: Unpack[Options],
     ) -> None:
         folder, file = (None if p is None else Path(p) for p in (images, model))
         words = vocabulary_of_option(vocabulary) if isinstance(vocabulary, str) else vocabulary
-        read = read_dataset(Path(path), format, ReadOptions(folder, file, words))
+        read = read_dataset(Path(path), format, ReadOptions(folder, file, words, focal_px))
         own = body_source(body) if isinstance(body, str) else body
         bodies = bodies_for(read, own)
         super().__init__(FileSource(read.records, bodies.packed() if isinstance(bodies, ParametersBody | MeshFolderBodies) else bodies), **options)
@@ -80,6 +82,7 @@ class Animal3DDataset(AnnotatedDataset):
         model: the SMAL file of its parameters; without it all animals get ``body``.
         images: the folder that img_path is relative to; None: the json's.
         body: one body for all animals instead of their own.
+        focal_px: see AnnotatedDataset.
         **options: LabelDataset's.
 
     """
@@ -91,9 +94,10 @@ class Animal3DDataset(AnnotatedDataset):
         *,
         images: Path | str | None = None,
         body: str | BodySource | None = None,
+        focal_px: float | None = None,
         **options: Unpack[Options],
     ) -> None:
-        super().__init__(path, format=animal3d.FORMAT, images=images, model=model, body=body, **options)
+        super().__init__(path, format=animal3d.FORMAT, images=images, model=model, body=body, focal_px=focal_px, **options)
 
 
 class StanfordExtraDataset(AnnotatedDataset):
@@ -103,14 +107,21 @@ class StanfordExtraDataset(AnnotatedDataset):
         path: the json, or the folder it lies in.
         images: the folder that img_path is relative to.
         body: of all animals.
+        focal_px: see AnnotatedDataset.
         **options: LabelDataset's.
 
     """
 
     def __init__(
-        self, path: Path | str, *, images: Path | str | None = None, body: str | BodySource = DEFAULT_BODY, **options: Unpack[Options]
+        self,
+        path: Path | str,
+        *,
+        images: Path | str | None = None,
+        body: str | BodySource = DEFAULT_BODY,
+        focal_px: float | None = None,
+        **options: Unpack[Options],
     ) -> None:
-        super().__init__(path, format=stanfordextra.FORMAT, images=images, body=body, **options)
+        super().__init__(path, format=stanfordextra.FORMAT, images=images, body=body, focal_px=focal_px, **options)
 
 
 class NamedKeypointsDataset(AnnotatedDataset):
@@ -121,6 +132,7 @@ class NamedKeypointsDataset(AnnotatedDataset):
         images: the folder that image paths are relative to, if not the usual one.
         vocabulary: what the keypoints are, if their names do not tell.
         body: of all animals.
+        focal_px: see AnnotatedDataset.
         **options: LabelDataset's.
 
     """
@@ -134,9 +146,10 @@ class NamedKeypointsDataset(AnnotatedDataset):
         images: Path | str | None = None,
         vocabulary: str | Vocabulary | None = None,
         body: str | BodySource = DEFAULT_BODY,
+        focal_px: float | None = None,
         **options: Unpack[Options],
     ) -> None:
-        super().__init__(path, format=self.FORMAT, images=images, vocabulary=vocabulary, body=body, **options)
+        super().__init__(path, format=self.FORMAT, images=images, vocabulary=vocabulary, body=body, focal_px=focal_px, **options)
 
 
 class CocoKeypointsDataset(NamedKeypointsDataset):

@@ -1,5 +1,6 @@
 """Any dataset by its path: which format it is in, its records, and the bodies that come with it."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from animal3dbox.datasets.exchange.recognition import is_omni3d
 from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
+from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.smal.vocabulary import Vocabulary
 
 
@@ -23,11 +25,18 @@ class ReadOptions:
         images: the folder that image paths are relative to, if not the usual one.
         model: the SMAL file that the dataset's parameters or meshes belong to.
         vocabulary: what the keypoints are, of a format whose names may not tell.
+        focal_px: of every image that has no camera of its own, with the principal point in the middle; None: what the dataset or the picture's
+            header says, or a guess.
     """
 
     images: Path | None = None
     model: Path | None = None
     vocabulary: Vocabulary | None = None
+    focal_px: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.focal_px is not None and not 0 < self.focal_px < math.inf:
+            raise ConfigError(f"focal_px must be a positive number of pixels, got {self.focal_px}")
 
 
 @dataclass(frozen=True)
@@ -191,7 +200,21 @@ def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None =
             "look at them with animal3dbox check, or convert them with animal3dbox export"
         )
     read = READERS[kind].read(path, options or ReadOptions())
-    return replace(read, records=_of_unicode(read.records))
+    return replace(read, records=_with_focal(_of_unicode(read.records), None if options is None else options.focal_px))
+
+
+def _with_focal(read: RecordSet, focal_px: float | None) -> RecordSet:
+    """The records with the user's focal length where an image has no camera of its own; a dataset's one pose for it held for another camera."""
+    if focal_px is None:
+        return read
+    own = {id(record) for record in read.records if record.K is not None and (record.K_source == "given" or record.pose is not None)}
+    changed = (
+        record if id(record) in own else replace(record, K=intrinsics(focal_px, record.image_hw).numpy(), K_source="given", stored_pose=None)
+        for record in read.records
+    )
+    told = f"the focal length given, {focal_px:g} px, is that of {len(read.records) - len(own)} of {len(read.records)} animals"
+    note = told if not own else f"{told}; the images of the others have cameras of their own"
+    return replace(read, records=tuple(changed), notes=(*read.notes, note))
 
 
 def _of_unicode(read: RecordSet) -> RecordSet:

@@ -47,6 +47,7 @@ class LabelJob:
     resume: bool = False
     workers: int = 0
     mask_iou: bool = False
+    focal_px: float | None = None
 
 
 def scale_of(metres_per_unit: float | None, species_scale: bool, altitude_m: float | None) -> ScaleSource | None:
@@ -75,7 +76,7 @@ def run_label(job: LabelJob) -> int:
     if own_body is not None and job.model is not None:
         raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
     vocabulary = None if job.vocabulary is None else vocabulary_of_option(job.vocabulary)
-    dataset = read_dataset(job.path, job.format, ReadOptions(job.images, job.model, vocabulary))
+    dataset = read_dataset(job.path, job.format, ReadOptions(job.images, job.model, vocabulary, job.focal_px))
     bodies, records = bodies_for(dataset, own_body), dataset.records
     for note in records.notes:
         print(note, file=sys.stderr)

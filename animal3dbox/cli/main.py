@@ -55,6 +55,9 @@ def label(
     residual: Annotated[Literal["vector", "literal"], tyro.conf.arg(help="how the paper's E_total is read (method paper)")] = "vector",
     tail: Annotated[Literal["keep", "drop"], tyro.conf.arg(help="whether the boxes hold the tail; the same for all animals")] = "keep",
     min_keypoints: Annotated[int, tyro.conf.arg(help="fewest visible keypoints")] = 6,
+    focal_px: Annotated[
+        float | None, tyro.conf.arg(help="focal length of the images without a camera of their own; else the dataset's, EXIF's or a guess")
+    ] = None,
     metres_per_unit: Annotated[float | None, tyro.conf.arg(help="metres in a unit of the bodies, to make labels metric")] = None,
     species_scale: Annotated[bool, tyro.conf.arg(help="make labels metric by typical lengths of species (docs/formats.md)")] = False,
     altitude_m: Annotated[float | None, tyro.conf.arg(help="make labels metric by the height of a camera that looks straight down")] = None,
@@ -78,8 +81,9 @@ def label(
     config = LabelConfig(method=method, axes=axes, residual=residual, tail=tail, min_keypoints=min_keypoints)
     scale = scale_of(metres_per_unit, species_scale, altitude_m)
     job = LabelJob(
-        path, out, format, images, model, body, landmarks, vocabulary, config, json, scale, stored_pose, cache, shard, resume, workers, mask_iou
-    )
+        path, out, format, images, model, body, landmarks, vocabulary, config, json, scale, stored_pose, cache, shard, resume, workers, mask_iou,
+        focal_px,
+    )  # fmt: skip
     return run_label(job) if cache is None else run_fill(job)
 
 
