@@ -21,7 +21,9 @@ ROUNDING = 32 * torch.finfo(torch.float64).eps
 
 
 def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array]:
-    """Tight bounds of points along the box axes, about one of them (section 2.1.2, V_local; there about their mean, which gives the same box).
+    """Tight bounds of points along the box axes, about one of them (section 2.1.2, V_local).
+
+    The paper takes off their mean, which gives the same box.
 
     Args:
         vertices_world: (V, 3).
