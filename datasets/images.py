@@ -2,7 +2,7 @@
 
 Pixels stay as the file stores them: an EXIF orientation is not applied, because annotations are made on stored pixels
 more often than not and because decoders disagree (OpenCV turns them, Pillow does not). 16-bit images are scaled to 8,
-palettes are looked up, transparency is dropped.
+palettes are looked up, transparency is dropped. Masks are read by their own rules, see read_mask.
 """
 
 import warnings
@@ -21,6 +21,11 @@ from animal3dbox.errors import SampleError
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 """Files of these names are taken for images where nothing but a folder names them."""
+
+MOST_IDS = 31
+"""A mask whose levels go no higher holds ids, of which every one is the animal; a higher one holds brightness."""
+OTHER_ID = 100
+"""So many pixels of one level in the lower half of a mask's range are no blurred edge, if they are a quarter of the upper half's, too."""
 
 _T = TypeVar("_T")
 
@@ -135,29 +140,71 @@ def checked_facts(path: Path, sample_id: str, expected_hw: tuple[int, int]) -> P
 
 
 def read_mask(path: Path | str, sample_id: str, expected_hw: tuple[int, int]) -> NDArray[np.bool_]:
-    """A mask stored as a picture: 0 and 1, or 0 and 255; of one that was compressed or smoothed, the upper half of its range.
+    """A mask stored as a picture: all above 0, be it 1, 255 or ids; of one that was compressed or smoothed, the upper half of its range.
 
     Raises:
-        SampleError: no image, of another size than the annotations', or without a pixel of the animal.
+        SampleError: no image, of another size than the annotations', without a pixel of the animal, or of ids above MOST_IDS.
 
     """
-    try:
-        levels = _read(path, sample_id, expected_hw, _levels)
-    except SampleError as error:
-        raise SampleError(sample_id, "mask", error.problem) from error
+    levels = mask_levels(path, sample_id, expected_hw)
     top = int(levels.max())
     if top == 0:
         raise SampleError(sample_id, "mask", f"{Path(path).name} has no pixel above 0; leave its path out if there is no mask")
-    return np.asarray(levels > top // 2)
+    if top <= MOST_IDS:
+        return np.asarray(levels > 0)
+    mask = np.asarray(levels > top // 2)
+    kept = int(np.count_nonzero(mask))
+    if np.count_nonzero(levels) - kept > max(OTHER_ID, kept / 4):
+        _check_smoothed(levels, top, kept, sample_id)
+    return mask
 
 
-def _levels(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:
-    """The brightest channel (H, W) of each pixel."""
+def mask_levels(path: Path | str, sample_id: str, expected_hw: tuple[int, int]) -> NDArray[np.integer]:
+    """The values (H, W) of a mask's file: greys as stored, of colours the brightest channel, of a single one its alpha, of a palette 0 and 1.
+
+    Raises:
+        SampleError: no image, or of another size than the annotations'.
+
+    """
+    try:
+        return _read(path, sample_id, expected_hw, _levels)
+    except SampleError as error:
+        raise SampleError(sample_id, "mask", error.problem) from error
+
+
+def _check_smoothed(levels: NDArray[np.integer], top: int, kept: int, sample_id: str) -> None:
+    """Raise a SampleError if one level of the lower half has an area of its own: an id, not an edge."""
+    areas = np.bincount(levels[(levels > 0) & (levels <= top // 2)])
+    if (area := int(areas.max())) > max(OTHER_ID, kept / 4):
+        said = f"has {area} pixels of {int(areas.argmax())} beside its {top}: ids of animals or parts are read up to {MOST_IDS}"
+        raise SampleError(sample_id, "mask", f"{said}; save this animal's pixels as 255, all others as 0")
+
+
+def _levels(image: Image.Image, sample_id: str) -> NDArray[np.integer]:
     if image.mode == "L":
         return np.array(image)
-    red, green, blue = np.moveaxis(_as_rgb(image, sample_id), 2, 0)
+    if image.mode == "P":
+        return _of_palette(image, sample_id)
+    if image.mode.startswith("I"):
+        return _deep(image, sample_id)
+    colors = _as_rgb(image, sample_id)
+    if image.mode in ("RGBA", "LA") and (colors == colors[0, 0]).all():
+        alpha = np.array(image.getchannel("A"))
+        if alpha.min() < alpha.max():
+            return alpha
+    red, green, blue = np.moveaxis(colors, 2, 0)
     levels: NDArray[np.uint8] = np.maximum(np.maximum(red, green), blue)
     return levels
+
+
+def _of_palette(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:
+    """1 for every index but 0, which is no animal, unless the colours say the opposite."""
+    indices = np.array(image)
+    palette = np.array(image.getpalette("RGB") or [0, 0, 0]).reshape(-1, 3)
+    black = np.flatnonzero(~palette.any(axis=1))
+    if palette[0].any() and np.isin(indices, black).any():
+        raise SampleError(sample_id, "image", "has a palette whose black is not index 0: what is the animal? Save it as grey, 0 and 255")
+    return (indices > 0).astype(np.uint8)
 
 
 def _check_size(image: Image.Image, sample_id: str, expected_hw: tuple[int, int] | None) -> None:
@@ -177,10 +224,8 @@ def _check_size(image: Image.Image, sample_id: str, expected_hw: tuple[int, int]
 
 def _as_rgb(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:
     """8-bit RGB of any mode."""
-    if image.mode.startswith("I"):  # 16 bits a pixel, in one of Pillow's spellings
-        deep = np.asarray(image).astype(np.int64)
-        if deep.min() < 0 or deep.max() > 65535:
-            raise SampleError(sample_id, "image", f"has values from {deep.min()} to {deep.max()}: not an 8- or 16-bit picture")
+    if image.mode.startswith("I"):
+        deep = _deep(image, sample_id)
         grey = deep if image.mode == "I" and deep.max() <= 255 else deep // 257  # a 32-bit file that only holds 8 bits
         return np.repeat(grey.astype(np.uint8)[:, :, None], 3, axis=2)
     if image.mode == "F":
@@ -188,3 +233,11 @@ def _as_rgb(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:
     if image.mode == "P" and "transparency" in image.info:
         image = image.convert("RGBA")
     return np.array(image.convert("RGB"))
+
+
+def _deep(image: Image.Image, sample_id: str) -> NDArray[np.int64]:
+    """The values of 16 bits a pixel, in one of Pillow's spellings."""
+    deep = np.asarray(image).astype(np.int64)
+    if deep.min() < 0 or deep.max() > 65535:
+        raise SampleError(sample_id, "image", f"has values from {deep.min()} to {deep.max()}: not an 8- or 16-bit picture")
+    return deep

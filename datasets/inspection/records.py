@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies import BodySource
 from animal3dbox.datasets.exif import header_facts
-from animal3dbox.datasets.images import read_image, stored_size
+from animal3dbox.datasets.images import mask_levels, stored_size
 from animal3dbox.datasets.inspection.measures import residual, spread
 from animal3dbox.datasets.inspection.result import BodyFacts, CameraFacts, FaultFacts, FaultLine, ImageFacts, MaskFacts
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
@@ -59,7 +59,7 @@ def _levels(record: AnimalRecord) -> str:
     """Which values a mask's file holds."""
     if record.mask_path is None:
         return "run lengths"
-    values = np.unique(read_image(record.mask_path, record.sample_id, record.image_hw).max(axis=2))
+    values = np.unique(mask_levels(record.mask_path, record.sample_id, record.image_hw))
     if len(values) > 2 or values[0] != 0:
         return f"{len(values)} levels from {values[0]} to {values[-1]}" if len(values) > 1 else f"only {values[0]}"
     return " and ".join(str(value) for value in values) if len(values) == 2 else "only 0"
