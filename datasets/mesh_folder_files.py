@@ -10,6 +10,8 @@ from animal3dbox.datasets.mesh_files import MESH_SUFFIXES
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 
 COMMON_CAMERA = "camera.json"
+EXTRAS = {"keypoints": ".json", "masks": ".png", "cameras": ".json"}
+"""The folders of what an animal or image may have besides its mesh, and what their files' names end with."""
 _NUMBERED = re.compile(r"(?P<name>.+)(?P<number>[._]\d+)")
 
 
@@ -120,23 +122,29 @@ def list_mesh_folder(root: Path, images: Path) -> Listing:
         if f"meshes/{path}" not in used:
             found.faults.append(SampleError(f"meshes/{path}", "image", f"there is no image {name}.* in {images} that it is of"))
     for kind, there in files.extras.items():
-        found.notes += _left_over(kind, sorted(path for path in there.values() if f"{kind}/{path}" not in used))
+        found.notes += _counted(sorted(path for path in there.values() if f"{kind}/{path}" not in used), f"in {kind}/ belong to no animal")
+        found.notes += _counted(_of_other_kind(root / kind, EXTRAS[kind]), f"in {kind}/ are no {EXTRAS[kind]}")
     return found
 
 
 def _list_files(root: Path, images: Path, found: Listing) -> _Files:
     pictures = _by_name(images, IMAGE_SUFFIXES, "image", found)
     meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", found)
-    kinds = (("keypoints", ".json"), ("masks", ".png"), ("cameras", ".json"))
-    extras = {kind: _by_name(root / kind, (suffix,), kind, found) for kind, suffix in kinds}
+    extras = {kind: _by_name(root / kind, (suffix,), kind, found) for kind, suffix in EXTRAS.items()}
     numbered = _numbered(meshes, {end for name in pictures for end in _ends(name)})
     return _Files(pictures, meshes, numbered, extras, (root / COMMON_CAMERA).is_file())
 
 
-def _left_over(kind: str, files: list[str]) -> Iterable[str]:
-    """A sentence on files that belong to nothing."""
+def _counted(files: list[str], what: str) -> Iterable[str]:
+    """A sentence on files that nothing was made of."""
     if files:
-        yield f"{len(files)} files in {kind}/ belong to no animal and are not used: {', '.join(files[:3])}{', ...' if len(files) > 3 else ''}"
+        yield f"{len(files)} files {what} and are not used: {', '.join(files[:3])}{', ...' if len(files) > 3 else ''}"
+
+
+def _of_other_kind(folder: Path, suffix: str) -> list[str]:
+    """The files of a folder, which may be missing, that do not end so; hidden ones are nobody's."""
+    files = (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith(".")) if folder.is_dir() else ()
+    return sorted(path.relative_to(folder).as_posix() for path in files if path.suffix.lower() != suffix)
 
 
 def _by_name(folder: Path, suffixes: tuple[str, ...], field_name: str, found: Listing) -> dict[str, str]:

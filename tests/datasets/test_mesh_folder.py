@@ -171,11 +171,16 @@ def test_what_nothing_was_made_of_is_counted(tmp_path: Path) -> None:
     write_picture(root / "images" / "c.jpg")
     write_json(root / "keypoints" / "aa.json", {})
     write_mask(root / "masks" / "b_0.png", 60)
+    for file in ("masks/cam1/b.jpg", "masks/.hidden", "cameras/b.yaml"):
+        (root / file).parent.mkdir(exist_ok=True)
+        (root / file).touch()
     notes = read_mesh_folder(root).records.notes
     assert notes == (
         "1 of 3 images have no mesh",
         "1 files in keypoints/ belong to no animal and are not used: aa.json",
         "1 files in masks/ belong to no animal and are not used: b_0.png",
+        "1 files in masks/ are no .png and are not used: cam1/b.jpg",
+        "1 files in cameras/ are no .json and are not used: b.yaml",
     )
 
 
