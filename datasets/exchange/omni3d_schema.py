@@ -43,10 +43,10 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     bbox2D_tight: list[float] | None = None
     bbox2D_proj: list[float] | None = None
     bbox2D_trunc: list[float] | None = None
-    bbox3D_cam: list[list[float]] | None = None
+    bbox3D_cam: list[list[float]] | float | None = None
     center_cam: list[float] | None = None
     dimensions: list[float] | None = None
-    R_cam: list[list[float]] | None = None
+    R_cam: list[list[float]] | float | None = None
     behind_camera: bool | int | None = None
     visibility: float | None = None
     truncation: float | None = None
@@ -55,6 +55,11 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     depth_error: float | None = None
     metric: bool | None = None
     heading_known: bool | None = None
+
+    def __post_init__(self) -> None:
+        """Take a single -1 or 0 in the place of a rotation or corners for None, as files in the wild mean it."""
+        self.R_cam = None if self.R_cam in (-1, 0) else self.R_cam
+        self.bbox3D_cam = None if self.bbox3D_cam in (-1, 0) else self.bbox3D_cam
 
 
 class Omni3DInfo(msgspec.Struct, kw_only=True):

@@ -142,7 +142,7 @@ def test_a_file_whose_axes_have_other_names_is_read_rightly_if_corners_and_dimen
     assert "R_cam's columns are other axes" in " ".join(back.notes)
 
 
-@pytest.mark.parametrize("missing", [None, [], [[-1.0] * 3] * 3, [[0.0] * 3] * 3])
+@pytest.mark.parametrize("missing", [None, -1, -1.0, 0, [], [[-1.0] * 3] * 3, [[0.0] * 3] * 3])
 def test_a_missing_rotation_is_read_off_the_corners(tmp_path: Path, content: Content, missing: object) -> None:
     for annotation in content["annotations"][::2]:
         annotation["R_cam"] = missing
@@ -151,9 +151,10 @@ def test_a_missing_rotation_is_read_off_the_corners(tmp_path: Path, content: Con
     assert "R_cam is missing in 5 annotations" in " ".join(back.notes)
 
 
-def test_missing_corners_are_no_fault_and_rounded_numbers_neither(tmp_path: Path, content: Content) -> None:
+@pytest.mark.parametrize("missing", [None, -1, 0, [[-1.0] * 3] * 8])
+def test_missing_corners_are_no_fault_and_rounded_numbers_neither(tmp_path: Path, content: Content, missing: object) -> None:
     for annotation in content["annotations"]:
-        annotation["bbox3D_cam"] = None
+        annotation["bbox3D_cam"] = missing
         annotation["R_cam"] = np.round(annotation["R_cam"], 4).tolist()
     back = read(tmp_path, content)
     assert back.faults == ()
@@ -216,6 +217,7 @@ BAD: dict[str, tuple[Callable[[Content], None], str, str]] = {
     "rotation of wrong shape": (changed("R_cam", lambda R: R[0]), BOX, "R_cam"),
     "corner moved": (changed("bbox3D_cam", lambda X: [[X[0][0] + 1, *X[0][1:]], *X[1:]]), BOX, "bbox3D_cam: is not a box"),
     "corner twice": (changed("bbox3D_cam", lambda X: [X[1], X[0], *X[2:6], X[0], X[6]]), BOX, "bbox3D_cam"),
+    "rotation of one number": (changed("R_cam", lambda _: 5), BOX, "R_cam: must be 3 x 3 numbers"),
     "seven corners": (changed("bbox3D_cam", lambda X: X[:7]), BOX, "bbox3D_cam: must be 8 x 3 numbers"),
     "no centre": (changed("center_cam", lambda _: [-1, -1, -1]), BOX, "center_cam: is missing or -1, but valid3D is true"),
     "box turned round": (changed("bbox2D_tight", lambda b: [b[2], b[1], b[0], b[3]]), BOX, "bbox2D_tight: must be x1"),
