@@ -26,6 +26,9 @@ from animal3dbox.smal.vocabularies import ANIMAL3D_26, VOCABULARIES
 FORMAT = "animal3d"
 SPLITS = ("train.json", "test.json")
 VOCABULARY = VOCABULARIES["animal3d26"]
+PARAMETERS = ("pose", "shape", "shape_extra", "trans")
+SHAPE = 20
+"""So many betas are in shape where others are in shape_extra."""
 SCALED = "scales the limbs, as dog models do and SMAL does not: the body would be wrong. Leave --model out, or remove the key to pose it without"
 
 
@@ -279,10 +282,13 @@ def _parameters(entry: Animal3DEntry, sample_id: str) -> SmalParameters | None:
     for field in ("pose", "shape", "trans"):
         if getattr(entry, field) is None:
             raise SampleError(sample_id, field, "is missing, though there are other parameters of a body")
-    values = {name: np.array(getattr(entry, name) or [], dtype=np.float64) for name in ("pose", "shape", "shape_extra", "trans")}
+    values = {name: np.array(getattr(entry, name) or [], dtype=np.float64) for name in PARAMETERS}
     for field, array in values.items():
         if not np.isfinite(array).all():
             raise SampleError(sample_id, field, "must be finite")
+    if len(values["shape_extra"]) and len(values["shape"]) != SHAPE:
+        said = f"comes after {SHAPE} betas, but shape has {len(values['shape'])}: which of the model's they are cannot be told"
+        raise SampleError(sample_id, "shape_extra", f"{said}; give all betas in order in shape, and no shape_extra")
     if len(values["trans"]) != 3 or len(values["pose"]) not in (105, 99):
         raise SampleError(sample_id, "pose, trans", f"must have 105 or 99 and 3 numbers, got {len(values['pose'])} and {len(values['trans'])}")
     pose, betas, trans = (torch.from_numpy(a) for a in (values["pose"], np.concatenate((values["shape"], values["shape_extra"])), values["trans"]))

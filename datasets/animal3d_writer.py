@@ -12,6 +12,7 @@ from PIL import Image
 from torch import Tensor
 from tqdm import tqdm
 
+from animal3dbox.datasets.animal3d import SHAPE
 from animal3dbox.datasets.synthetic_set import SyntheticSample, SyntheticSet
 from animal3dbox.datasets.truth_file import truth_of, write_truth
 from animal3dbox.errors import ConfigError
@@ -26,8 +27,6 @@ from animal3dbox.smal.vocabularies import ANIMAL3D_26
 
 SUPERCATEGORIES = ("cats", "dogs", "horses", "cattle", "hippos")
 _SUPERCATEGORY = {"cat": 0, "lion": 0, "dog": 1, "bear": 1, "horse": 2, "zebra": 2, "deer": 2, "cow": 3, "hippo": 4, "pig": 4}
-SHAPE = 20
-"""So many of the 41 betas are in "shape", the others in "shape_extra"."""
 TEST_EVERY = 5
 """One image of so many goes into test.json."""
 QUALITY = 92

@@ -71,7 +71,9 @@ def _read_animal3d(path: Path, options: ReadOptions) -> Source:
     _refuse_vocabulary(options, animal3d.VOCABULARY)
     read = animal3d.read_animal3d(path, options.model, options.images)
     if options.model is not None and read.bodies is None:
-        raise ConfigError(f"{path} has no parameters (pose, shape, trans) that --model {options.model} could pose: give a --body")
+        wrong = [fault for fault in read.records.faults if fault.field.partition(",")[0] in animal3d.PARAMETERS]
+        remedy = f"{len(wrong)} entries have wrong ones, the first: {wrong[0]}" if wrong else "give a --body"
+        raise ConfigError(f"{path} has no parameters (pose, shape, trans) that --model {options.model} could pose: {remedy}")
     return Source(read.records, read.bodies)
 
 

@@ -217,6 +217,17 @@ def test_masks_may_be_of_0_and_1_and_the_rendered_one_stands_in_for_a_missing_on
         _ = records[0].mask
 
 
+def test_parameters_that_are_all_wrong_are_told_from_none(home: Path, tmp_path: Path) -> None:
+    def short(content: dict[str, Any]) -> None:
+        for entry in content["data"]:
+            entry["pose"] = entry["pose"][:72]
+
+    root = copy_with(home, tmp_path / "short", short)
+    entries = json.loads((root / "train.json").read_text())["data"]
+    with pytest.raises(ConfigError, match=rf"{len(entries)} entries have wrong ones, the first: .* must have 105 or 99 and 3 numbers, got 72 and 3"):
+        read_dataset(root, options=ReadOptions(model=home / "body.pkl"))
+
+
 # Faults ---------------------------------------------------------------------------------------------------------------
 
 
@@ -235,6 +246,8 @@ FAULTS = {
     "keypoint_2d": (spoil(keypoint_2d=[[1, 2, 1]] * 25), "keypoint_2d: must be 26 x 3"),
     "visibility": (spoil(keypoint_2d=[[1, 2, 0.5]] * 26), "keypoint_2d: visibility must be 0, 1 or 2"),
     "pose": (spoil(pose=[0.0] * 104), "pose, trans: must have 105 or 99 and 3 numbers, got 104 and 3"),
+    "shape_extra": (spoil(shape=[0.0] * 10), "shape_extra: comes after 20 betas, but shape has 10: .*; give all betas in order in shape"),
+    "no shape": (spoil(shape=[]), "shape_extra: comes after 20 betas, but shape has 0"),
     "trans": (drop("trans"), "trans: is missing"),
     "shape": (drop("shape"), "shape: is missing"),
     "words": (spoil(trans=["a", "b", "c"]), "Expected `float`"),
