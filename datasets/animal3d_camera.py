@@ -20,6 +20,12 @@ CLOSE = 0.15
 SAME = 0.01
 """Stored 3D keypoints differ from the body's if they are off by more than this part of their extent, up to a translation."""
 
+NO_FOCAL = "the dataset's own camera is not used: there is no focal length to project by"
+NO_FRAME = (
+    "the pose of the dataset's own camera is not used: in no known frame do its bodies project onto their keypoints; its focal length is used "
+    "(but for images with one in their EXIF header): if it is wrong, boxes lie too near or too far, and `animal3dbox inspect` tells another that fits"
+)
+
 
 def stored_camera(
     records: Sequence[AnimalRecord], bodies: ParametersBody, keypoints_3d: Mapping[str, NDArray[np.float64]]
@@ -52,9 +58,7 @@ def stored_camera(
     notes = [_about_keypoints(wrong, compared)] if wrong else []
     best = min(medians, key=lambda name: medians[name], default=None)
     if best is None or not medians[best] < CLOSE:
-        unknown = all(record.K is None for record in fitted)
-        why = "there is no focal length to project by" if unknown else "in no known frame do its bodies project onto their keypoints"
-        return None, (*notes, f"the dataset's own camera is not used: {why}")
+        return None, (*notes, NO_FOCAL if all(record.K is None for record in fitted) else NO_FRAME)
     notes.append(f"the bodies' camera frame is {best}: projected, they are off by {100 * medians[best]:.1f} % of the keypoints' extent (median)")
     return (np.diag(FRAMES[best]), np.zeros(3)), tuple(notes)
 

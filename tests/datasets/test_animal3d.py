@@ -160,7 +160,9 @@ def test_a_camera_that_agrees_with_nothing_is_not_used(home: Path, tmp_path: Pat
 
     found = read_animal3d(copy_with(home, tmp_path / "moved", moved), home / "body.pkl")
     assert all(record.stored_pose is None for record in found.records.records)
-    assert any("is not used: in no known frame" in note for note in found.records.notes)
+    (note,) = [note for note in found.records.notes if note.startswith("the pose of the dataset's own camera is not used: in no known frame")]
+    assert "its focal length is used" in note
+    assert all(record.K is not None and record.K[0, 0] == 1000.0 for record in found.records.records)
 
     def without_focal(content: dict[str, Any]) -> None:
         del content["flength"]
