@@ -107,18 +107,22 @@ def take_apart(file: CocoFile) -> CocoParts:
             if key not in by_id:
                 raise SampleError(name, "image_id", f"there is no usable image of the id {key}")
             name = f"{by_id[key].name} (annotation {i})"
-            first = copies.setdefault(bytes(raw), i)
-            if belongs.id is not None:
-                first = min(first, seen.setdefault(str(belongs.id), i))
-            if first != i:
+            if belongs.id is not None and (first := seen.setdefault(str(belongs.id), i)) != i:
                 raise SampleError(name, "id", f"{belongs.id} is annotation {first} once more; remove one or give it its own id, or it counts twice")
             if belongs.iscrowd:
                 crowds += 1
-            else:
-                by_id[key].annotations.append((i, raw))
+                continue
+            if (first := copies.setdefault(_without_id(raw), i)) != i:
+                raise SampleError(name, "entry", f"is annotation {first} once more, but for the id; remove one, or it counts twice")
+            by_id[key].annotations.append((i, raw))
         except SampleError as error:
             faults.append(error)
     return CocoParts(tuple(by_id.values()), tuple(faults), crowds, isinstance(file.images, dict))
+
+
+def _without_id(raw: msgspec.Raw) -> bytes:
+    """What an annotation says, whatever the order of its keys."""
+    return msgspec.json.encode({key: value for key, value in msgspec.json.decode(raw).items() if key != "id"}, order="sorted")
 
 
 def _images(entries: Sequence[msgspec.Raw] | dict[str, str]) -> tuple[list[tuple[str, CocoImage | None]], list[SampleError]]:

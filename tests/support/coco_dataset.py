@@ -49,10 +49,12 @@ def coco_content(root: Path, names: Sequence[str] = AP10K_NAMES) -> Content:
         path = root / "images" / file
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(view.picture).save(path, quality=90)
+    other = annotation_of(views[1], 2, 11, names)
+    other["bbox"][2] += 1  # or it would be the first one's copy
     return {
         "info": {"description": "toy animals"},
         "images": [{"id": 10 + i, "file_name": file, "height": HW[0], "width": HW[1]} for i, file in enumerate(files)],
-        "annotations": [annotation_of(views[1], 0, 11, names), annotation_of(views[0], 1, 10, names), annotation_of(views[1], 2, 11, names)],
+        "annotations": [annotation_of(views[1], 0, 11, names), annotation_of(views[0], 1, 10, names), other],
         "categories": [{"id": 3, "name": "antelope", "supercategory": "Bovidae", "keypoints": list(names), "skeleton": [[1, 2]]}],
     }
 
@@ -112,6 +114,12 @@ def doubled_id(content: Content, root: Path) -> None:
     content["annotations"][2]["id"] = 1
 
 
+def copy_without_ids(content: Content, root: Path) -> None:
+    """The second annotation twice, neither with an id."""
+    del content["annotations"][1]["id"]
+    content["annotations"].append(content["annotations"][1])
+
+
 def image_id_of_two(content: Content, root: Path) -> None:
     """The third image has the first one's id."""
     content["images"][2]["id"] = 10
@@ -139,6 +147,11 @@ COCO_FAULTS = {
     "copied_annotation": CocoFault(
         ("a.jpg (annotation 3)",), "id", "is annotation 1 once more", lambda content, root: content["annotations"].append(content["annotations"][1])
     ),
+    "copied_annotation_with_an_id_of_its_own": CocoFault(
+        ("a.jpg (annotation 3)",), "entry", "is annotation 1 once more, but for the id",
+        lambda content, root: content["annotations"].append({**dict(reversed(content["annotations"][1].items())), "id": 7}),
+    ),
+    "copied_annotation_without_ids": CocoFault(("a.jpg (annotation 3)",), "entry", "is annotation 1 once more", copy_without_ids),
     "annotation_of_null": CocoFault(
         ("annotation 3",), "entry", "Expected `object`", lambda content, root: content["annotations"].append(None)
     ),
