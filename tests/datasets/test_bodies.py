@@ -161,8 +161,13 @@ def test_a_file_that_is_no_mesh_is_refused_by_name(tmp_path: Path, suffix: str, 
     [
         (V.replace("v 1 0 0", "v nan 0 0") + F, "1 of their coordinates not finite"),
         (V.replace("v 1 0 0", "v 1e999 0 0") + F, "1 of their coordinates not finite"),
-        (V.replace("v 1 0 0", "v 1 0") + F, "cannot be read as a mesh"),
-        ("v 0 0\nv 1 0\nv 1 1\nv 0 1\nf 1 2 3\n", "vertices of shape (4, 2)"),
+        (V.replace("v 1 0 0", "v 1 0") + F, "cannot be read as a mesh: the line 'v 1 0' has 2 of at least 3 numbers; is the file whole? Write"),
+        ("v 0 0\nv 1 0\nv 1 1\nv 0 1\nf 1 2 3\n", "the line 'v 0 0' has 2 of at least 3 numbers"),
+        (V[:-4], "the line 'v 0 ' has 1 of at least 3 numbers"),
+        (V[:-8], "must have faces, all of its own 7 vertices: is the file whole? Write or copy it again"),
+        (V + F[:-2], "the line 'f 1 3 ' has 2 of at least 3 numbers"),
+        ("", "body.obj cannot be read as a mesh: it is empty; is the file whole? Write or copy it again"),
+        ("# a cube\n", "must have four vertices (V, 3) or more, got vertices of shape (0, 3)"),
         (V.replace("v 1 0 0", "v one 0 0") + F, "cannot be read as a mesh"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertices of shape (3, 3)"),
         (V, "must have faces, all of its own 8 vertices"),
@@ -178,6 +183,11 @@ def test_an_obj_is_refused_when_its_geometry_is_damaged(tmp_path: Path, text: st
         loaded(tmp_path, text)
     assert str(tmp_path / "body.obj") in str(caught.value)
     assert reason in str(caught.value)
+
+
+def test_an_off_that_is_cut_off_is_refused_in_words(tmp_path: Path) -> None:
+    with pytest.raises(DatasetFormatError, match=r"body\.off cannot be read as a mesh: its rows have different lengths; is the file whole"):
+        loaded(tmp_path, "OFF\n8 4 0\n0 0 0\n1 0", suffix=".off")
 
 
 def test_a_cloud_of_points_is_refused(tmp_path: Path) -> None:

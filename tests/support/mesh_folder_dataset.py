@@ -191,7 +191,7 @@ FOLDER_FAULTS = {
     "keypoints_that_mark_nothing": FolderFault(
         "camera, keypoints", "b.json marks nothing", written("keypoints/b.json", b'{"nose": null}'), sample="b.jpg"
     ),
-    "empty_mesh": FolderFault("mesh", "has vertices of shape", written("meshes/a.obj", b""), when_read=False),
+    "empty_mesh": FolderFault("mesh", "it is empty", written("meshes/a.obj", b""), when_read=False),
     "mesh_of_words": FolderFault("mesh", "cannot be read as a mesh", written("meshes/a.obj", b"v one two three"), when_read=False),
     "mesh_with_nan": FolderFault(
         "mesh", "3 of their coordinates not finite", obj_with(lambda v: v.index_fill(0, v.new_tensor([5]).long(), float("nan"))), when_read=False
