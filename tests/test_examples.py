@@ -41,8 +41,8 @@ def test_the_training_loop_trains_on_every_sample() -> None:
 
 def test_the_side_filter_keeps_left_flanks_only(tmp_path: Path) -> None:
     scene = toy_scene()
-    views = {"left": 90.0, "right": -90.0, "front": 0.0, "ahead_left": 60.0, "back": 180.0}
+    views = {"left": 90.0, "right": -90.0, "front": 0.0, "ahead_left": 60.0, "back": 180.0, "herd/left": 70.0}
     write_annotations(tmp_path, [add_photo(tmp_path, view_of(scene, azimuth), f"{name}.jpg") for name, azimuth in views.items()])
     said = run_example("side_filter_for_reid.py", str(tmp_path), str(tmp_path / "kept"))
-    assert {path.name for path in (tmp_path / "kept").iterdir()} == {"left.jpg", "ahead_left.jpg"}
-    assert said.endswith(f"2 images with a left flank in {tmp_path / 'kept'}\n")
+    assert {path.name for path in (tmp_path / "kept").iterdir()} == {"left.jpg", "ahead_left.jpg", "herd__left.jpg"}
+    assert said.endswith(f"3 images with a left flank in {tmp_path / 'kept'}\n")
