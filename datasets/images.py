@@ -173,9 +173,9 @@ def mask_levels(path: Path | str, sample_id: str, expected_hw: tuple[int, int]) 
 
 
 def _check_smoothed(levels: NDArray[np.integer], top: int, kept: int, sample_id: str) -> None:
-    """Raise a SampleError if one level of the lower half has an area of its own: an id, not an edge."""
+    """Raise a SampleError if one level of the lower half has an area of its own: an id, not an edge, nor a background that is not quite 0."""
     areas = np.bincount(levels[(levels > 0) & (levels <= top // 2)])
-    if (area := int(areas.max())) > max(OTHER_ID, kept / 4):
+    if np.count_nonzero(levels == 0) > (area := int(areas.max())) > max(OTHER_ID, kept / 4):
         said = f"has {area} pixels of {int(areas.argmax())} beside its {top}: ids of animals or parts are read up to {MOST_IDS}"
         raise SampleError(sample_id, "mask", f"{said}; save this animal's pixels as 255, all others as 0")
 

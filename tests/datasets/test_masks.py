@@ -47,6 +47,7 @@ def test_a_compressed_or_smoothed_mask_is_cut_in_the_middle_of_its_range(tmp_pat
     white = Image.fromarray(ANIMAL.astype(np.uint8) * 255)
     for quality in (50, 75, 95):
         assert np.array_equal(read(tmp_path, white, "JPEG", quality=quality), ANIMAL)
+    assert np.array_equal(read(tmp_path, Image.fromarray(ANIMAL.astype(np.uint8) * 250 + 2)), ANIMAL)  # a background that is not quite black
     coarse = white.resize((15, 10), Image.Resampling.BOX).resize((60, 40), Image.Resampling.BILINEAR)
     assert np.array_equal(read(tmp_path, coarse), np.asarray(coarse) > 127)
 
