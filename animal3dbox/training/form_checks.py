@@ -62,17 +62,16 @@ def _kind(value: Any) -> str:
 
 
 def _unlike(targets: Sequence[Target], index: Sequence[int]) -> Iterator[Finding]:
-    """Fields that are right in each target and do not fit together: another number of keypoints, another device or library."""
+    """Fields that are right in each target and do not fit together: another device or library."""
     for name, value in targets[0].items():
         if name not in KNOWN or name in ("masks", "quality"):
             continue
         for target, number in zip(targets[1:], index[1:], strict=True):
-            first, other = (_likeness(name, v) for v in (value, target[name]))
+            first, other = _likeness(value), _likeness(target[name])
             if first != other:
                 yield Finding("batch", number, None, name, f"is {other}, but {first} in the first target of the batch: they cannot be one batch")
 
 
-def _likeness(name: str, value: Any) -> str:
+def _likeness(value: Any) -> str:
     where = f"a tensor on {value.device}" if isinstance(value, torch.Tensor) else "an array"
-    of_keypoints = f" of {value.shape[1]} keypoints" if name == "keypoints" else ""
-    return f"{where} of {value.ndim} dimensions{of_keypoints}"
+    return f"{where} of {value.ndim} dimensions"

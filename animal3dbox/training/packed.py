@@ -56,7 +56,7 @@ class Packed:
         floats: field -> (N, ...) float64, views of block.
         others: field -> (N, ...) flags and whole numbers.
         per_image: field -> (B, ...) float64.
-        keypoints: (N, J, 3) float64; None if there are none.
+        keypoints: (N, J, 3) float64, filled up with absent ones where targets have fewer; None if there are none.
         owner: (N,) which of targets an animal belongs to.
         first: (B,) the first animal of each target.
         image_hw: (B, 2) height and width; None if it is not known.
@@ -153,10 +153,12 @@ def pack(targets: Sequence[Target], index: Sequence[int], image_hw: Sequence[tup
     names = [name for name in targets[0] if name in KNOWN and name not in ("masks", "quality")]
     try:
         per_image = {name for name in names if name in PER_IMAGE or (name in SHARED and targets[0][name].ndim == len(SHARED[name]))}
-        columns = {name: joined([target[name] for target in targets], stacked=name in per_image) for name in names}
+        columns = {name: joined([target[name] for target in targets], stacked=name in per_image) for name in names if name != "keypoints"}
+        if "keypoints" in names:
+            columns["keypoints"] = joined(filled_up([target["keypoints"] for target in targets]), stacked=False)
         counting = next((name for name in (*names, "masks") if name in targets[0] and name not in per_image), None)
         counts = [0 if counting is None else target[counting].shape[0] for target in targets]
-    except (RuntimeError, TypeError, ValueError, AttributeError, KeyError):
+    except (RuntimeError, TypeError, ValueError, AttributeError, KeyError, IndexError):
         return None  # form_findings says which of them is wrong
     total = sum(counts)
     if not all(_fits(name, column, len(targets) if name in per_image else total) for name, column in columns.items()):
@@ -175,6 +177,16 @@ def pack(targets: Sequence[Target], index: Sequence[int], image_hw: Sequence[tup
         None if image_hw is None else np.array(image_hw),
         step,
     )
+
+
+def filled_up(values: list[Any]) -> list[Any]:
+    """Keypoints (N, J, 3) of targets, with absent ones behind them up to the greatest J: animals of one batch may have other vocabularies."""
+    most = max(value.shape[1] for value in values)
+    if all(value.shape[1] == most for value in values):
+        return values
+    if not isinstance(values[0], Tensor):
+        values = [torch.as_tensor(value) for value in values]
+    return [torch.nn.functional.pad(value, (0, 0, 0, most - value.shape[1])) for value in values]
 
 
 def joined(values: list[Any], *, stacked: bool) -> Tensor:

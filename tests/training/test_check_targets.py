@@ -300,12 +300,27 @@ def test_counting_keeps_first_examples_adds_up_and_travels_between_processes() -
     assert str(both).startswith("12 targets, 24 animals: 24 faults\n  24 x labels\n")
 
 
+@pytest.mark.parametrize("arrays", [False, True])
+@pytest.mark.parametrize("fewer", [0, 2])
+def test_targets_of_one_batch_may_differ_in_their_number_of_keypoints(fewer: int, arrays: bool) -> None:
+    batch = good_batch()
+    batch[fewer]["keypoints"] = batch[fewer]["keypoints"][:, :3]
+    if arrays:
+        batch = [{**target, "keypoints": target["keypoints"].numpy()} for target in batch]
+    assert check_targets((images_of(batch), batch), on_fault="count").counts == {}
+    batch[1]["keypoints"][0, 4, 2] = -1.0
+    batch[fewer]["keypoints"][1, 2, 0] = 900.0
+    report = check_targets((images_of(batch), batch), on_fault="count")
+    assert report.counts == {"keypoints": 2}
+    assert {error.sample_id for _, error in report.examples} == {"scene1.jpg#0", f"scene{fewer}.jpg#1"}
+
+
 def test_targets_that_cannot_be_one_batch_say_why() -> None:
     batch = good_batch()
-    batch[2]["keypoints"] = batch[2]["keypoints"][:, :3]
+    batch[2]["keypoints"] = batch[2]["keypoints"][:, :3].numpy()
     report = check_targets(batch, on_fault="count")
     assert report.counts == {"batch": 1}
-    assert "of 3 keypoints, but a tensor on cpu of 3 dimensions of 5 keypoints" in str(report.examples[0][1])
+    assert "is an array of 3 dimensions, but a tensor on cpu of 3 dimensions in the first" in str(report.examples[0][1])
 
 
 def test_steps_can_be_skipped_and_wrong_options_are_refused() -> None:
