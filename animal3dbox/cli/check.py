@@ -17,7 +17,9 @@ from animal3dbox.datasets.by_format import AnnotatedDataset
 from animal3dbox.datasets.exchange.recognition import is_omni3d
 from animal3dbox.datasets.labelling import PosePolicy
 from animal3dbox.errors import ConfigError, SampleError
-from animal3dbox.report.label_files import labels_file, read_labels_json
+from animal3dbox.report.label_checks import row_findings
+from animal3dbox.report.label_files import labels_file
+from animal3dbox.report.label_reading import read_label_rows
 from animal3dbox.report.label_targets import target_of_record, target_of_row
 from animal3dbox.training.checks import examined, sample_of
 from animal3dbox.training.findings import WARNINGS
@@ -101,17 +103,23 @@ def checked(path: Path, images: Path | None = None) -> CheckReport:
     sizes: list[tuple[int, int]] = []
     notes: tuple[str, ...] = ()
     if is_labels(path):
-        for row in read_labels_json(labels_file(path)).animals:
+        labels, unread = read_label_rows(labels_file(path))
+        faults = [_unread(error) for error in unread]
+        for row in labels.animals:
             try:
                 targets.append(target_of_row(row))
-                sizes.append(row.image_hw)
             except SampleError as error:
-                faults.append(CheckedFault(check=READING, sample_id=error.sample_id, field=error.field, problem=error.problem))
+                faults.append(_unread(error))
+                continue
+            sizes.append(row.image_hw)
+            faults += [
+                CheckedFault(check=check, sample_id=row.sample_id, field=field, problem=problem) for check, field, problem in row_findings(row)
+            ]
     else:
         cuboids = read_cuboids(path, images)
         notes = cuboids.notes
         targets, sizes = [target_of_record(record) for record in cuboids.records], [record.image_hw for record in cuboids.records]
-        faults = [CheckedFault(check=READING, sample_id=f.sample_id, field=f.field, problem=f.problem) for f in cuboids.faults]
+        faults = [_unread(error) for error in cuboids.faults]
     found = _examined(targets, sizes)
     faults += [fault for fault in found if fault.check not in WARNINGS]
     warnings = Counter(fault.check for fault in found if fault.check in WARNINGS)
@@ -149,6 +157,11 @@ def checked_dataset(job: CheckJob) -> CheckReport:
     counts = Counter(fault.check for fault in faults)
     animals += counts[READING] + len(report.of("rejected"))
     return CheckReport(source=str(job.path), animals=animals, counts=counts, warnings=warnings, faults=faults, notes=notes)
+
+
+def _unread(error: SampleError) -> CheckedFault:
+    """The fault of an element that cannot be read."""
+    return CheckedFault(check=READING, sample_id=error.sample_id, field=error.field, problem=error.problem)
 
 
 def _examined(targets: Sequence[dict[str, Any]], sizes: Sequence[tuple[int, int]]) -> list[CheckedFault]:

@@ -1,5 +1,6 @@
 """The boxes of labels.json as a set of cuboids, which any exchange format can be written from."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,8 @@ import numpy as np
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.checks import check_intrinsics
-from animal3dbox.report.label_files import AnimalRow, LabelFile, labels_file, read_labels_json
+from animal3dbox.report.label_files import AnimalRow, LabelFile, labels_file
+from animal3dbox.report.label_reading import read_label_rows
 
 ROTATION_TOLERANCE = 1e-6
 
@@ -23,7 +25,9 @@ def read_label_cuboids(path: Path) -> CuboidSet:
         DatasetFormatError: not of the schema.
 
     """
-    return cuboids_of_labels(read_labels_json(labels_file(path)))
+    labels, faults = read_label_rows(labels_file(path))
+    cuboids = cuboids_of_labels(labels)
+    return replace(cuboids, faults=(*faults, *cuboids.faults))
 
 
 def cuboids_of_labels(labels: LabelFile) -> CuboidSet:
@@ -56,6 +60,8 @@ def _record(row: AnimalRow) -> CuboidRecord:
         raise SampleError(row.sample_id, "rotation", "is no rotation (orthogonal, determinant +1): the file was changed after labelling")
     if row.distortion is not None and any(row.distortion):
         raise SampleError(row.sample_id, "distortion", "is a lens, which no exchange format has: straighten the image and label it again")
+    if row.scale_m_per_unit is not None and not row.scale_m_per_unit > 0:
+        raise SampleError(row.sample_id, "scale_m_per_unit", f"must be positive, or null if it is not known; got {row.scale_m_per_unit}")
     if size.min() <= 0:
         raise SampleError(row.sample_id, "size", f"must be positive, got {size.tolist()}")
     return CuboidRecord(

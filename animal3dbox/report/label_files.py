@@ -9,7 +9,6 @@ from typing import Final, Literal
 
 import msgspec
 
-from animal3dbox.datasets.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
@@ -139,18 +138,6 @@ def write_labels_json(path: Path, file: LabelFile) -> None:
 def labels_file(path: Path) -> Path:
     """The labels.json of the folder that ``animal3dbox label`` wrote; any other path is the file itself."""
     return path / "labels.json" if path.is_dir() else path
-
-
-def read_labels_json(path: Path) -> LabelFile:
-    """Read labels.json back, checked against its schema.
-
-    Raises:
-        DatasetNotFoundError: no such file.
-        DatasetFormatError: not JSON, or not of this schema and version.
-
-    """
-    file: LabelFile = decode_json(path, LabelFile)
-    return file
 
 
 def write_labels_csv(path: Path, animals: Sequence[AnimalRow]) -> None:

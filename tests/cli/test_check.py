@@ -13,6 +13,7 @@ from planted_faults import plant
 from small_animals import model_of
 
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
+from animal3dbox.report.label_checks import ROW_CHECKS
 
 Content = dict[str, Any]
 
@@ -44,6 +45,17 @@ SPOILT: dict[str, tuple[Callable[[Content], None], str, str]] = {
     "box turned": (lambda a: a.update(box=[a["box"][k] for k in (2, 3, 0, 1)]), "boxes", "boxes"),
     "seven corners": (lambda a: a["corners_3d"].pop(), "shape", "corners_3d"),
     "ragged": (lambda a: a["rotation"][0].pop(), "reading", "rotation"),
+    "side": (lambda a: a.update(side="front"), "side", "side"),
+    "no side": (lambda a: a.update(side=None), "side", "side"),
+    "a word for a side": (lambda a: a.update(side="sinister"), "side", "side"),
+    "surface side": (lambda a: a.update(surface_side="bottom"), "side", "surface_side"),
+    "azimuth": (lambda a: a.update(azimuth_deg=a["azimuth_deg"] + 1), "viewpoint", "azimuth_deg"),
+    "elevation": (lambda a: a.update(elevation_deg=a["elevation_deg"] - 1), "viewpoint", "elevation_deg"),
+    "viewpoint": (lambda a: a.update(viewpoint="front" if a["viewpoint"] != "front" else "back"), "viewpoint", "viewpoint"),
+    "a word for a viewpoint": (lambda a: a.update(viewpoint="above"), "viewpoint", "viewpoint"),
+    "confidence": (lambda a: a.update(confidence=7), "confidence", "confidence"),
+    "negative confidence": (lambda a: a.update(confidence=-0.1), "confidence", "confidence"),
+    "scale": (lambda a: a.update(scale_m_per_unit=0.0), "scale", "scale_m_per_unit"),
 }
 
 
@@ -60,6 +72,59 @@ def test_spoilt_labels_are_named_with_their_check(tmp_path: Path, good: Content,
     assert code == 4
     assert f" x {check}" in said
     assert f"a.jpg: {field}: " in said
+
+
+UNREADABLE: dict[str, tuple[Callable[[Content], object], str, str]] = {
+    "no box": (lambda a: a.update(box=None), "a.jpg#2", "box"),
+    "without K": (lambda a: a.pop("K"), "a.jpg#2", "K"),
+    "a nameless row": (lambda a: a.update(sample_id=None), "animals[1]", "sample_id"),
+    "a name twice": (lambda a: a.update(sample_id="a.jpg"), "a.jpg", "sample_id"),
+}
+
+
+@pytest.mark.parametrize("case", UNREADABLE)
+def test_a_row_that_cannot_be_used_is_named_and_the_others_are_checked_and_exported(tmp_path: Path, good: Content, case: str) -> None:
+    spoil, name, field = UNREADABLE[case]
+    content = json.loads(json.dumps(good))
+    content["animals"] += json.loads(json.dumps(content["animals"] * 2))
+    for number, row in enumerate(content["animals"][1:], 2):
+        row["sample_id"] = f"a.jpg#{number}"
+    spoil(content["animals"][1])
+    content["animals"][2]["confidence"] = 2
+    code, said = checked(tmp_path, content, "--json")
+    report = json.loads(said)
+    assert (code, report["animals"], report["counts"]) == (4, 3, {"reading": 1, "confidence": 1})
+    (fault,) = (fault for fault in report["faults"] if fault["check"] == "reading")
+    assert (fault["sample_id"], fault["field"]) == (name, field)
+    assert "take" in fault["problem"]
+    code, said = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
+    assert code == 4
+    assert f"faulty: {name}: {field}: " in said
+    assert len(json.loads((tmp_path / "coco.json").read_text())["annotations"]) == 2
+
+
+@pytest.mark.parametrize(("field", "order"), [("face_names", (0, 1, 3, 2, 4, 5)), ("corner_signs", (3, 2, 1, 0, 7, 6, 5, 4))])
+def test_faces_or_corners_in_another_order_are_refused(tmp_path: Path, good: Content, field: str, order: tuple[int, ...]) -> None:
+    content = {**good, field: [good[field][k] for k in order]}
+    code, said = checked(tmp_path, content)
+    assert (code, f"labels.json: {field} must be [" in said, f"put {field} back" in said) == (3, True, True)
+    code, said = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
+    assert (code, f"labels.json: {field} must be [" in said) == (3, True)
+    assert not (tmp_path / "coco.json").exists()
+
+
+def test_labels_of_a_scale_that_cannot_be_are_not_exported(tmp_path: Path, good: Content) -> None:
+    content = {**good, "animals": [*good["animals"], {**good["animals"][0], "sample_id": "b.jpg", "scale_m_per_unit": -1.0}]}
+    (tmp_path / "labels.json").write_text(json.dumps(content))
+    code, said = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
+    assert code == 4
+    assert "b.jpg: scale_m_per_unit: must be positive" in said
+
+
+def test_every_check_of_rows_has_its_line_in_the_documents() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "checks.md").read_text()
+    assert {check for _, check, _ in SPOILT.values()} >= set(ROW_CHECKS)
+    assert [name for name, meaning in ROW_CHECKS.items() if f"| `{name}` | {meaning} |" not in page] == []
 
 
 def test_an_omni3d_file_is_checked_too(tmp_path: Path) -> None:

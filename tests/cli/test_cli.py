@@ -32,7 +32,8 @@ from animal3dbox.cli.main import Format, main
 from animal3dbox.datasets.bodies import preset_body
 from animal3dbox.datasets.reading import FORMATS
 from animal3dbox.datasets.records import AnimalRecord
-from animal3dbox.report.label_files import AnimalRow, read_labels_json
+from animal3dbox.report.label_files import AnimalRow
+from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.run import overlay_name
 
 SIDES = {"left.jpg": (95, "left"), "right.jpg": (-80, "right"), "back.jpg": (185, "back")}

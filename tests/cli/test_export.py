@@ -14,7 +14,8 @@ from animal3dbox.datasets.exchange.omni3d_reader import read_omni3d
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
 from animal3dbox.geometry.face_visibility import visible_faces
-from animal3dbox.report.label_files import AnimalRow, read_labels_json, write_labels_json
+from animal3dbox.report.label_files import AnimalRow, write_labels_json
+from animal3dbox.report.label_reading import read_labels_json
 
 
 @pytest.fixture(scope="module")

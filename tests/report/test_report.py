@@ -27,7 +27,8 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import REASONS, CuboidLabel, Quality, Rejection
 from animal3dbox.report.gallery import Card, card_picture, small_picture, write_gallery
-from animal3dbox.report.label_files import CSV_COLUMNS, LabelFile, RejectedRow, animal_row, read_labels_json, write_labels_csv, write_labels_json
+from animal3dbox.report.label_files import CSV_COLUMNS, LabelFile, RejectedRow, animal_row, write_labels_csv, write_labels_json
+from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid, draw_label, enlarged, words_of
 from animal3dbox.report.run import Labelled, overlay_name, write_run
 from animal3dbox.report.summary import FLAGS, Summary, flags_of, summarize
