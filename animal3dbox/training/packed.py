@@ -153,9 +153,12 @@ def pack(targets: Sequence[Target], index: Sequence[int], image_hw: Sequence[tup
     names = [name for name in targets[0] if name in KNOWN and name not in ("masks", "quality")]
     try:
         per_image = {name for name in names if name in PER_IMAGE or (name in SHARED and targets[0][name].ndim == len(SHARED[name]))}
-        columns = {name: joined([target[name] for target in targets], stacked=name in per_image) for name in names if name != "keypoints"}
-        if "keypoints" in names:
-            columns["keypoints"] = joined(filled_up([target["keypoints"] for target in targets]), stacked=False)
+        columns = {
+            name: joined_keypoints([target[name] for target in targets])
+            if name == "keypoints"
+            else joined([target[name] for target in targets], stacked=name in per_image)
+            for name in names
+        }
         counting = next((name for name in (*names, "masks") if name in targets[0] and name not in per_image), None)
         counts = [0 if counting is None else target[counting].shape[0] for target in targets]
     except (RuntimeError, TypeError, ValueError, AttributeError, KeyError, IndexError):
@@ -179,14 +182,15 @@ def pack(targets: Sequence[Target], index: Sequence[int], image_hw: Sequence[tup
     )
 
 
-def filled_up(values: list[Any]) -> list[Any]:
-    """Keypoints (N, J, 3) of targets, with absent ones behind them up to the greatest J: animals of one batch may have other vocabularies."""
-    most = max(value.shape[1] for value in values)
-    if all(value.shape[1] == most for value in values):
-        return values
-    if not isinstance(values[0], Tensor):
-        values = [torch.as_tensor(value) for value in values]
-    return [torch.nn.functional.pad(value, (0, 0, 0, most - value.shape[1])) for value in values]
+def joined_keypoints(values: list[Any]) -> Tensor:
+    """Keypoints (N, J, 3) of all targets, with absent ones up to the greatest J: animals of one batch may have other vocabularies."""
+    try:
+        return joined(values, stacked=False)
+    except RuntimeError:  # first: to ask each tensor for its shape costs more than to join them
+        if not isinstance(values[0], Tensor):
+            values = [torch.as_tensor(value) for value in values]
+        most = max(value.shape[1] for value in values)
+        return joined([torch.nn.functional.pad(value, (0, 0, 0, most - value.shape[1])) for value in values], stacked=False)
 
 
 def joined(values: list[Any], *, stacked: bool) -> Tensor:
