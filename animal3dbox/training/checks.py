@@ -17,6 +17,7 @@ from animal3dbox.training.face_checks import face_findings
 from animal3dbox.training.findings import WARNINGS, Finding, TargetReport, first_examples
 from animal3dbox.training.form_checks import form_findings, target_form
 from animal3dbox.training.frame_checks import frame_findings
+from animal3dbox.training.keypoint_checks import keypoint_findings
 from animal3dbox.training.packed import Packed, Target, groups_of, pack
 from animal3dbox.training.places import animal_findings, image_findings
 
@@ -33,7 +34,8 @@ def check_targets(
         on_fault: "raise" the first fault as an error, or "count" all.
         every: check only the steps that this divides.
         step: the number of the step. What would cost too much at once goes in turns by this number: even steps look at the mask
-            of one animal, odd ones at the types and counts of one target by itself (every step, at those of the batch together).
+            of one animal, odd ones at its keypoints on that mask and at the types and counts of one target by itself (every
+            step, at those of the batch together).
 
     Returns:
         What was found; all zero if the step is skipped.
@@ -92,7 +94,7 @@ def examined(targets: Sequence[Target], image_hw: Sequence[tuple[int, int]] | No
             packed = _packed(targets, _without(packed.index, infinite), image_hw, step)
         if packed is not None:
             animals += packed.count
-            for findings in (camera_findings, cuboid_findings, face_findings, frame_findings):
+            for findings in (camera_findings, cuboid_findings, face_findings, frame_findings, keypoint_findings):
                 found += findings(packed)
     return found, animals
 

@@ -36,6 +36,7 @@ CHECKS = {
     "share_in_image": "face_share_in_image is not that of the parts in the frame",
     "labels": "a label is negative",
     "keypoints": "a keypoint outside the frame is marked, or a visibility negative",
+    "keypoints_on_animal": "keypoints lie off their animal, or on it only if mirrored",
     "masks": "a mask is not 0 and 1, of another size than the image, or leaves its box",
 }
 """Every check, by the name under which a report counts it."""

@@ -113,9 +113,8 @@ def _areas_inside(packed: Packed) -> tuple[NDArray[np.bool_], Floats, Floats] | 
 
 def _keypoints(packed: Packed, keypoints: Floats) -> Iterator[Finding]:
     v = keypoints[..., 2]
-    wrong = v < 0
-    if wrong.any():
-        yield from animal_findings(packed, wrong.any(1), "keypoints", "keypoints", lambda n: "have a negative visibility: unknown is 0")
+    if v.min(initial=0.0) < 0:
+        yield from animal_findings(packed, (v < 0).any(1), "keypoints", "keypoints", lambda n: "have a negative visibility: unknown is 0")
     if packed.frame is None:
         return
     px = keypoints[..., :2]

@@ -149,6 +149,11 @@ FAULTS: dict[str, tuple[Callable[[Batch], None], str, str]] = {
     "truncation not of this crop": (put("truncation", lambda v: (v + 0.3).clamp(0, 1)), "truncation", "truncation"),
     "label -1": (put("labels", at(1, -1)), "labels", "labels"),
     "keypoints marked outside": (put("keypoints", at((1, 0), torch.tensor([900.0, 5, 1]))), "keypoints", "keypoints"),
+    "keypoints of another place": (
+        put("keypoints", lambda v: v.repeat(1, 2, 1) * torch.tensor([0.0, 0, 1]) + torch.tensor([1.0, 1, 0])),
+        "keypoints_on_animal",
+        "keypoints",
+    ),
     "negative visibility": (put("keypoints", at((1, 0, 2), -1.0)), "keypoints", "keypoints"),
     "mask of 255": (put("masks", lambda v: v * 255), "masks", "masks"),
     "mask flipped": (put("masks", lambda v: v.flip(-2)), "masks", "masks"),
