@@ -48,7 +48,7 @@ class LabelRow:
     Attributes:
         sample_id: the animal.
         values: (WIDTH,) float64, see LAYOUT.
-        keypoints: (J, 3) x, y, visibility as used; None without keypoints.
+        keypoints: (J, 3) x, y, visibility as used, but 0 outside the frame; None without keypoints.
         quality: the fields of Quality, and confidence.
         scale_m_per_unit: see CuboidLabel.
         scale_source: see CuboidLabel.
@@ -69,13 +69,20 @@ class LabelRow:
         return self.values[start:stop].reshape(LAYOUT[name])
 
 
+def _in_frame(keypoints: NDArray[np.float64], image_hw: tuple[int, int]) -> NDArray[np.float64]:
+    """Keypoints (J, 3) whose visibility is 0 outside the frame."""
+    px = keypoints[:, :2]
+    inside = ((px >= -0.5) & (px <= (image_hw[1] - 0.5, image_hw[0] - 0.5))).all(1)
+    return keypoints if inside.all() else np.concatenate((px, (keypoints[:, 2] * inside)[:, None]), 1)
+
+
 def label_row(label: CuboidLabel) -> LabelRow:
     """The row of a label."""
     parts = []
     for name, width in _WIDTHS.items():
         value = getattr(label, name)
         parts.append(np.full(width, -1.0) if value is None else value.numpy().ravel() if isinstance(value, Tensor) else (value,))
-    keypoints = None if label.keypoints is None else label.keypoints.numpy()
+    keypoints = None if label.keypoints is None else _in_frame(label.keypoints.numpy(), label.image_hw)
     quality = {**vars(label.quality), "confidence": label.confidence}
     distortion = None if label.distortion is None else label.distortion.numpy()
     scale = (label.scale_m_per_unit, label.scale_source)

@@ -299,6 +299,20 @@ def test_a_filter_leaves_out_what_misses_it_and_says_so(animals: Path, limits: d
     assert cases or limits.keys() & {"max_truncation", "min_inlier_share"}
 
 
+def test_keypoints_outside_the_frame_are_not_visible(copied: Path) -> None:
+    def moved(entries: list[dict[str, Any]]) -> None:
+        for entry in entries:
+            entry["keypoint_2d"][3] = [-4.0, 10.0, 1.0]
+
+    spoiled(copied, moved)
+    dataset = small_dataset(copied, on_bad="skip")
+    points = torch.cat([sample[1]["keypoints"] for i in range(len(dataset)) if not isinstance(sample := dataset[i], Skipped)])
+    moved_out = points[:, 3, 0] == -4
+    assert bool(moved_out.any())
+    assert not bool(points[moved_out, 3, 2].any())
+    assert bool((points[moved_out][..., 2] > 0).any())
+
+
 def test_the_limits_of_inliers_and_truncation() -> None:
     values = np.zeros(WIDTH)
     values[slice(*SPANS["truncation"])], values[slice(*SPANS["box"])] = 0.3, (0, 0, 9, 9)
