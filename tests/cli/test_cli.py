@@ -282,7 +282,7 @@ def small(tmp_path: Path, views: dict[str, View]) -> Path:
         (["--body", "{}/body.glb", "--landmarks", "{}/marks.json"], 2, [".obj, .ply, .stl, .off"]),
         (["--body", "dog", "--landmarks", "{}/marks.json"], 2, [".obj", "horse"]),
         (["--body", "{}/none.obj", "--landmarks", "{}/marks.json"], 3, ["there is no file", "none.obj"]),
-        (["--body", "{}/body.obj", "--landmarks", "{}/marks.json"], 3, ["body.obj", "not a body"]),
+        (["--body", "{}/body.obj", "--landmarks", "{}/marks.json"], 3, ["body.obj", "must have four vertices"]),
         (["--min-keypoints", "3"], 2, ["min_keypoints must be at least 4", "got 3"]),
         (["--out", "{}/file"], 2, ["file is a file: give a folder"]),
         (["--out", "{}/file/below"], 2, ["file/below cannot be made"]),
