@@ -61,11 +61,14 @@ class SplitTable:
 
     def sums(self, weights: np.ndarray) -> np.ndarray:
         """As RowTable says."""
+        few = transposed(self.few @ weights[:, self.is_few].T) if self.is_few.any() else None
+        if few is not None and self.is_few.all():
+            return few.reshape(len(weights), *self.shape)
         sums = np.empty((len(weights), self.full.shape[1]), self.full.dtype)
         for row, into in zip(np.ascontiguousarray(weights[:, ~self.is_few]), sums, strict=True):
             np.einsum("k,km->m", row, self.full, out=into)
-        if self.is_few.any():
-            sums += transposed(self.few @ weights[:, self.is_few].T)
+        if few is not None:
+            sums += few
         return sums.reshape(len(weights), *self.shape)
 
 

@@ -20,7 +20,7 @@ from animal3dbox.geometry.arrays import AnyArray, as_numpy, is_plain, like, name
 from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
 from animal3dbox.smal.products import row_table
 
-BODIES_AT_ONCE = 12
+BODIES_AT_ONCE = 16
 """Arrays of so many bodies at a time: more of them fall out of the processor's cache."""
 
 
