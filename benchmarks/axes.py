@@ -6,13 +6,13 @@ Run: python benchmarks/axes.py
 import torch
 
 from animal3dbox.geometry.rigid import rotation_angle
-from animal3dbox.labels.axes import torso_axes, trunk_axes
-from animal3dbox.labels.axes_landmarks import landmark_axes
-from animal3dbox.labels.axes_pca import pca_axes
+from animal3dbox.labels.axes.body_axes import torso_axes, trunk_axes
+from animal3dbox.labels.axes.landmarks import landmark_axes
+from animal3dbox.labels.axes.pca import pca_axes
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
 from animal3dbox.smal.model import trunk_rotation
-from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
-from animal3dbox.smal.quadruped_poses import POSES, named_pose
-from animal3dbox.smal.vocabularies import ANIMAL3D_26
+from animal3dbox.smal.quadruped.poses import POSES, named_pose
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas, quadruped_names
 
 
 def main() -> None:

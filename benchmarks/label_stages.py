@@ -16,9 +16,9 @@ import numpy as np
 import torch
 from PIL import Image
 
-from animal3dbox.datasets.bodies import ParametersBody
-from animal3dbox.datasets.faults import FaultConfig
-from animal3dbox.datasets.synthetic_set import SyntheticSet, record_of
+from animal3dbox.datasets.bodies.sources import ParametersBody
+from animal3dbox.datasets.synthetic.faults import FaultConfig
+from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet, record_of
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal, label_many
 from animal3dbox.labels.types import CuboidLabel, Rejection

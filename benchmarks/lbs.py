@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
-from animal3dbox.smal.quadruped_poses import random_pose
+from animal3dbox.smal.quadruped.poses import random_pose
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas, quadruped_names
 
 BATCH = 64
 ROUNDS = 9

@@ -24,15 +24,15 @@ import torch
 from torch.utils.data import DataLoader, Dataset
 
 from animal3dbox.datasets import Animal3DDataset, LabelDataset, SyntheticSet, collate
-from animal3dbox.datasets.animal3d_writer import write_animal3d
-from animal3dbox.datasets.exif import PhotoFacts
-from animal3dbox.datasets.images import read_photo
+from animal3dbox.datasets.images.exif import PhotoFacts
+from animal3dbox.datasets.images.photos import read_photo
 from animal3dbox.datasets.label_dataset import Target
+from animal3dbox.datasets.labelling.targets import image_tensor
+from animal3dbox.datasets.labelling.threads import one_thread
 from animal3dbox.datasets.records import AnimalRecord
-from animal3dbox.datasets.synthetic_set import animal3d_world
-from animal3dbox.datasets.targets import image_tensor
-from animal3dbox.datasets.threads import one_thread
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
+from animal3dbox.datasets.synthetic.synthetic_set import animal3d_world
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.transforms import ColorJitter, Compose, RandomHorizontalFlip, RandomResizedCrop
 
 torch.set_num_threads(1)

@@ -6,11 +6,11 @@ Run: python benchmarks/masks_and_visibility.py
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.synthetic import SyntheticAnimal, synthetic_animal
+from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal, synthetic_animal
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.rasterizer import rasterize
 from animal3dbox.labels.assemble import mask_box
-from animal3dbox.labels.seen_surface import visible_vertices
+from animal3dbox.labels.visibility.visible_surface import visible_vertices
 
 ANIMALS = 25
 SIZES = ((480, 640), (120, 160))

@@ -15,10 +15,10 @@ import torch
 from torch import Tensor
 
 from animal3dbox.datasets import Skipped, SyntheticDataset, SyntheticSet
-from animal3dbox.datasets.by_format import AnnotatedDataset
-from animal3dbox.datasets.faults import FaultConfig
+from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.faults import FaultConfig
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.training.checks import check_targets
 from animal3dbox.transforms import Compose, RandomHorizontalFlip, RandomResizedCrop, RandomRotation, RandomVerticalFlip, RandomVirtualCamera
 

@@ -15,9 +15,9 @@ import numpy as np
 from smal_pickles import python3_pickle, random_content, written
 
 from animal3dbox.errors import ModelFileError
+from animal3dbox.smal.files.model_files import load_smal
+from animal3dbox.smal.files.safetensors_file import load_safetensors, save_safetensors
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.model_files import load_smal
-from animal3dbox.smal.model_safetensors import load_safetensors, save_safetensors
 
 TOKENS = (b"\n", b"\r\n", b".", b"(", b"t", b"R", b"b", b"c", b"\x80", b"\x93", b"\x95", b"\xff\xff\xff\x7f", b"0", b"2", b"e", b"u", b"-1", b"\\x")
 

@@ -9,10 +9,10 @@ from collections import Counter
 
 import torch
 
-from animal3dbox.datasets.synthetic import synthetic_scene
-from animal3dbox.datasets.world.config import WorldConfig
-from animal3dbox.datasets.world.render import render_scene
-from animal3dbox.datasets.world.scene import plan_scene
+from animal3dbox.datasets.synthetic.scenes import synthetic_scene
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.world.render import render_scene
+from animal3dbox.datasets.synthetic.world.scene import plan_scene
 
 
 def main() -> None:

@@ -12,29 +12,41 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from animal3dbox.datasets.batches import collate as collate
     from animal3dbox.datasets.batches import collate_stacked as collate_stacked
-    from animal3dbox.datasets.by_format import Animal3DDataset as Animal3DDataset
-    from animal3dbox.datasets.by_format import AnnotatedDataset as AnnotatedDataset
-    from animal3dbox.datasets.by_format import CocoKeypointsDataset as CocoKeypointsDataset
-    from animal3dbox.datasets.by_format import DeepLabCutDataset as DeepLabCutDataset
-    from animal3dbox.datasets.by_format import MeshFolderDataset as MeshFolderDataset
-    from animal3dbox.datasets.by_format import Omni3DDataset as Omni3DDataset
-    from animal3dbox.datasets.by_format import StanfordExtraDataset as StanfordExtraDataset
-    from animal3dbox.datasets.by_format import SyntheticDataset as SyntheticDataset
-    from animal3dbox.datasets.filters import LabelFilter as LabelFilter
+    from animal3dbox.datasets.format_datasets import Animal3DDataset as Animal3DDataset
+    from animal3dbox.datasets.format_datasets import AnnotatedDataset as AnnotatedDataset
+    from animal3dbox.datasets.format_datasets import CocoKeypointsDataset as CocoKeypointsDataset
+    from animal3dbox.datasets.format_datasets import DeepLabCutDataset as DeepLabCutDataset
+    from animal3dbox.datasets.format_datasets import MeshFolderDataset as MeshFolderDataset
+    from animal3dbox.datasets.format_datasets import Omni3DDataset as Omni3DDataset
+    from animal3dbox.datasets.format_datasets import StanfordExtraDataset as StanfordExtraDataset
+    from animal3dbox.datasets.format_datasets import SyntheticDataset as SyntheticDataset
     from animal3dbox.datasets.label_dataset import LabelDataset as LabelDataset
     from animal3dbox.datasets.label_dataset import Skipped as Skipped
-    from animal3dbox.datasets.scale import AltitudeScale as AltitudeScale
-    from animal3dbox.datasets.scale import KnownScale as KnownScale
-    from animal3dbox.datasets.scale import SpeciesScale as SpeciesScale
-    from animal3dbox.datasets.synthetic_set import SyntheticSet as SyntheticSet
+    from animal3dbox.datasets.labelling.filters import LabelFilter as LabelFilter
+    from animal3dbox.datasets.labelling.scale import AltitudeScale as AltitudeScale
+    from animal3dbox.datasets.labelling.scale import KnownScale as KnownScale
+    from animal3dbox.datasets.labelling.scale import SpeciesScale as SpeciesScale
+    from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet as SyntheticSet
 
 _HOMES = {
-    "AltitudeScale": "scale", "Animal3DDataset": "by_format", "AnnotatedDataset": "by_format", "CocoKeypointsDataset": "by_format",
-    "DeepLabCutDataset": "by_format", "KnownScale": "scale", "LabelDataset": "label_dataset", "LabelFilter": "filters",
-    "MeshFolderDataset": "by_format", "Omni3DDataset": "by_format", "Skipped": "label_dataset", "SpeciesScale": "scale",
-    "StanfordExtraDataset": "by_format", "SyntheticDataset": "by_format", "SyntheticSet": "synthetic_set", "collate": "batches",
+    "AltitudeScale": "labelling.scale",
+    "Animal3DDataset": "format_datasets",
+    "AnnotatedDataset": "format_datasets",
+    "CocoKeypointsDataset": "format_datasets",
+    "DeepLabCutDataset": "format_datasets",
+    "KnownScale": "labelling.scale",
+    "LabelDataset": "label_dataset",
+    "LabelFilter": "labelling.filters",
+    "MeshFolderDataset": "format_datasets",
+    "Omni3DDataset": "format_datasets",
+    "Skipped": "label_dataset",
+    "SpeciesScale": "labelling.scale",
+    "StanfordExtraDataset": "format_datasets",
+    "SyntheticDataset": "format_datasets",
+    "SyntheticSet": "synthetic.synthetic_set",
+    "collate": "batches",
     "collate_stacked": "batches",
-}  # fmt: skip
+}
 
 __all__ = sorted(_HOMES)
 

@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
-from animal3dbox.datasets.filters import LabelFilter
-from animal3dbox.datasets.label_rows import LabelRow
-from animal3dbox.datasets.labelling import PosePolicy, check_pose_policy
-from animal3dbox.datasets.ledger import Case, Ledger, LoadReport
-from animal3dbox.datasets.opened import OpenedSample, opened_samples
-from animal3dbox.datasets.row_maker import Answer, Asked, RowMaker, fault_case, rejected_case
-from animal3dbox.datasets.scale import ScaleSource
-from animal3dbox.datasets.sources import ImageSample, SampleSource, images_of
-from animal3dbox.datasets.targets import check_one_camera, empty_target, image_tensor, masks_of, target_of
-from animal3dbox.datasets.threads import one_thread
+from animal3dbox.datasets.labelling.filters import LabelFilter
+from animal3dbox.datasets.labelling.label_records import PosePolicy, check_pose_policy
+from animal3dbox.datasets.labelling.label_rows import LabelRow
+from animal3dbox.datasets.labelling.label_store import Answer, Asked, RowMaker, fault_case, rejected_case
+from animal3dbox.datasets.labelling.load_report import Case, Ledger, LoadReport
+from animal3dbox.datasets.labelling.open_samples import OpenedSample, opened_samples
+from animal3dbox.datasets.labelling.scale import ScaleSource
+from animal3dbox.datasets.labelling.sources import ImageSample, SampleSource, images_of
+from animal3dbox.datasets.labelling.targets import check_one_camera, empty_target, image_tensor, masks_of, target_of
+from animal3dbox.datasets.labelling.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import Rejection
-from animal3dbox.smal.vocabulary import Vocabulary
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 OnBad = Literal["error", "skip"]
 Target = dict[str, Any]
@@ -116,7 +116,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         if len(self._numbers) != len(self.classes):
             raise ConfigError(f"classes must differ, got {self.classes}")
         if scale is not None and not hasattr(scale, "metres_per_unit"):
-            raise ConfigError(f"scale must be a KnownScale, SpeciesScale or AltitudeScale (datasets.scale), got {scale!r}")
+            raise ConfigError(f"scale must be a KnownScale, SpeciesScale or AltitudeScale (datasets.labelling.scale), got {scale!r}")
         self.ledger = Ledger(report_to)
         self._rows = RowMaker(source.fingerprint, config or default_config(pose, self.filters), scale, pose, cache, reuse)
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]

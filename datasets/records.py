@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images import read_mask
-from animal3dbox.datasets.rle import decode_mask
+from animal3dbox.datasets.images.photos import read_mask
+from animal3dbox.datasets.images.rle import decode_mask
 from animal3dbox.errors import SampleError
-from animal3dbox.smal.vocabulary import Vocabulary
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import kornia.augmentation as kornia
 import numpy as np
 import torch
 
-from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.report.overlay import draw_cuboid
 from animal3dbox.transforms import (

@@ -1,7 +1,7 @@
 """Label one animal from arrays; the README shows this file."""
 
 from animal3dbox import CuboidLabel, LabelConfig, label_animal
-from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 
 animal = synthetic_animal(seed=0, index=2)  # stands in for your own image, keypoints, mesh and mask
 

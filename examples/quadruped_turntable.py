@@ -12,8 +12,8 @@ from PIL import Image
 from torch import Tensor
 
 from animal3dbox.geometry.rasterizer import rasterize
-from animal3dbox.smal.quadruped import load_quadruped, preset_betas, quadruped_names
-from animal3dbox.smal.quadruped_poses import POSES, ground_trans, named_pose
+from animal3dbox.smal.quadruped.poses import POSES, ground_trans, named_pose
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas, quadruped_names
 
 SIDE_PX, POSE_PX = 220, 140
 POSED_PRESETS = ("dog", "lion", "horse", "cow")

@@ -10,9 +10,9 @@ import numpy as np
 from PIL import Image
 
 from animal3dbox.cli.demo import label_synthetic
-from animal3dbox.datasets.annotation import annotate
-from animal3dbox.datasets.faults import FaultConfig, faulty
-from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.datasets.synthetic.annotation import annotate
+from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
+from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.report.overlay import draw_label

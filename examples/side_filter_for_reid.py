@@ -9,8 +9,8 @@ import tempfile
 from pathlib import Path
 
 from animal3dbox.datasets import AnnotatedDataset, LabelFilter, Skipped
-from animal3dbox.datasets.stanfordextra_writer import write_stanfordextra
-from animal3dbox.datasets.synthetic_set import SyntheticSet
+from animal3dbox.datasets.synthetic.stanfordextra_writer import write_stanfordextra
+from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
 from animal3dbox.geometry.cuboid import FACE_NAMES
 
 LEFT = FACE_NAMES.index("left")

@@ -7,7 +7,7 @@ from torch.nn import functional as fn
 from torch.utils.data import DataLoader
 
 from animal3dbox.datasets import SyntheticDataset, SyntheticSet, collate_stacked
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.training import EpochSampler, check_targets
 from animal3dbox.transforms import ColorJitter, Compose, RandomHorizontalFlip, RandomResizedCrop
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from animal3dbox.datasets.synthetic import synthetic_scene
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.scenes import synthetic_scene
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 
 COLUMNS, ROWS, WIDTH = 4, 3, 250
 

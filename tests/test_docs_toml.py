@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from animal3dbox.smal.vocabulary import load_vocabulary
+from animal3dbox.smal.keypoints.vocabulary import load_vocabulary
 
 
 def test_the_documented_vocabulary_is_read(tmp_path: Path) -> None:

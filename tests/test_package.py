@@ -54,7 +54,7 @@ def test_the_rule_for_imports_forbids_what_it_should() -> None:
     assert not allowed("animal3dbox.transforms.flip", "animal3dbox.labels.types")
     assert not allowed("animal3dbox.training.checks", "animal3dbox.labels.types")
     assert allowed("animal3dbox.cli.check", "animal3dbox.training.checks")
-    assert not allowed("animal3dbox.datasets.cache", "animal3dbox.transforms.flip")
+    assert not allowed("animal3dbox.datasets.labelling.cache", "animal3dbox.transforms.flip")
 
 
 def test_every_package_is_listed_for_the_build() -> None:

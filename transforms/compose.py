@@ -9,17 +9,17 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ConfigError, SampleError
-from animal3dbox.transforms import opencv_executor
-from animal3dbox.transforms.batch import run_batch
-from animal3dbox.transforms.consistency import check_consistent
-from animal3dbox.transforms.erasing import hide_fields
-from animal3dbox.transforms.fields import Declared, Fields, read_target, write_target
-from animal3dbox.transforms.images import AnyImage, ImageForm, image_form, image_from_bchw, image_to_bchw, owned
-from animal3dbox.transforms.kornia_door import as_transform
-from animal3dbox.transforms.pixel_fields import mapped_with_pixels
+from animal3dbox.transforms.augmentations.erasing import hide_fields
+from animal3dbox.transforms.camera_law.consistency import check_consistent
+from animal3dbox.transforms.camera_law.fields import Declared, Fields, read_target, write_target
+from animal3dbox.transforms.camera_law.relabel import check_keypoint_mirror
+from animal3dbox.transforms.kornia_bridge.door import as_transform
 from animal3dbox.transforms.randomness import SampleKey, sample_generator
-from animal3dbox.transforms.relabel import check_keypoint_mirror
-from animal3dbox.transforms.sampling import check_interpolation
+from animal3dbox.transforms.rendering import opencv_executor
+from animal3dbox.transforms.rendering.batch import run_batch
+from animal3dbox.transforms.rendering.images import AnyImage, ImageForm, image_form, image_from_bchw, image_to_bchw, owned
+from animal3dbox.transforms.rendering.pixel_fields import mapped_with_pixels
+from animal3dbox.transforms.rendering.sampling import check_interpolation
 from animal3dbox.transforms.steps import Erase, Keep, Pass, Plan, Standardise
 from animal3dbox.transforms.transform import Transform
 from animal3dbox.transforms.view import View

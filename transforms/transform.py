@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from animal3dbox.transforms.images import AnyImage
 from animal3dbox.transforms.randomness import check_probability
+from animal3dbox.transforms.rendering.images import AnyImage
 from animal3dbox.transforms.steps import Step
 from animal3dbox.transforms.view import View
 

@@ -11,8 +11,8 @@ from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.face_visibility import near_depth_of_corners, projected_faces, visible_faces
 from animal3dbox.geometry.homography import CameraUpdate, update_camera
 from animal3dbox.geometry.polygon import area_in_box, polygon_area
-from animal3dbox.transforms.fields import Fields
-from animal3dbox.transforms.law import corners_of
+from animal3dbox.transforms.camera_law.fields import Fields
+from animal3dbox.transforms.camera_law.law import corners_of
 from animal3dbox.transforms.steps import IDENTITY, Keep, Step, Warp
 
 

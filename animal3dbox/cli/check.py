@@ -13,9 +13,9 @@ from tqdm import tqdm
 
 from animal3dbox.cli.export import is_labels, read_cuboids
 from animal3dbox.datasets.batches import collate
-from animal3dbox.datasets.by_format import AnnotatedDataset
-from animal3dbox.datasets.exchange.recognition import is_omni3d
-from animal3dbox.datasets.labelling import PosePolicy
+from animal3dbox.datasets.format_datasets import AnnotatedDataset
+from animal3dbox.datasets.labelling.label_records import PosePolicy
+from animal3dbox.datasets.readers.cuboids.omni3d_recognition import is_omni3d
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.report.label_checks import row_findings
 from animal3dbox.report.label_files import labels_file

@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from animal3dbox.datasets.annotation import annotate
-from animal3dbox.datasets.bodies import model_mobility, standing_vertices
-from animal3dbox.datasets.faults import FaultConfig, faulty
-from animal3dbox.datasets.synthetic import SyntheticAnimal, synthetic_animal
+from animal3dbox.datasets.bodies.sources import model_mobility, standing_vertices
+from animal3dbox.datasets.synthetic.annotation import annotate
+from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
+from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal, synthetic_animal
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.files import write_whole
@@ -23,8 +23,8 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.run import Labelled, write_run
-from animal3dbox.smal.quadruped import preset_betas
-from animal3dbox.smal.vocabularies import VOCABULARIES
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+from animal3dbox.smal.quadruped.preset_bodies import preset_betas
 
 
 @dataclass(frozen=True)

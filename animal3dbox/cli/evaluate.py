@@ -8,8 +8,8 @@ import torch
 from tqdm import tqdm
 
 from animal3dbox.cli.label import EXIT_FAULTY, EXIT_OK
-from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
-from animal3dbox.datasets.reading import ReadOptions, read_dataset
+from animal3dbox.datasets.bodies.options import DEFAULT_BODY, bodies_for, body_source
+from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.dataset_study import dataset_rows, dataset_table, true_boxes

@@ -12,11 +12,11 @@ from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
 
 from animal3dbox.cli.label import EXIT_FAULTY, EXIT_OK, LabelJob
-from animal3dbox.datasets.body_options import DEFAULT_BODY, body_source
-from animal3dbox.datasets.by_format import AnnotatedDataset
+from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
+from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
-from animal3dbox.datasets.ledger import Case
-from animal3dbox.datasets.row_maker import NOT_STORED
+from animal3dbox.datasets.labelling.label_store import NOT_STORED
+from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.errors import ConfigError
 
 AT_ONCE = 64

@@ -7,10 +7,10 @@ from pathlib import Path
 import msgspec
 import torch
 
+from animal3dbox.datasets.formats import ReadOptions
 from animal3dbox.datasets.inspection.inspect import inspect_dataset
 from animal3dbox.datasets.inspection.text import as_text
-from animal3dbox.datasets.reading import ReadOptions
-from animal3dbox.smal.vocabularies import vocabulary_of_option
+from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 
 EXIT_OK, EXIT_FAULTY = 0, 4
 

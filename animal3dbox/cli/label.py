@@ -9,19 +9,19 @@ import msgspec
 import torch
 from tqdm import tqdm
 
-from animal3dbox.datasets.bodies import BodySource
-from animal3dbox.datasets.body_options import DEFAULT_BODY, bodies_for, body_source
-from animal3dbox.datasets.images import read_photo
-from animal3dbox.datasets.labelling import PosePolicy, check_pose_policy, label_record, posed_as_stored
-from animal3dbox.datasets.reading import ReadOptions, read_dataset
+from animal3dbox.datasets.bodies.options import DEFAULT_BODY, bodies_for, body_source
+from animal3dbox.datasets.bodies.sources import BodySource
+from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.images.photos import read_photo
+from animal3dbox.datasets.labelling.label_records import PosePolicy, check_pose_policy, label_record, posed_as_stored
+from animal3dbox.datasets.labelling.scale import AltitudeScale, KnownScale, ScaleSource, SpeciesScale
+from animal3dbox.datasets.labelling.sources import has_camera
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
-from animal3dbox.datasets.scale import AltitudeScale, KnownScale, ScaleSource, SpeciesScale
-from animal3dbox.datasets.sources import has_camera
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.report.summary import Summary
-from animal3dbox.smal.vocabularies import vocabulary_of_option
+from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 
 EXIT_OK, EXIT_FAULTY = 0, 4
 

@@ -18,7 +18,7 @@ from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError
 EXIT_USAGE, EXIT_INPUT, EXIT_OUTPUT = 2, 3, 5
 
 Format = Literal["auto", "animal3d", "mesh_folder", "coco", "deeplabcut", "stanfordextra"]
-"""The formats of datasets.reading; a test compares them."""
+"""The formats of datasets.formats; a test compares them."""
 
 
 def demo(
@@ -110,7 +110,7 @@ def synth(
 ) -> int:
     """Write a synthetic dataset: pictures of posed quadrupeds, annotations with faults by a dial, and the truth."""
     from animal3dbox.cli.synth import SynthJob, run_synth
-    from animal3dbox.datasets.faults import FaultConfig
+    from animal3dbox.datasets.synthetic.faults import FaultConfig
 
     faults = FaultConfig(
         noise_px=noise_px,

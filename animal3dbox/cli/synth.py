@@ -5,13 +5,13 @@ from pathlib import Path
 
 import torch
 
-from animal3dbox.datasets.animal3d_writer import write_animal3d
-from animal3dbox.datasets.faults import FaultConfig
-from animal3dbox.datasets.stanfordextra_writer import write_stanfordextra
-from animal3dbox.datasets.synthetic_set import SyntheticSet, animal3d_world
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
+from animal3dbox.datasets.synthetic.faults import FaultConfig
+from animal3dbox.datasets.synthetic.stanfordextra_writer import write_stanfordextra
+from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet, animal3d_world
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError
-from animal3dbox.smal.vocabularies import VOCABULARIES
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from itertools import pairwise, permutations, product
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.faults import FaultConfig
+from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.orientation import RULES, axes_of
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import Cell, Table, quantile

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError
 from animal3dbox.labels.config import LabelConfig
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import msgspec
 import torch
 
-from animal3dbox.datasets.bodies import BodySource
-from animal3dbox.datasets.json_files import decode_json
-from animal3dbox.datasets.labelling import label_record
+from animal3dbox.datasets.bodies.sources import BodySource
+from animal3dbox.datasets.labelling.label_records import label_record
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile

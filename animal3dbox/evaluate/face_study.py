@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.ray_shares import face_shares_by_rays
+from animal3dbox.datasets.synthetic.ray_shares import face_shares_by_rays
 from animal3dbox.evaluate.face_views import BEHIND, CLASSES, draw_view
 from animal3dbox.evaluate.subject import Subject
 from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
 from animal3dbox.geometry.cuboid import FACES, Cuboid
 from animal3dbox.geometry.face_visibility import face_visibility, projected_faces
 from animal3dbox.geometry.rigid import transform_points
-from animal3dbox.labels.seen_surface import surface_share
+from animal3dbox.labels.visibility.visible_surface import surface_share
 
 RAYS = 256
 """Rays along each side of the part of the picture that the box's faces fill: RAYS squared of them, evenly spread."""

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.world.cameras import draw_camera
-from animal3dbox.datasets.world.config import CLEAR, WorldConfig, world_generator
+from animal3dbox.datasets.synthetic.world.cameras import draw_camera
+from animal3dbox.datasets.synthetic.world.config import CLEAR, WorldConfig, world_generator
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.face_visibility import face_visibility, near_depth

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.faults import FaultConfig
+from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean
 from animal3dbox.geometry.rigid import alignment_variation, rotation_angle
-from animal3dbox.labels.axes import body_axes
-from animal3dbox.labels.axes_landmarks import axes_from_directions
+from animal3dbox.labels.axes.body_axes import body_axes
+from animal3dbox.labels.axes.landmarks import axes_from_directions
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.observation import observe
 from animal3dbox.labels.types import CuboidLabel

@@ -10,22 +10,22 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from animal3dbox.datasets.faults import FaultConfig
-from animal3dbox.datasets.world.config import CLEAR
-from animal3dbox.datasets.world.render import render_scene
-from animal3dbox.datasets.world.scene import plan_scene
+from animal3dbox.datasets.synthetic.faults import FaultConfig
+from animal3dbox.datasets.synthetic.world.config import CLEAR
+from animal3dbox.datasets.synthetic.world.render import render_scene
+from animal3dbox.datasets.synthetic.world.scene import plan_scene
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.plots import has_matplotlib, new_figure, png_of
 from animal3dbox.evaluate.subject import Subject, subject
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at
 from animal3dbox.geometry.cuboid import EDGES, FACE_NAMES, FACES, Cuboid
 from animal3dbox.geometry.face_visibility import face_visibility
-from animal3dbox.labels.axes_pca import pca_axes
+from animal3dbox.labels.axes.pca import pca_axes
 from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid
-from animal3dbox.smal.quadruped import load_quadruped
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

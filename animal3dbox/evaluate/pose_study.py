@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.faults import FaultConfig
+from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, percent, quantile

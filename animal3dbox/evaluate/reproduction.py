@@ -1,6 +1,6 @@
 """The paper's baseline as it fails: keypoints left at (0, 0) are fed to RANSAC (section 3.2).
 
-label_animal takes such keypoints for missing, so this goes to labels/pose_basic.py and labels/pose_refine.py directly.
+label_animal takes such keypoints for missing, so this goes to labels/pose/epnp_ransac.py and labels/pose/paper_refinement.py directly.
 """
 
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import torch
 
-from animal3dbox.datasets.faults import FaultConfig
+from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, percent, quantile
@@ -16,11 +16,11 @@ from animal3dbox.geometry.face_visibility import face_visibility
 from animal3dbox.geometry.rigid import rigid
 from animal3dbox.labels.assemble import mask_box
 from animal3dbox.labels.bounds import tight_cuboid
-from animal3dbox.labels.pose_basic import basic_pose
-from animal3dbox.labels.pose_problem import PoseEstimate, PoseFailure, PoseProblem, degenerate_points, in_unit_scale, reprojection_errors
-from animal3dbox.labels.pose_refine import refined_pose
+from animal3dbox.labels.pose.epnp_ransac import basic_pose
+from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma
+from animal3dbox.labels.pose.paper_refinement import refined_pose
+from animal3dbox.labels.pose.problem import PoseEstimate, PoseFailure, PoseProblem, degenerate_points, in_unit_scale, reprojection_errors
 from animal3dbox.labels.types import CuboidLabel
-from animal3dbox.labels.uncertainty import keypoint_sigma
 
 PARTS = (0.1, 0.2, 0.3)
 """Parts of the marked keypoints that are left at (0, 0)."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.annotation import Annotation, annotate
-from animal3dbox.datasets.faults import FaultConfig, faulty
-from animal3dbox.datasets.synthetic import SyntheticAnimal, synthetic_scene
-from animal3dbox.datasets.world.config import world_generator
+from animal3dbox.datasets.synthetic.annotation import Annotation, annotate
+from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
+from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal, synthetic_scene
+from animal3dbox.datasets.synthetic.world.config import world_generator
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal

@@ -14,7 +14,7 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, Cuboid
 from animal3dbox.geometry.face_visibility import corners_visibility, near_depth_of_corners, visible_faces
 from animal3dbox.labels.observation import Array, Observation
-from animal3dbox.labels.pose_problem import PoseEstimate
+from animal3dbox.labels.pose.problem import PoseEstimate
 from animal3dbox.labels.types import CuboidLabel, Quality
 
 INLIER_PER_EXTENT = 0.1

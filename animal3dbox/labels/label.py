@@ -10,8 +10,8 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.observation import ArrayLike, Observation, observe
 from animal3dbox.labels.prepare import prepare
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.vocabulary import Vocabulary
 
 UNKNOWN: Mapping[str, Any] = {
     "keypoints_2d": None, "keypoints_3d": None, "landmark_sigma": None, "vertices": None, "faces": None, "template": None, "K": None,

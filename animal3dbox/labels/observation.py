@@ -15,10 +15,10 @@ from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.checks import check_finite, check_image_hw, check_intrinsics, check_rotation, check_shape
 from animal3dbox.geometry.distortion import check_distortion
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.pose_problem import PoseEstimate
+from animal3dbox.labels.pose.problem import PoseEstimate
+from animal3dbox.smal.keypoints.vocabularies import find_vocabulary
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.vocabularies import find_vocabulary
-from animal3dbox.smal.vocabulary import Vocabulary
 
 Array = NDArray[np.float64]
 ArrayLike = Any

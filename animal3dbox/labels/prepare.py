@@ -11,17 +11,17 @@ from animal3dbox.errors import SampleError
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.distortion import beyond_lens
 from animal3dbox.labels.assemble import Prepared, mask_box
-from animal3dbox.labels.axes import bodies_axes
-from animal3dbox.labels.axes_landmarks import BodyAxes
+from animal3dbox.labels.axes.body_axes import bodies_axes
+from animal3dbox.labels.axes.landmarks import BodyAxes
 from animal3dbox.labels.bounds import PAPER_MARGIN, tight_cuboids
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.lens import straightened, straightened_box
 from animal3dbox.labels.observation import Array, Observation
-from animal3dbox.labels.pose import estimate_pose
-from animal3dbox.labels.pose_problem import PoseEstimate, PoseFailure, PoseProblem
-from animal3dbox.labels.shown_body import shown_body
+from animal3dbox.labels.pose.estimate import estimate_pose
+from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma, misfit_sigma
+from animal3dbox.labels.pose.lens import straightened, straightened_box
+from animal3dbox.labels.pose.problem import PoseEstimate, PoseFailure, PoseProblem
 from animal3dbox.labels.types import Rejection
-from animal3dbox.labels.uncertainty import keypoint_sigma, misfit_sigma
+from animal3dbox.labels.visibility.body_in_picture import shown_body
 
 
 class _Bounded(NamedTuple):

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 
-from animal3dbox.datasets.elements import decoded
-from animal3dbox.datasets.json_files import decode_json
+from animal3dbox.datasets.readers.elements import decoded
+from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
 from animal3dbox.report.label_files import AnimalRow, LabelFile

@@ -13,9 +13,9 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import AnyArray, as_numpy, has_derivatives, is_plain
 from animal3dbox.geometry.checks import check_shape
 from animal3dbox.geometry.rigid import nearest_rotation
-from animal3dbox.smal.landmark_places import LandmarkPlaces
+from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.skinning import BODIES_AT_ONCE, SkinMaps, array_maps, skin, skin_maps
-from animal3dbox.smal.vocabulary import Vocabulary
 
 SPINE_JOINTS = tuple(range(7))  # pelvis to the last vertebra before the neck, in every SMAL topology
 _TAIL_PREFIX = "Tail"

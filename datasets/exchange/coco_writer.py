@@ -7,9 +7,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from animal3dbox.datasets.exchange.conventions import COCO, Floats
 from animal3dbox.datasets.exchange.export import SUPERCATEGORY, Exported, heading_note, images_with_boxes
-from animal3dbox.datasets.exchange.seen_boxes import SeenBoxes, seen_boxes
+from animal3dbox.datasets.readers.cuboids.conventions import COCO, Floats
+from animal3dbox.datasets.readers.cuboids.visible_boxes import SeenBoxes, seen_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import SampleError
 from animal3dbox.files import write_whole

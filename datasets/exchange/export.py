@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from animal3dbox.datasets.exchange.conventions import Convention
+from animal3dbox.datasets.readers.cuboids.conventions import Convention
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
 

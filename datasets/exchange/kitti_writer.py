@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from animal3dbox.datasets.exchange.conventions import KITTI, Floats, yaw_of, yaw_rotation
 from animal3dbox.datasets.exchange.export import Exported, checked_units, heading_note, images_with_boxes
-from animal3dbox.datasets.exchange.kitti_files import OCCLUSION_UNKNOWN, KittiLine, calibration_text, image_line
-from animal3dbox.datasets.exchange.seen_boxes import SeenBoxes, seen_boxes, stacked_boxes, stated_truncation
+from animal3dbox.datasets.readers.cuboids.conventions import KITTI, Floats, yaw_of, yaw_rotation
+from animal3dbox.datasets.readers.cuboids.kitti_files import OCCLUSION_UNKNOWN, KittiLine, calibration_text, image_line
+from animal3dbox.datasets.readers.cuboids.visible_boxes import SeenBoxes, seen_boxes, stacked_boxes, stated_truncation
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole

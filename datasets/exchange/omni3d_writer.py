@@ -6,10 +6,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from animal3dbox.datasets.exchange.conventions import OMNI3D, Floats
 from animal3dbox.datasets.exchange.export import SUPERCATEGORY, Exported, checked_units, heading_note, images_with_boxes
-from animal3dbox.datasets.exchange.omni3d_schema import GENERATOR, Key, Omni3DAnnotation, Omni3DCategory, Omni3DFile, Omni3DImage, Omni3DInfo
-from animal3dbox.datasets.exchange.seen_boxes import seen_boxes, stated_truncation
+from animal3dbox.datasets.readers.cuboids.conventions import OMNI3D, Floats
+from animal3dbox.datasets.readers.cuboids.omni3d_schema import GENERATOR, Key, Omni3DAnnotation, Omni3DCategory, Omni3DFile, Omni3DImage, Omni3DInfo
+from animal3dbox.datasets.readers.cuboids.visible_boxes import seen_boxes, stated_truncation
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.files import write_whole
 

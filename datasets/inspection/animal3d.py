@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from animal3dbox.datasets.animal3d import VOCABULARY
-from animal3dbox.datasets.bodies import BodySource, ParametersBody
+from animal3dbox.datasets.bodies.sources import BodySource, ParametersBody
 from animal3dbox.datasets.inspection.animal3d_entries import key_counts, key_forms, read_raw, value_counts, visibility_values
 from animal3dbox.datasets.inspection.fits import Subject, camera_fits, picture_fit
 from animal3dbox.datasets.inspection.measures import spread
 from animal3dbox.datasets.inspection.result import Animal3DFacts
 from animal3dbox.datasets.inspection.stored_points import ANIMALS, side_facts, stored_points
+from animal3dbox.datasets.readers.animal3d.reader import VOCABULARY
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from animal3dbox.datasets.animal3d_camera import CLOSE
 from animal3dbox.datasets.inspection.result import Animal3DFacts, CameraFit, Inspection, PictureFit, Residual, SideFacts
+from animal3dbox.datasets.readers.animal3d.camera import CLOSE
 
 CENTRED = 2.0
 """Percent of the focal length by which a fitted camera may differ from the stored one."""

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.animal3d_camera import CLOSE, FRAMES
 from animal3dbox.datasets.inspection.animal3d_entries import points_of
 from animal3dbox.datasets.inspection.measures import least_squares_scale, residual, spread
 from animal3dbox.datasets.inspection.result import CameraFit, PictureFit
+from animal3dbox.datasets.readers.animal3d.camera import CLOSE, FRAMES
 from animal3dbox.datasets.records import AnimalRecord
 
 Points = NDArray[np.float64]

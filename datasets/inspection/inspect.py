@@ -5,12 +5,12 @@ from pathlib import Path
 
 import msgspec
 
-from animal3dbox.datasets import animal3d
+from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.inspection.animal3d import animal3d_facts
 from animal3dbox.datasets.inspection.answers import answers
 from animal3dbox.datasets.inspection.records import body_facts, camera_facts, confidences, fault_facts, image_facts, marked_median, mask_facts
 from animal3dbox.datasets.inspection.result import Inspection
-from animal3dbox.datasets.reading import ReadOptions, read_dataset
+from animal3dbox.datasets.readers.animal3d import reader as animal3d
 
 
 def inspect_dataset(path: Path, format: str = "auto", options: ReadOptions | None = None) -> Inspection:

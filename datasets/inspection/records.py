@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.bodies import BodySource
-from animal3dbox.datasets.exif import header_facts
-from animal3dbox.datasets.images import mask_levels, stored_size
+from animal3dbox.datasets.bodies.sources import BodySource
+from animal3dbox.datasets.images.exif import header_facts
+from animal3dbox.datasets.images.photos import mask_levels, stored_size
 from animal3dbox.datasets.inspection.measures import residual, spread
 from animal3dbox.datasets.inspection.result import BodyFacts, CameraFacts, FaultFacts, FaultLine, ImageFacts, MaskFacts
 from animal3dbox.datasets.records import AnimalRecord, RecordSet

@@ -7,15 +7,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.animal3d_camera import FRAMES, SAME
 from animal3dbox.datasets.inspection.animal3d_entries import points_of
 from animal3dbox.datasets.inspection.fits import LEAST, POINTS, TARGETS, Points, Subject, free_camera
 from animal3dbox.datasets.inspection.measures import extent, spread
 from animal3dbox.datasets.inspection.result import CameraFit, SideFacts, StoredPoints
+from animal3dbox.datasets.readers.animal3d.camera import FRAMES, SAME
 from animal3dbox.geometry.rigid import nearest_rotation
+from animal3dbox.smal.keypoints.smal_landmarks import misplaced_sides
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.smal_landmarks import misplaced_sides
-from animal3dbox.smal.vocabulary import Vocabulary
 
 ANIMALS = 400
 """So many animals are compared."""

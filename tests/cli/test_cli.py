@@ -29,8 +29,8 @@ from photo_dataset import (
 )
 
 from animal3dbox.cli.main import Format, main
-from animal3dbox.datasets.bodies import preset_body
-from animal3dbox.datasets.reading import FORMATS
+from animal3dbox.datasets.bodies.sources import preset_body
+from animal3dbox.datasets.formats import FORMATS
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.report.label_files import AnimalRow
 from animal3dbox.report.label_reading import read_labels_json

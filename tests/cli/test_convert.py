@@ -5,7 +5,7 @@ import torch
 from smal_pickles import python2_pickle, random_content
 
 from animal3dbox.cli.main import main
-from animal3dbox.smal.model_files import load_model
+from animal3dbox.smal.files.model_files import load_model
 
 
 def run(*arguments: str) -> int:

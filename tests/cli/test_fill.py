@@ -11,7 +11,7 @@ from small_animals import model_of, small_dataset
 
 from animal3dbox.cli.main import main
 from animal3dbox.datasets import Animal3DDataset, KnownScale, LabelFilter, Skipped
-from animal3dbox.datasets.cache import LabelCache
+from animal3dbox.datasets.labelling.cache import LabelCache
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: Any) -> tuple[int, str, str]:

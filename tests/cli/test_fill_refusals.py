@@ -7,7 +7,7 @@ import pytest
 from commands import ran
 from small_animals import model_of
 
-from animal3dbox.datasets.segments import SegmentWriter
+from animal3dbox.datasets.storage.segments import SegmentWriter
 
 
 @pytest.mark.parametrize(("options", "says"), [(("--body", "dog"), "give one of them"), (("--workers", "-1"), "--workers must not be negative")])

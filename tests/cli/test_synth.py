@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from animal3dbox.cli.main import main
-from animal3dbox.datasets.animal3d import read_animal3d
+from animal3dbox.datasets.readers.animal3d.reader import read_animal3d
 
 SMALL = ("--width", "160", "--height", "120")
 

@@ -14,19 +14,19 @@ from PIL import ExifTags, Image
 from small_animals import HW, model_of, small_dataset, spoiled
 from torch.utils.data import default_collate
 
-from animal3dbox.datasets.bodies import preset_body
-from animal3dbox.datasets.by_format import Animal3DDataset, AnnotatedDataset, SyntheticDataset
-from animal3dbox.datasets.filters import LabelFilter
-from animal3dbox.datasets.fingerprint import code_files
+from animal3dbox.datasets.bodies.sources import preset_body
+from animal3dbox.datasets.format_datasets import Animal3DDataset, AnnotatedDataset, SyntheticDataset
+from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset, Skipped, Target
-from animal3dbox.datasets.label_rows import SPANS, WIDTH, LabelRow
-from animal3dbox.datasets.labelling import label_record
-from animal3dbox.datasets.reading import ReadOptions, read_dataset
+from animal3dbox.datasets.labelling.filters import LabelFilter
+from animal3dbox.datasets.labelling.label_records import label_record
+from animal3dbox.datasets.labelling.label_rows import SPANS, WIDTH, LabelRow
+from animal3dbox.datasets.labelling.scale import AltitudeScale, KnownScale, SpeciesScale, head_and_body
+from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
-from animal3dbox.datasets.scale import AltitudeScale, KnownScale, SpeciesScale, head_and_body
-from animal3dbox.datasets.sources import FileSource
-from animal3dbox.datasets.synthetic_set import SyntheticSet
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.storage.fingerprint import code_files
+from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
@@ -451,8 +451,9 @@ def test_the_format_is_recognised(animals: Path) -> None:
 
 
 def test_the_label_code_s_digest_sees_every_file_that_labels_depend_on() -> None:
-    seen = {path.name for path in code_files()}
-    assert {"label.py", "images.py", "rle.py", "exif.py", "mesh_files.py", "bodies.py", "rasterizer.py", "model.py", "scale.py"} <= seen
+    seen = {f"{path.parent.name}/{path.name}" for path in code_files()}
+    assert {"labels/label.py", "images/photos.py", "images/rle.py", "images/exif.py", "bodies/mesh_formats.py", "bodies/sources.py"} <= seen
+    assert {"geometry/rasterizer.py", "smal/model.py", "labelling/scale.py", "storage/codec.py", "mesh_folder/reader.py"} <= seen
     assert any(path.suffix == ".npz" for path in code_files())
 
 

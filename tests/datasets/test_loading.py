@@ -19,10 +19,10 @@ from torch.utils.data import DataLoader
 
 from animal3dbox.datasets import LabelDataset, Skipped, collate, collate_stacked
 from animal3dbox.datasets.batches import Targets
-from animal3dbox.datasets.bodies import ParametersBody
-from animal3dbox.datasets.reading import ReadOptions, read_dataset
+from animal3dbox.datasets.bodies.sources import ParametersBody
+from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.records import RecordSet
-from animal3dbox.datasets.sources import FileSource
 from animal3dbox.errors import SampleError
 from animal3dbox.training.sampler import EpochSampler
 

@@ -13,13 +13,14 @@ from loading import in_bytes
 from small_animals import model_of, small_dataset, spoiled
 from torch.utils.data import DataLoader, Subset
 
-from animal3dbox.datasets import LabelDataset, LabelFilter, Skipped, SyntheticDataset, SyntheticSet, collate, sources
-from animal3dbox.datasets.bodies import Body, ParametersBody
-from animal3dbox.datasets.images import read_mask
+from animal3dbox.datasets import LabelDataset, LabelFilter, Skipped, SyntheticDataset, SyntheticSet, collate
+from animal3dbox.datasets.bodies.sources import Body, ParametersBody
+from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.images.photos import read_mask
 from animal3dbox.datasets.label_dataset import Target
-from animal3dbox.datasets.reading import ReadOptions, read_dataset
+from animal3dbox.datasets.labelling import sources
+from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.records import AnimalRecord
-from animal3dbox.datasets.sources import FileSource
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels import bounds, prepare
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.run import evaluate_world, world_tables
 

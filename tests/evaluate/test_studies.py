@@ -4,9 +4,9 @@ import pytest
 import torch
 from torch.testing import assert_close
 
-from animal3dbox.datasets.faults import FaultConfig
-from animal3dbox.datasets.synthetic import synthetic_animal
-from animal3dbox.datasets.world.config import CLEAR
+from animal3dbox.datasets.synthetic.faults import FaultConfig
+from animal3dbox.datasets.synthetic.scenes import synthetic_animal
+from animal3dbox.datasets.synthetic.world.config import CLEAR
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.accuracy import NAMED, accuracy_rows, accuracy_table, remeshed
 from animal3dbox.evaluate.config import EvaluateConfig

@@ -16,10 +16,10 @@ from animal3dbox import CuboidLabel, LabelConfig, Rejection, label_animal
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.rasterizer import silhouette
 from animal3dbox.labels.config import Axes, Method
-from animal3dbox.smal.quadruped import load_quadruped, preset_betas
-from animal3dbox.smal.quadruped_poses import named_pose
-from animal3dbox.smal.vocabularies import VOCABULARIES
-from animal3dbox.smal.vocabulary import vocabulary_from_names
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+from animal3dbox.smal.keypoints.vocabulary import vocabulary_from_names
+from animal3dbox.smal.quadruped.poses import named_pose
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
 
 F64 = torch.float64
 MESH, FACES = toy_mesh()

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from animal3dbox import CuboidLabel, LabelConfig, Rejection, label_animal, label_many
-from animal3dbox.datasets.bodies import ParametersBody
-from animal3dbox.datasets.synthetic_set import SyntheticSet
+from animal3dbox.datasets.bodies.sources import ParametersBody
+from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.parameters import posed_bodies
 

@@ -10,8 +10,8 @@ from torch.testing import assert_close
 from animal3dbox.errors import ShapeError
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.parameters import SmalParameters, fitted_pose, posed_bodies, posed_body, whole_betas
-from animal3dbox.smal.quadruped import load_quadruped, preset_betas
-from animal3dbox.smal.quadruped_poses import named_pose
+from animal3dbox.smal.quadruped.poses import named_pose
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
 
 F64 = torch.float64
 ZERO = torch.zeros(3, dtype=F64)

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 
 from animal3dbox.geometry.rigid import axis_angle_from_rotation, rotation_from_axis_angle
-from animal3dbox.smal.quadruped import load_quadruped
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 Content = dict[str, Any]
 TURN = torch.diag(torch.tensor([-1.0, -1.0, 1.0], dtype=torch.float64))

@@ -13,8 +13,8 @@ from animals import toy_landmarks, toy_mesh
 from photo_dataset import HW, Scene, View, view_of
 from PIL import Image
 
-from animal3dbox.datasets.rle import encode_mask
-from animal3dbox.smal.vocabularies import ANIMAL3D_26, AP10K, VOCABULARIES
+from animal3dbox.datasets.images.rle import encode_mask
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26, AP10K, VOCABULARIES
 
 Content = dict[str, Any]
 AP10K_NAMES = list(AP10K)

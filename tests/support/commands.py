@@ -9,7 +9,7 @@ import pytest
 
 from animal3dbox import CuboidLabel, LabelConfig, label_animal
 from animal3dbox.cli.main import main
-from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 from animal3dbox.report.label_files import LabelFile, RejectedRow, animal_row, write_labels_json
 
 

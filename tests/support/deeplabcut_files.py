@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from photo_dataset import HW, Scene, View, view_of
 from PIL import Image
 
-from animal3dbox.smal.vocabularies import ANIMAL3D_26, VOCABULARIES
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26, VOCABULARIES
 
 NAMES = VOCABULARIES["superanimal39"].keypoints
 Column = tuple[str, ...]

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.rasterizer import silhouette
-from animal3dbox.smal.vocabularies import ANIMAL3D_26
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
 
 LANDMARK_IDS = {name: list(range(6 * row, 6 * row + 6)) for row, name in enumerate(ANIMAL3D_26)}
 """The octahedron round each landmark, whose mean it is."""

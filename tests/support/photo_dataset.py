@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
 
-from animal3dbox.datasets.rle import encode_mask
+from animal3dbox.datasets.images.rle import encode_mask
 from animal3dbox.geometry.camera import intrinsics, project
 from animal3dbox.geometry.rasterizer import silhouette
-from animal3dbox.smal.vocabularies import ANIMAL3D_26, VOCABULARIES
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26, VOCABULARIES
 
 HW = (120, 160)
 K = intrinsics(1.2 * max(HW), HW)  # what the package guesses when it is told none

@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 
 from animal3dbox.errors import ModelFileError
-from animal3dbox.smal.model_files import load_smal, load_symmetry
+from animal3dbox.smal.files.model_files import load_smal, load_symmetry
 
 calls: list[str] = []
 events: Counter[str] = Counter()

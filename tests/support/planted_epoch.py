@@ -8,7 +8,7 @@ from small_animals import small_dataset, write_small_animals
 from torch.utils.data import DataLoader
 
 from animal3dbox.datasets import collate
-from animal3dbox.datasets.ledger import LoadReport
+from animal3dbox.datasets.labelling.load_report import LoadReport
 
 SILENT = ("mask vanished",)
 """For which the rendered mask stands in: no fault, but a note."""

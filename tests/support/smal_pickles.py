@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from animal3dbox.smal.keypoints.smal_landmarks import SMAL_LANDMARKS, SMAL_PARENTS, SMAL_VERTICES
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.smal_landmarks import SMAL_LANDMARKS, SMAL_PARENTS, SMAL_VERTICES
 
 Arrays = dict[str, object]
 ROOT_PARENT = 2**32 - 1

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from animal3dbox.datasets.animal3d_writer import write_animal3d
-from animal3dbox.datasets.by_format import Animal3DDataset
-from animal3dbox.datasets.synthetic_set import SyntheticSet, animal3d_world
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.format_datasets import Animal3DDataset
+from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
+from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet, animal3d_world
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 
 HW = (120, 160)
 

@@ -14,7 +14,7 @@ from scenes import scenes, training_target
 from torch import Tensor
 
 from animal3dbox.datasets import SyntheticDataset, SyntheticSet, collate
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES
 from animal3dbox.training.checks import check_targets

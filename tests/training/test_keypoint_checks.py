@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from animal3dbox.datasets import Skipped, SyntheticDataset, SyntheticSet
-from animal3dbox.datasets.faults import FaultConfig
-from animal3dbox.datasets.world.config import WorldConfig
+from animal3dbox.datasets.synthetic.faults import FaultConfig
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.training.checks import check_targets
 from animal3dbox.training.findings import TargetReport
 from animal3dbox.transforms import Compose, RandomHorizontalFlip, RandomResizedCrop, RandomVirtualCamera

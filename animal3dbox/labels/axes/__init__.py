@@ -1,0 +1,1 @@
+"""Which way a body points (section 2.1.1)."""

@@ -1,0 +1,1 @@
+"""Body models in files: SMAL pickles and safetensors."""

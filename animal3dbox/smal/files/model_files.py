@@ -1,0 +1,199 @@
+"""Body models from files: SMAL's pickles and their companions (shape families, symmetry), and safetensors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import ConfigError, ModelFileError
+from animal3dbox.smal.files.model_checks import REMEDY, ModelNames, check_faces, check_involution, checked_model
+from animal3dbox.smal.files.safetensors_file import load_safetensors
+from animal3dbox.smal.keypoints.smal_landmarks import SMAL_EXTRA_LANDMARKS, SMAL_LANDMARKS, SMAL_VERTICES, joint_names
+from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.safe_pickle.arrays import Array, Place, read_array, read_array_list
+from animal3dbox.smal.safe_pickle.reader import DEFAULT_LIMITS, read_pickle
+from animal3dbox.smal.safe_pickle.stream import PickleLimits, describe
+
+PICKLE_SUFFIXES = (".pkl", ".pickle")
+SAFETENSORS_SUFFIX = ".safetensors"
+_NO_PARENT = (-1, 2**32 - 1, 2**64 - 1)  # -1 in the types in which files hold it
+
+LandmarkIds = Mapping[str, Sequence[int]]
+
+
+@dataclass(frozen=True)
+class ShapeFamily:
+    """The clusters of shapes, one a species family, that SMAL's authors give beside the model.
+
+    Attributes:
+        means: (C, S) betas.
+        covariances: (C, S, S) of the betas.
+    """
+
+    means: Tensor
+    covariances: Tensor
+
+
+@dataclass(frozen=True)
+class _Content:
+    """A pickled dictionary whose values become arrays on demand."""
+
+    path: Path
+    values: dict[object, object]
+    limits: PickleLimits
+
+    def array(self, key: str, shape: tuple[int | str, ...], kinds: str = "fiu") -> Array:
+        """The array of a key; a number in shape is that size, a word any but 0. kinds are NumPy's: f, i, u."""
+        array = read_array(self.values[key], Place(str(self.path), key, self.limits))
+        fits = len(array.shape) == len(shape) and all(
+            size == want if isinstance(want, int) else size > 0 for size, want in zip(array.shape, shape, strict=True)
+        )
+        if not fits:
+            wanted = ", ".join(str(size) for size in shape)
+            raise ModelFileError(f"{self.path}: {key} must have shape ({wanted}), got {array.shape}; {REMEDY}")
+        if array.dtype.kind not in kinds:
+            raise ModelFileError(f"{self.path}: {key} must hold {'numbers' if 'f' in kinds else 'whole numbers'}, got {array.dtype}; {REMEDY}")
+        return array
+
+    def floats(self, key: str, shape: tuple[int | str, ...]) -> Tensor:
+        """The same as float64."""
+        return torch.from_numpy(self.array(key, shape).astype(np.float64, copy=False))
+
+
+def load_model(path: Path, landmarks: LandmarkIds | None = None) -> SmalModel:
+    """A body model by its file's suffix: .safetensors, or .pkl and .pickle as load_smal reads them.
+
+    Raises:
+        ConfigError: another suffix, or landmarks for a safetensors file, which has its own.
+        ModelFileError: the file is refused.
+
+    """
+    if path.suffix.lower() == SAFETENSORS_SUFFIX:
+        if landmarks is not None:
+            raise ConfigError(f"landmarks are for pickles; {path} holds its own")
+        return load_safetensors(path)
+    if path.suffix.lower() in PICKLE_SUFFIXES:
+        return load_smal(path, landmarks)
+    raise ConfigError(f"a body model's file must end in {', '.join((SAFETENSORS_SUFFIX, *PICKLE_SUFFIXES))}, got {path}")
+
+
+def load_smal(path: Path, landmarks: LandmarkIds | None = None, symmetry: Tensor | None = None, limits: PickleLimits = DEFAULT_LIMITS) -> SmalModel:
+    """A model from a SMAL-family pickle, float64 on the CPU; nothing that the file names is imported or called.
+
+    Args:
+        path: the file.
+        landmarks: keypoint name -> vertex ids. None: SMAL's own if the model has SMAL's 3889 vertices, else none.
+        symmetry: (V,) as load_symmetry gives it.
+        limits: how much the file may ask for.
+
+    Raises:
+        ModelFileError: the file is damaged, hostile, or no such model; says which key, what was expected, what came.
+
+    """
+    content = _read_dictionary(path, ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "kintree_table", "weights"), limits)
+    parents = _read_parents(content)
+    J = len(parents)
+    v_template = content.floats("v_template", ("V", 3))
+    V = v_template.shape[0]
+    faces = torch.from_numpy(content.array("f", ("F", 3), kinds="iu").astype(np.int64))
+    check_faces(path, "f", faces, V)
+    tensors = {
+        "v_template": v_template,
+        "faces": faces,
+        "shapedirs": content.floats("shapedirs", (V, 3, "S")),
+        "posedirs": content.floats("posedirs", (V, 3, 9 * (J - 1))),
+        "weights": content.floats("weights", (V, J)),
+        "J_regressor": content.floats("J_regressor", (J, V)),
+    }
+    if symmetry is not None:
+        tensors["symmetry"] = symmetry
+    return checked_model(path, tensors, _names(parents, V, landmarks))
+
+
+def load_family(path: Path, limits: PickleLimits = DEFAULT_LIMITS) -> ShapeFamily:
+    """The clusters of `my_smpl_data_*.pkl`, float64.
+
+    Raises:
+        ModelFileError: as load_smal.
+
+    """
+    content = _read_dictionary(path, ("cluster_means", "cluster_cov"), limits)
+    means = content.floats("cluster_means", ("C", "S"))
+    C, S = means.shape
+    members = read_array_list(content.values["cluster_cov"], Place(str(path), "cluster_cov", limits), (C, S, S))
+    if members.dtype.kind not in "fiu":
+        raise ModelFileError(f"{path}: cluster_cov must hold numbers, got {members.dtype}; {REMEDY}")
+    covariances = torch.from_numpy(members.astype(np.float64))
+    if not bool(torch.isfinite(means).all() and torch.isfinite(covariances).all()):
+        raise ModelFileError(f"{path}: cluster_means and cluster_cov must be finite; {REMEDY}")
+    return ShapeFamily(means, covariances)
+
+
+def load_symmetry(path: Path, vertex_count: int | None = None, limits: PickleLimits = DEFAULT_LIMITS) -> Tensor:
+    """Each vertex's mirror image, (V,) int64, from SMAL's `symIdx.pkl`.
+
+    Args:
+        path: the file.
+        vertex_count: V, if it is known.
+        limits: how much the file may ask for.
+
+    Raises:
+        ModelFileError: as load_smal, and if the mirror image's mirror image is another vertex.
+
+    """
+    value = read_pickle(path, limits)
+    if isinstance(value, dict):
+        value = _read_key(path, value, "symIdx")
+    content = _Content(path, {"symIdx": value}, limits)
+    numbers = content.array("symIdx", ("V" if vertex_count is None else vertex_count,))
+    with np.errstate(invalid="ignore"):  # NaN and the like become numbers that differ from them
+        whole = numbers.astype(np.int64)
+    if not np.array_equal(whole, numbers):
+        raise ModelFileError(f"{path}: symIdx must hold whole numbers; take the file that belongs to the model")
+    symmetry = torch.from_numpy(whole)
+    check_involution(path, "symIdx", symmetry)
+    return symmetry
+
+
+def _read_dictionary(path: Path, keys: tuple[str, ...], limits: PickleLimits) -> _Content:
+    value = read_pickle(path, limits)
+    if not isinstance(value, dict):
+        raise ModelFileError(f"{path}: expected a dictionary with {', '.join(keys)}, got {describe(value)}; {REMEDY}")
+    for key in keys:
+        _read_key(path, value, key)
+    return _Content(path, value, limits)
+
+
+def _read_key(path: Path, values: dict[object, object], key: str) -> object:
+    if key not in values:
+        found = ", ".join(sorted(ascii(name[:40])[1:-1] for name in values if isinstance(name, str))[:20])
+        raise ModelFileError(f"{path}: the key {key} is missing; there are {found or 'no names'}; {REMEDY}")
+    return values[key]
+
+
+def _read_parents(content: _Content) -> tuple[int, ...]:
+    """Each joint's parent, from the ids of kintree_table: row 1 names the columns, row 0 their parents."""
+    table = content.array("kintree_table", (2, "J"), kinds="iu")
+    parent_ids, ids = table.tolist()
+    column = {joint: c for c, joint in enumerate(ids)}
+    if len(column) != len(ids):
+        raise ModelFileError(f"{content.path}: kintree_table must name each joint once in row 1; {REMEDY}")
+    parents = tuple(-1 if parent in _NO_PARENT else column.get(parent, len(ids)) for parent in parent_ids)
+    for c, parent in enumerate(parents):
+        if (c == 0) != (parent == -1) or parent >= max(c, 1):
+            raise ModelFileError(
+                f"{content.path}: kintree_table must start with the root, and give each other joint an earlier one for its parent,"
+                f" but column {c} (joint {ids[c]}) has parent {parent_ids[c]}; {REMEDY}"
+            )
+    return parents
+
+
+def _names(parents: tuple[int, ...], vertex_count: int, landmarks: LandmarkIds | None) -> ModelNames:
+    if landmarks is not None:
+        return ModelNames(parents, joint_names(parents), {name: tuple(ids) for name, ids in landmarks.items()})
+    if vertex_count == SMAL_VERTICES:
+        return ModelNames(parents, joint_names(parents), SMAL_LANDMARKS, SMAL_EXTRA_LANDMARKS)
+    return ModelNames(parents, joint_names(parents), {})

@@ -1,0 +1,160 @@
+"""Keypoint vocabularies: which landmark of the body each keypoint of a dataset is, and what a mirror does to it."""
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+from torch import Tensor
+
+from animal3dbox.errors import ConfigError
+from animal3dbox.geometry.arrays import AnyArray
+from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
+
+Groups = Mapping[str, Sequence[int] | Tensor]
+"""Landmark name -> vertex ids, or weights (V,)."""
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """The keypoints of a dataset.
+
+    Attributes:
+        name: what the vocabulary is called.
+        keypoints: (J,) the dataset's own names, in its order.
+        landmarks: (J,) for each keypoint the places on the body that it can be read off, best first: a landmark's name,
+            "joint:NAME", "vertex:12" or "vertices:12+13"; none if the body has no such place.
+        flip: (J,) the index of each keypoint's mirror image; itself in the middle of the body.
+    """
+
+    name: str
+    keypoints: tuple[str, ...]
+    landmarks: tuple[tuple[str, ...], ...]
+    flip: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.keypoints) == len(self.landmarks) == len(self.flip) == len(set(self.keypoints)):
+            raise ConfigError(f"vocabulary {self.name}: keypoints, landmarks and flip must have one entry a keypoint, and names must differ")
+        if sorted(self.flip) != list(range(len(self.flip))) or any(self.flip[self.flip[i]] != i for i in range(len(self.flip))):
+            raise ConfigError(f"vocabulary {self.name}: flip must be a permutation that undoes itself, got {self.flip}")
+        for keypoint, names, side in zip(self.keypoints, self.landmarks, self.sides, strict=True):
+            crossed = [name for name in names if side_of(name) not in (side, None)]
+            if crossed and side_of(keypoint) is not None:
+                raise ConfigError(f"vocabulary {self.name}: keypoint {keypoint!r} is {side}, but its landmark {crossed[0]!r} is not")
+
+    def __len__(self) -> int:
+        return len(self.keypoints)
+
+    @property
+    def sides(self) -> tuple[str | None, ...]:
+        """(J,) "left", "right", or None in the middle, by the keypoint's name, else by its landmark's."""
+        return tuple(side_of(k) or next((side_of(name) for name in names), None) for k, names in zip(self.keypoints, self.landmarks, strict=True))
+
+    def index_of(self, landmark: str) -> int | None:
+        """The keypoint that a landmark is best read as, or None if the vocabulary has none."""
+        return next((i for i, names in enumerate(self.landmarks) if landmark in names), None)
+
+    def on_body(self, groups: Groups, vertices: AnyArray) -> AnyArray:
+        """The keypoints of a body.
+
+        Args:
+            groups: landmark name -> vertex ids, whose mean it is, or weights (V,) of all vertices, as a joint has.
+            vertices: (V, 3) in any frame.
+
+        Returns:
+            (J, 3) in the same frame; NaN for a keypoint that the body has no place for.
+
+        Raises:
+            ConfigError: a keypoint names a vertex that the body does not have.
+
+        """
+        return LandmarkPlaces.of(self.places(groups, len(vertices)), len(vertices)).read(vertices)
+
+    def places(self, groups: Groups, n_vertices: int) -> list[Sequence[int] | Tensor | None]:
+        """Where each keypoint (J,) is read off: vertex ids, weights (V,), or None; see on_body."""
+        found: list[Sequence[int] | Tensor | None] = []
+        for keypoint, names in zip(self.keypoints, self.landmarks, strict=True):
+            found.append(next((place for name in names if (place := groups.get(name, _vertex_ids(name))) is not None), None))
+            last = found[-1]
+            if last is not None and not isinstance(last, Tensor) and not all(0 <= i < n_vertices for i in last):
+                raise ConfigError(f"vocabulary {self.name}: keypoint {keypoint!r} is at vertices {list(last)}, but the body has {n_vertices}")
+        return found
+
+
+def _vertex_ids(name: str) -> tuple[int, ...] | None:
+    """The ids of "vertex:12" or "vertices:12+13"; None for any other name."""
+    kind, _, ids = name.partition(":")
+    return tuple(int(i) for i in ids.split("+")) if kind in ("vertex", "vertices") else None
+
+
+_SIDE = re.compile(r"(?<![A-Za-z])(left|right|[LR](?=_))(?![a-z])|(?<![A-Z])(Left|Right)(?![a-z])")
+_TWIN = {"left": "right", "Left": "Right", "L": "R", "right": "left", "Right": "Left", "R": "L"}
+
+
+def side_of(name: str) -> str | None:
+    """The side that a name says, as a word of its own (left, Left, L_): "left" or "right"; None if it says none."""
+    found = _SIDE.search(name)
+    return None if found is None else ("left" if found.group()[0] in "lL" else "right")
+
+
+def swap_sides(name: str) -> str:
+    """The name of the same place on the other side of the body."""
+    return _SIDE.sub(lambda found: _TWIN[found.group()], name, count=1)
+
+
+def vocabulary_from_names(name: str, keypoints: Mapping[str, Sequence[str] | str | None], pairs: Mapping[str, str] | None = None) -> Vocabulary:
+    """A vocabulary whose keypoints say left and right in their names.
+
+    Args:
+        name: what to call it.
+        keypoints: in order, each keypoint's name -> the landmark(s) it is, or None.
+
+        pairs: keypoint -> its mirror image, where the names do not say left and right.
+
+    Returns:
+        The vocabulary; its flip pairs the names that differ only in left and right.
+
+    Raises:
+        ConfigError: a name says a side, but its twin is missing.
+
+    """
+    names = tuple(keypoints)
+    landmarks = tuple((value,) if isinstance(value, str) else tuple(value or ()) for value in keypoints.values())
+    partners = dict(pairs or {}) | {b: a for a, b in (pairs or {}).items()}
+    flip = []
+    for keypoint in names:
+        partner = partners.get(keypoint, swap_sides(keypoint))
+        if partner not in names:
+            raise ConfigError(f"vocabulary {name}: {keypoint!r} has no twin {partner!r}: name it, or say in flip whose mirror image it is")
+        flip.append(names.index(partner))
+    return Vocabulary(name, names, landmarks, tuple(flip))
+
+
+def load_vocabulary(path: Path) -> Vocabulary:
+    """A vocabulary from a small TOML file.
+
+    ``name``; ``[keypoints]``, in the order of the data, name = landmark, a list of landmarks of which the first that the
+    body has is taken, or [] for none; ``[flip]``, left = right, where names do not say their side.
+
+    Raises:
+        ConfigError: no such file, not TOML, or no vocabulary.
+
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        parsed = msgspec.convert(content, _VocabularyFile)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
+        raise ConfigError(f"{path} is no vocabulary: {error}") from error
+    return vocabulary_from_names(parsed.name, parsed.keypoints, parsed.flip)
+
+
+class _VocabularyFile(msgspec.Struct, forbid_unknown_fields=True):
+    """The TOML file of a user's vocabulary."""
+
+    name: str
+    keypoints: dict[str, str | list[str]]
+    flip: dict[str, str] = {}

@@ -1,0 +1,127 @@
+"""Which vocabulary a file's keypoint names belong to: by names, never by positions."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.errors import ConfigError
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+
+LEAST = 4
+"""Fewer names than a pose needs do not tell a vocabulary."""
+
+_LEGS = {f"{side}_{place}_{joint}": f"{side[0].upper()}_{place[0].upper()}_{joint.capitalize()}"
+         for side in ("left", "right") for place in ("front", "back") for joint in ("elbow", "knee", "paw")}  # fmt: skip
+SPELLINGS: Mapping[str, Mapping[str, str]] = {
+    "animalpose20": {
+        "left_eye": "L_Eye", "right_eye": "R_Eye", "nose": "Nose", "throat": "Throat", "withers": "Withers",
+        "tailbase": "TailBase", "tail_base": "TailBase",
+        **{f"{side}_{ear}": f"{side[0].upper()}_EarBase" for side in ("left", "right") for ear in ("ear", "earbase", "ear_base")},
+        **_LEGS,
+    },
+}  # fmt: skip
+"""Vocabulary -> other spelling -> its keypoint: AnimalPose's own json spells its names out, conversions abbreviate them."""
+
+
+@dataclass(frozen=True)
+class NameMatch:
+    """How a file's keypoints are a vocabulary's.
+
+    Attributes:
+        vocabulary: what they are.
+        columns: (J,) for each keypoint of the vocabulary its place among the names; None if it is not there.
+        unused: names that the vocabulary does not have.
+    """
+
+    vocabulary: Vocabulary
+    columns: tuple[int | None, ...]
+    unused: tuple[str, ...]
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether both have the same keypoints."""
+        return not self.unused and None not in self.columns
+
+    def rows(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The vocabulary's keypoints (J, 3) of points (N, 3) in the order of the names; zeros for those that are not there."""
+        return np.array([(0.0, 0.0, 0.0) if column is None else points[column] for column in self.columns], dtype=np.float64)
+
+
+def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMatch:
+    """The vocabulary that a source's keypoint names belong to, and where each of its keypoints stands among them.
+
+    Upper and lower case are the same. A known vocabulary fits if it has all the names, or if the names have all of it:
+    others are then unused. Of several the one with the very same names is taken, then the largest that is there in whole,
+    then the smallest that holds them; those that mean different places by one name are not chosen between.
+
+    Args:
+        names: as the source lists them, in any order.
+        own: the user's vocabulary, which must have every name.
+
+    Raises:
+        ConfigError: a name comes twice, or no vocabulary fits; gives the nearest names.
+
+    """
+    twice = sorted({name for name in names if [other.casefold() for other in names].count(name.casefold()) > 1})
+    if twice:
+        raise ConfigError(f"the keypoint names {', '.join(twice)} come more than once: there is no telling them apart")
+    if own is not None:
+        match = _matched(names, own)
+        if match.unused or not names:
+            raise ConfigError(f"{_unknown(names, match)}; add them to the vocabulary {own.name} (name = [] for one that is nowhere on the body)")
+        return match
+    matches = [_matched(names, vocabulary) for vocabulary in VOCABULARIES.values()]
+    whole = [match for match in matches if None not in match.columns]
+    within = [match for match in matches if not match.unused] if len(names) >= LEAST else []
+    if not whole and not within:
+        near = max(matches, key=lambda match: len(names) - len(match.unused))
+        raise ConfigError(
+            f"{_unknown(names, near)}; they are no known vocabulary ({', '.join(VOCABULARIES)}): rename them, or give a vocabulary of your own "
+            "(--vocabulary, a TOML file as in docs/formats.md)"
+        )
+    if whole:
+        return max(whole, key=lambda match: (match.is_exact, len(match.vocabulary)))
+    _check_agreement(names, within)
+    return min(within, key=lambda match: len(match.vocabulary))
+
+
+def _matched(names: Sequence[str], vocabulary: Vocabulary) -> NameMatch:
+    """The match with one vocabulary, however bad."""
+    keypoint_of = {keypoint.casefold(): keypoint for keypoint in vocabulary.keypoints}
+    spelled = SPELLINGS.get(vocabulary.name, {})
+    found: dict[str, int] = {}
+    unused = []
+    for i, name in enumerate(names):
+        keypoint = keypoint_of.get(name.casefold(), spelled.get(name.casefold()))
+        if keypoint is None or keypoint in found:
+            unused.append(name)
+        else:
+            found[keypoint] = i
+    return NameMatch(vocabulary, tuple(found.get(keypoint) for keypoint in vocabulary.keypoints), tuple(unused))
+
+
+def _unknown(names: Sequence[str], match: NameMatch) -> str:
+    """Which names a vocabulary does not have, and its nearest."""
+    words, told = match.vocabulary, []
+    for name in match.unused[:5]:
+        near = difflib.get_close_matches(name, words.keypoints, n=2, cutoff=0.0)
+        told.append(f"{name!r} (nearest: {', '.join(near)})")
+    more = f" and {len(match.unused) - 5} more" if len(match.unused) > 5 else ""
+    missing = ", ".join(told) + more if told else "only " + (", ".join(names) or "nothing")
+    return f"the keypoint names have {missing}, of {len(names)}; nearest is {words.name}"
+
+
+def _check_agreement(names: Sequence[str], matches: Sequence[NameMatch]) -> None:
+    """Raise if two vocabularies mean different places by one of the names."""
+    places: dict[str, tuple[str, tuple[str, ...]]] = {}
+    for match in matches:
+        for landmarks, column in zip(match.vocabulary.landmarks, match.columns, strict=True):
+            if column is None:
+                continue
+            first, known = places.setdefault(names[column], (match.vocabulary.name, landmarks))
+            if known and landmarks and not set(known) & set(landmarks):
+                raise ConfigError(f"the keypoint {names[column]!r} is another place in {first} than in {match.vocabulary.name}: give --vocabulary")

@@ -1,0 +1,1 @@
+"""The embedded quadruped: its presets, named poses and joint limits."""

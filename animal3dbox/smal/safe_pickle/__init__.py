@@ -1,0 +1,1 @@
+"""A pickle reader that imports and calls nothing that a file names."""

@@ -1,0 +1,1 @@
+"""Where an animal's body comes from: a preset, a mesh file, fitted parameters."""

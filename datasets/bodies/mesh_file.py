@@ -1,0 +1,127 @@
+"""A mesh file as a body source: any topology, frame and unit, with its landmarks in a JSON file beside it."""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from animal3dbox.datasets.bodies.mesh_formats import MESH_SUFFIXES, read_mesh
+from animal3dbox.datasets.bodies.sources import Body
+from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.storage.fingerprint import content_digest
+from animal3dbox.datasets.storage.json_files import decode_json
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
+
+Place = list[int] | dict[str, list[float]]
+"""Vertex ids, or {"point": [x, y, z]}."""
+
+
+@dataclass(frozen=True)
+class MeshBody:
+    """One mesh for every animal, of any topology.
+
+    Attributes:
+        path: where it came from.
+        vertices: (V, 3).
+        faces: (F, 3) int64.
+        points: landmark or keypoint name -> (3,) on the mesh.
+    """
+
+    path: Path
+    vertices: Tensor
+    faces: Tensor
+    points: dict[str, Tensor]
+
+    @property
+    def name(self) -> str:
+        """The file."""
+        return f"mesh:{self.path.name}"
+
+    @property
+    def fingerprint(self) -> bytes:
+        """Of the mesh and its landmarks."""
+        return content_digest((self.vertices, self.faces, self.points))
+
+    @property
+    def lasting(self) -> bool:
+        """Yes."""
+        return True
+
+    def content(self, sample_id: str) -> bytes:
+        """Nothing: all animals have the same mesh."""
+        return b""
+
+    def body(self, record: AnimalRecord) -> Body:
+        """The mesh with the record's landmarks."""
+        return Body(self.vertices, self.faces, keypoints_of(self.points, record.vocabulary), None, None)
+
+
+def keypoints_of(points: Mapping[str, Tensor], vocabulary: Vocabulary) -> Tensor:
+    """A vocabulary's keypoints (J, 3) on a mesh whose landmarks or keypoints have these places (3,); NaN for those it has not."""
+    rows = torch.full((len(vocabulary), 3), torch.nan, dtype=torch.float64)
+    for row, (keypoint, names) in enumerate(zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)):
+        found = next((points[name] for name in (keypoint, *names) if name in points), None)
+        if found is not None:
+            rows[row] = found
+    return rows
+
+
+def load_mesh_body(mesh: Path, landmarks: Path) -> MeshBody:
+    """A mesh file and the places of its landmarks.
+
+    Args:
+        mesh: .obj, .ply, .stl or .off; any frame, any unit.
+        landmarks: JSON, landmark or keypoint name -> a list of vertex ids (whole numbers), or {"point": [x, y, z]} in the
+            mesh's frame.
+
+    Raises:
+        DatasetNotFoundError: no such file.
+        DatasetFormatError: not a mesh, or landmarks that do not fit it.
+
+    """
+    if mesh.suffix.lower() not in MESH_SUFFIXES:
+        raise ConfigError(f"{mesh} must be a mesh file ({', '.join(MESH_SUFFIXES)}) or a preset ({', '.join(quadruped_names().presets)})")
+    if not mesh.is_file():
+        raise DatasetNotFoundError(f"there is no file {mesh}")
+    vertices, faces = read_mesh(mesh)
+    points = {name: _place(name, place, vertices, landmarks) for name, place in read_landmarks(landmarks).items()}
+    return MeshBody(mesh, torch.from_numpy(vertices), torch.from_numpy(faces), points)
+
+
+def read_landmarks(path: Path) -> dict[str, Place]:
+    """A landmarks file: landmark or keypoint name -> where it is on the mesh; raises DatasetFormatError for a name that is neither."""
+    places: dict[str, Place] = decode_json(path, dict[str, Place])
+    for name in places:
+        if name not in (known := _landmark_names()):
+            near = difflib.get_close_matches(name, known, n=3, cutoff=0.0)
+            raise DatasetFormatError(f"{path}: {name!r} is no landmark or keypoint; the nearest names are {', '.join(near)}")
+    return places
+
+
+@cache
+def _landmark_names() -> tuple[str, ...]:
+    """Every name by which a landmark of a mesh can be used."""
+    words = VOCABULARIES.values()
+    keypoints = {name for vocabulary in words for name in vocabulary.keypoints}
+    landmarks = {name for vocabulary in words for names in vocabulary.landmarks for name in names}
+    return tuple(sorted(keypoints | landmarks | set(load_quadruped().extra_landmarks)))
+
+
+def _place(name: str, place: Place, vertices: np.ndarray, path: Path) -> Tensor:
+    """The point of one landmark."""
+    if isinstance(place, dict):
+        point = place.get("point")
+        if point is None or len(point) != 3:
+            raise DatasetFormatError(f'{path}: {name} must be {{"point": [x, y, z]}} or a list of vertex ids')
+        return torch.tensor(point, dtype=torch.float64)
+    if not place or min(place) < 0 or max(place) >= len(vertices):
+        raise DatasetFormatError(f"{path}: {name} must be vertex ids from 0 to {len(vertices) - 1}, got {place}")
+    return torch.from_numpy(vertices[place].mean(0))

@@ -1,0 +1,144 @@
+"""Each animal's own mesh file as its body, read when it is asked for."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from animal3dbox.datasets.bodies.mesh_file import Place, keypoints_of
+from animal3dbox.datasets.bodies.mesh_formats import read_mesh, read_npz
+from animal3dbox.datasets.bodies.sources import Body, model_digest
+from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
+from animal3dbox.datasets.storage.packed import PackedMapping
+from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
+from animal3dbox.smal.keypoints.smal_landmarks import SMAL_EXTRA_LANDMARKS, SMAL_LANDMARKS, SMAL_VERTICES
+from animal3dbox.smal.model import SmalModel
+
+CACHED = 32
+"""So many meshes are kept in a process: the animals of one mesh follow each other at most by cameras."""
+
+MeshArrays = tuple[Tensor, Tensor, dict[str, Tensor]]
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """Where an animal's mesh lies."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class MeshFolderBodies:
+    """Each animal's own mesh, of any topology; only paths are held, so that workers get it cheaply.
+
+    Attributes:
+        folder: where it came from.
+        meshes: sample id -> the mesh's file.
+        landmarks: landmark or keypoint name -> vertex ids, of all meshes; empty if they bring their own or a model has them.
+        model: what all meshes correspond to vertex by vertex; None if nothing.
+    """
+
+    folder: Path
+    meshes: Mapping[str, MeshFile]
+    landmarks: Mapping[str, Place]
+    model: SmalModel | None = None
+
+    @property
+    def name(self) -> str:
+        """How many meshes."""
+        return f"meshes:{len({file.path for file in self.meshes.values()})} of {self.folder.name}"
+
+    @property
+    def fingerprint(self) -> bytes:
+        """Of the landmarks and the model."""
+        return digest(content_digest(self.landmarks), b"" if self.model is None else model_digest(self.model))
+
+    def packed(self) -> "MeshFolderBodies":
+        """The same with its paths in a few tensors, for workers (packed.py)."""
+        return replace(self, meshes=PackedMapping(MeshFile, self.meshes))
+
+    @property
+    def lasting(self) -> bool:
+        """No: meshes are files."""
+        return False
+
+    def content(self, sample_id: str) -> bytes:
+        """The mesh's file."""
+        try:
+            return file_digest(self._file(sample_id))
+        except OSError as error:
+            raise SampleError(sample_id, "mesh", str(error)) from error
+
+    def _file(self, sample_id: str) -> Path:
+        if sample_id not in self.meshes:
+            raise SampleError(sample_id, "mesh", "there is none for this sample")
+        return self.meshes[sample_id].path
+
+    def body(self, record: AnimalRecord) -> Body:
+        """The record's mesh with its landmarks; its pose is the animal's own.
+
+        Raises:
+            SampleError: there is no mesh, it is damaged, or nothing tells where its landmarks are.
+
+        """
+        path = self._file(record.sample_id)
+        try:
+            stamp = path.stat()
+            vertices, faces, points = _read(path, stamp.st_mtime_ns, stamp.st_size)
+        except (OSError, DatasetFormatError) as error:
+            raise SampleError(record.sample_id, "mesh", str(error)) from error
+        if self.model is not None:
+            self._check_model(self.model, vertices, faces, record.sample_id, path)
+        landmarks = self._keypoints(record, vertices, points, path)
+        if not bool(torch.isfinite(landmarks).any()):
+            raise SampleError(
+                record.sample_id, "landmarks", f"nothing tells where {path.name} has its nose or tail: give landmarks.json with the vertices' ids, "
+                "landmarks in the npz, or --model if it corresponds to a SMAL model"
+            )  # fmt: skip
+        return Body(vertices, faces, landmarks, None, self.model)
+
+    def _keypoints(self, record: AnimalRecord, vertices: Tensor, points: dict[str, Tensor], path: Path) -> Tensor:
+        """The record's keypoints (J, 3): of the mesh's own points, else landmarks.json, else the model, else SMAL's public topology."""
+        if points:
+            return keypoints_of(points, record.vocabulary)
+        if self.landmarks:
+            return keypoints_of(self._places(record.sample_id, vertices, path), record.vocabulary)
+        groups = {} if self.model is None else self.model.landmark_groups
+        if self.model is None and len(vertices) == SMAL_VERTICES:
+            groups = {**SMAL_LANDMARKS, **SMAL_EXTRA_LANDMARKS}
+        try:
+            return record.vocabulary.on_body(groups, vertices)
+        except ConfigError as error:
+            raise SampleError(record.sample_id, "vocabulary", str(error)) from error
+
+    def _places(self, sample_id: str, vertices: Tensor, path: Path) -> dict[str, Tensor]:
+        found = {}
+        for name, ids in self.landmarks.items():
+            if not isinstance(ids, list) or not ids or min(ids) < 0 or max(ids) >= len(vertices):
+                raise SampleError(
+                    sample_id, "landmarks", f"landmarks.json: {name} must be vertex ids from 0 to {len(vertices) - 1} of {path.name}, got {ids}"
+                )
+            found[name] = vertices[ids].mean(0)
+        return found
+
+    def _check_model(self, model: SmalModel, vertices: Tensor, faces: Tensor, sample_id: str, path: Path) -> None:
+        """Raise unless a mesh has the model's vertices in the model's order, as far as its triangles tell."""
+        if len(vertices) != model.vertex_count or faces.shape != model.faces.shape or not bool((faces == model.faces).all()):
+            raise SampleError(
+                sample_id, "mesh", f"{path.name} has {len(vertices)} vertices and {len(faces)} faces that are not those of --model "
+                f"({model.vertex_count} and {len(model.faces)}): leave --model out and give landmarks.json"
+            )  # fmt: skip
+
+
+@lru_cache(maxsize=CACHED)
+def _read(path: Path, changed_ns: int, size: int) -> MeshArrays:
+    """Vertices (V, 3), faces (F, 3) and the file's own landmarks (3,); a file that has changed since is another."""
+    if path.suffix.lower() == ".npz":
+        vertices, faces, places = read_npz(path)
+    else:
+        (vertices, faces), places = read_mesh(path), {}
+    return torch.from_numpy(vertices), torch.from_numpy(faces), {name: torch.from_numpy(point) for name, point in places.items()}

@@ -1,0 +1,1 @@
+"""Pixels: photographs, EXIF headers, masks as pictures and as runs."""

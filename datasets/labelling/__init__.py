@@ -1,0 +1,1 @@
+"""The one way from an annotated animal to its label and target."""

@@ -1,0 +1,1 @@
+"""Animal3D and what is written like it."""

@@ -1,0 +1,1 @@
+"""Other people's cuboids: Omni3D and KITTI."""

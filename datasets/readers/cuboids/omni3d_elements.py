@@ -1,0 +1,166 @@
+"""The elements of an Omni3D file, each checked by itself; -1 becomes None."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from animal3dbox.datasets.readers.cuboids.conventions import Convention, Floats
+from animal3dbox.datasets.readers.cuboids.image_roots import image_path
+from animal3dbox.datasets.readers.cuboids.omni3d_schema import Key, Omni3DAnnotation, Omni3DCategory, Omni3DImage
+from animal3dbox.datasets.readers.elements import decoded, image_size
+from animal3dbox.datasets.records import CuboidImage
+from animal3dbox.errors import SampleError, ShapeError
+from animal3dbox.geometry.checks import check_intrinsics
+
+ROTATION_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class StatedBox:
+    """One annotation: what it says of a box, of the right shapes; NaN where a field is missing.
+
+    Attributes:
+        sample_id: its image, and "#k" after the first box of it.
+        image: its image.
+        category: its category's name.
+        annotation: the annotation itself.
+        corners: (8, 3).
+        center: (3,).
+        dimensions: (3,).
+        rotation: (3, 3), a rotation.
+        box: (4,) xyxy in our px; None if it is not known.
+        truncation: None if it is not known.
+    """
+
+    sample_id: str
+    image: CuboidImage
+    category: str
+    annotation: Omni3DAnnotation
+    corners: Floats
+    center: Floats
+    dimensions: Floats
+    rotation: Floats
+    box: Floats | None
+    truncation: float | None
+
+
+def cuboid_image(raw: msgspec.Raw, number: int, annotations: Path, root: Path | None, convention: Convention) -> tuple[Key, CuboidImage]:
+    """The id and the image of an element of images.
+
+    Raises:
+        SampleError: naming the field that is missing or wrong.
+
+    """
+    element = decoded(raw, Omni3DImage, f"image {number}")
+    name = element.file_path or f"image {element.id}"
+    hw = image_size(element.height, element.width, name)
+    K = numbers(element.K, (3, 3), name, "K")
+    if K is None:
+        raise SampleError(name, "K", "is missing; cuboids need the intrinsics of their image")
+    K = convention.K_in(K)
+    try:
+        check_intrinsics("K", K)
+    except ShapeError as error:
+        raise SampleError(name, "K", str(error)) from error
+    return element.id, CuboidImage(name, image_path(root, annotations, element.file_path, name), hw, K)
+
+
+def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[SampleError]]:
+    """Names by id, and what is wrong with the rest."""
+    names: dict[Key, str] = {}
+    faults = []
+    for number, raw in enumerate(raws):
+        try:
+            category = decoded(raw, Omni3DCategory, f"category {number}")
+            if names.setdefault(category.id, category.name) != category.name:
+                raise SampleError(f"category {number}", "id", f"{category.id} names both {names[category.id]!r} and {category.name!r}")
+        except SampleError as error:
+            faults.append(error)
+    return names, faults
+
+
+def stated_box(annotation: Omni3DAnnotation, sample_id: str, image: CuboidImage, categories: dict[Key, str], convention: Convention) -> StatedBox:
+    """An annotation checked for form.
+
+    Raises:
+        SampleError: naming the field that is missing or wrong.
+
+    """
+    category = categories.get(annotation.category_id)
+    if category is None:
+        raise SampleError(sample_id, "category_id", f"{annotation.category_id} is not among the file's categories: trainers would drop it unsaid")
+    if annotation.category_name not in (None, category):
+        raise SampleError(sample_id, "category_name", f"is {annotation.category_name!r}, but category {annotation.category_id} is {category!r}")
+    center = _needed(numbers(annotation.center_cam, (3,), sample_id, "center_cam"), sample_id, "center_cam")
+    dimensions = _needed(numbers(annotation.dimensions, (3,), sample_id, "dimensions"), sample_id, "dimensions")
+    if dimensions.min() <= 0:
+        raise SampleError(sample_id, "dimensions", f"must be positive, got {dimensions.tolist()}")
+    corners = numbers(annotation.bbox3D_cam, (8, 3), sample_id, "bbox3D_cam")
+    rotation = numbers(annotation.R_cam, (3, 3), sample_id, "R_cam")
+    rotation = np.full((3, 3), np.nan) if rotation is None or not rotation.any() else _rotation(rotation, sample_id)
+    if np.isnan(rotation).any() and corners is None:
+        raise SampleError(sample_id, "R_cam", "is missing, and so are the corners that could stand for it")
+    truncation = annotation.truncation
+    if truncation is not None and truncation != -1 and not 0 <= truncation <= 1:
+        raise SampleError(sample_id, "truncation", f"must lie in 0 to 1, or be -1 if unknown, got {truncation}")
+    return StatedBox(
+        sample_id,
+        image,
+        category,
+        annotation,
+        np.full((8, 3), np.nan) if corners is None else corners,
+        center,
+        dimensions,
+        rotation,
+        box_2d(annotation.bbox2D_tight, sample_id, "bbox2D_tight", convention),
+        None if truncation in (None, -1) else truncation,
+    )
+
+
+def box_2d(said: list[float] | None, sample_id: str, field: str, convention: Convention) -> Floats | None:
+    """A 2D box in our px, (4,) xyxy; None if it is not known."""
+    box = numbers(said, (4,), sample_id, field)
+    if box is None:
+        return None
+    if not (box[2:] > box[:2]).all():
+        raise SampleError(sample_id, field, f"must be x1, y1, x2, y2 with x2 > x1 and y2 > y1, got {box.tolist()}; unknown is four times -1")
+    return convention.boxes_2d_in(box)
+
+
+def numbers(said: object, shape: tuple[int, ...], sample_id: str, field: str) -> Floats | None:
+    """Finite numbers of a shape; None where the field is missing, empty or all -1."""
+    if said is None or said == []:
+        return None
+    try:
+        values = np.array(said, dtype=np.float64)
+    except ValueError as error:  # rows of different lengths
+        raise SampleError(sample_id, field, f"must be {' x '.join(map(str, shape))} numbers, got rows of different lengths") from error
+    if (values == -1).all():
+        return None
+    if values.shape != shape:
+        raise SampleError(sample_id, field, f"must be {' x '.join(map(str, shape))} numbers, got shape {values.shape}")
+    if not np.isfinite(values).all():
+        raise SampleError(sample_id, field, "holds values that are not finite")
+    return values
+
+
+def _needed(values: Floats | None, sample_id: str, field: str) -> Floats:
+    if values is None:
+        raise SampleError(sample_id, field, "is missing or -1, but valid3D is true; an annotation without a 3D box says valid3D false")
+    return values
+
+
+def _rotation(R: Floats, sample_id: str) -> Floats:
+    """A rotation within rounding, made exact where the file was rounded."""
+    off = np.abs(R @ R.T - np.eye(3)).max()
+    if off > ROTATION_TOLERANCE:
+        raise SampleError(sample_id, "R_cam", f"must be a rotation matrix, but R R^T differs from the identity by {off:.2g}")
+    if np.linalg.det(R) < 0:
+        raise SampleError(sample_id, "R_cam", "has determinant -1, a mirrored frame: negate the axis that points the wrong way")
+    if off < 1e-9:
+        return R
+    U, _, Vt = np.linalg.svd(R)
+    return np.asarray(U @ Vt)

@@ -1,0 +1,1 @@
+"""DeepLabCut, csv and h5."""

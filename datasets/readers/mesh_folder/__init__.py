@@ -1,0 +1,1 @@
+"""Folders of images with a mesh file for each animal."""

@@ -1,0 +1,203 @@
+"""A folder of images with a fitted mesh for each animal, and cameras or keypoints: captures, mocap, outputs of mesh regressors."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.datasets.bodies.mesh_file import Place, read_landmarks
+from animal3dbox.datasets.bodies.mesh_folder import MeshFile, MeshFolderBodies
+from animal3dbox.datasets.images.photos import resolve_inside, stored_size
+from animal3dbox.datasets.readers.mesh_folder.camera_files import Camera, load_camera
+from animal3dbox.datasets.readers.mesh_folder.files import AnimalFiles, list_mesh_folder
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.storage.json_files import decode_json
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
+from animal3dbox.smal.files.model_files import load_model
+from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.smal.keypoints.vocabulary_match import match_by_name
+
+FORMAT = "mesh_folder"
+MANIFEST = "mesh_folder.json"
+LANDMARKS = "landmarks.json"
+
+
+class Manifest(msgspec.Struct, forbid_unknown_fields=True):
+    """What may be said of all animals at once."""
+
+    vocabulary: str = "animal3d26"
+    category: str = "animal"
+    unit_m: float | None = None
+
+
+@dataclass(frozen=True)
+class MeshFolder:
+    """A dataset and the meshes of its animals.
+
+    Attributes:
+        records: images in the order of their names.
+        bodies: their meshes, read when they are asked for.
+    """
+
+    records: RecordSet
+    bodies: MeshFolderBodies
+
+
+def is_mesh_folder(path: Path) -> bool:
+    """Whether a path is such a folder: it says so, or has the two folders that must be there; or the file that says so."""
+    return path.name == MANIFEST or (path / MANIFEST).is_file() or ((path / "meshes").is_dir() and (path / "images").is_dir())
+
+
+def read_mesh_folder(root: Path, images: Path | None = None, model: Path | None = None, vocabulary: Vocabulary | None = None) -> MeshFolder:
+    """The animals of a folder with images/, meshes/ and perhaps cameras/, keypoints/ and masks/, see docs/formats.md.
+
+    Args:
+        root: the folder, or its mesh_folder.json.
+        images: the folder of images; None: images/.
+        model: the SMAL file whose vertices all meshes have.
+        vocabulary: of the keypoints; None: as mesh_folder.json says, else animal3d26.
+
+    Raises:
+        DatasetNotFoundError: no such folders.
+        DatasetFormatError: no mesh, or mesh_folder.json or landmarks.json is not what it should be.
+        ModelFileError: the model is refused.
+
+    """
+    home = root.parent if root.is_file() else root
+    if not home.is_dir():
+        raise DatasetNotFoundError(f"there is no folder {home}")
+    said = _manifest(home)
+    reader = _Reader(home, images or home / "images", vocabulary or _vocabulary(said, home), said, lru_cache(maxsize=None)(load_camera))
+    listing = list_mesh_folder(home, reader.images)
+    records, faults, meshes = [], list(listing.faults), {}
+    for files in listing.animals:
+        try:
+            record, mesh = reader.record(files)
+        except SampleError as error:
+            faults.append(error)
+            continue
+        records.append(record)
+        meshes[record.sample_id] = MeshFile(mesh)
+    landmarks = _landmarks(home / LANDMARKS)
+    bodies = MeshFolderBodies(home.resolve(), meshes, landmarks, None if model is None else load_model(model))
+    return MeshFolder(RecordSet(FORMAT, tuple(records), tuple(faults), tuple(listing.notes)), bodies)
+
+
+def _manifest(home: Path) -> Manifest:
+    said: Manifest = decode_json(home / MANIFEST, Manifest) if (home / MANIFEST).is_file() else Manifest()
+    if said.unit_m is not None and not (np.isfinite(said.unit_m) and said.unit_m > 0):
+        raise DatasetFormatError(f"{home / MANIFEST}: unit_m must be the metres of a unit, above 0, got {said.unit_m}")
+    return said
+
+
+def _vocabulary(said: Manifest, home: Path) -> Vocabulary:
+    """The manifest's, a file of which lies beside it."""
+    try:
+        return vocabulary_of_option(str(home / said.vocabulary) if said.vocabulary.endswith(".toml") else said.vocabulary)
+    except ConfigError as error:
+        raise DatasetFormatError(f"{home / MANIFEST}: {error}") from error
+
+
+def _landmarks(path: Path) -> dict[str, Place]:
+    """Vertex ids that hold for every mesh; none without a file."""
+    places = read_landmarks(path) if path.is_file() else {}
+    for name, place in places.items():
+        if isinstance(place, dict):
+            raise DatasetFormatError(f"{path}: {name} must be vertex ids: a point does not move with the mesh")
+    return places
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Makes records of listed files.
+
+    Attributes:
+        home: the folder.
+        images: the folder of images.
+        vocabulary: of the keypoints.
+        said: of all animals.
+        load_camera: with a memory: cameras take many images.
+    """
+
+    home: Path
+    images: Path
+    vocabulary: Vocabulary
+    said: Manifest
+    load_camera: Callable[[Path, tuple[int, int]], Camera]
+
+    def record(self, files: AnimalFiles) -> tuple[AnimalRecord, Path]:
+        """One record and its mesh's file, checked as far as it goes without reading the mesh."""
+        sample_id = files.sample_id
+        image = resolve_inside(self.images, files.image, sample_id, "image")
+        mesh = resolve_inside(self.home, files.mesh, sample_id, "mesh")
+        image_hw = stored_size(image, sample_id)
+        camera = self._camera(files, image_hw)
+        keypoints = self._keypoints(files)
+        if camera.pose is None and not keypoints.any():
+            raise SampleError(sample_id, "camera, keypoints", _nothing_tells(files))
+        record = AnimalRecord(
+            sample_id=sample_id,
+            image_id=files.image,
+            image_path=image,
+            image_hw=image_hw,
+            vocabulary=self.vocabulary,
+            keypoints_2d=keypoints,
+            mask_runs=None,
+            category=self.said.category,
+            mask_path=None if files.mask is None else resolve_inside(self.home, files.mask, sample_id, "mask"),
+            K=camera.K,
+            stored_pose=None if camera.exact else camera.pose,
+            pose=camera.pose if camera.exact else None,
+            distortion=camera.distortion,
+            metres_per_unit=self.said.unit_m if camera.metres_per_unit is None else camera.metres_per_unit,
+        )
+        return record, mesh
+
+    def _camera(self, files: AnimalFiles, image_hw: tuple[int, int]) -> Camera:
+        if files.camera is None:
+            return Camera()
+        path = resolve_inside(self.home, files.camera, files.sample_id, "camera")
+        try:
+            return self.load_camera(path, image_hw)
+        except DatasetFormatError as error:
+            raise SampleError(files.sample_id, "camera", str(error)) from error
+
+    def _keypoints(self, files: AnimalFiles) -> NDArray[np.float64]:
+        """(J, 3) of a file that names them; zeros without one."""
+        rows = np.zeros((len(self.vocabulary), 3))
+        if files.keypoints is None:
+            return rows
+        path = resolve_inside(self.home, files.keypoints, files.sample_id, "keypoints")
+        try:
+            said: dict[str, list[float] | None] = decode_json(path, dict[str, list[float] | None])
+            columns = match_by_name(list(said), self.vocabulary).columns
+        except (DatasetFormatError, ConfigError) as error:
+            raise SampleError(files.sample_id, "keypoints", f"{files.keypoints}: {error}") from error
+        values = list(said.values())
+        for row, column in enumerate(columns):
+            if column is not None and (point := values[column]) is not None:
+                rows[row] = _point(point, files, self.vocabulary.keypoints[row])
+        return rows
+
+
+def _point(numbers: list[float], files: AnimalFiles, name: str) -> list[float]:
+    """x, y, confidence; 1 if it is left out."""
+    point = [*numbers, 1.0] if len(numbers) == 2 else numbers
+    if len(point) != 3 or not np.isfinite(point).all() or not 0 <= point[2] <= 1:
+        raise SampleError(
+            files.sample_id, "keypoints", f"{files.keypoints}: {name} must be [x, y] or [x, y, confidence from 0 to 1] or null, got {numbers}"
+        )
+    return point if point[2] > 0 else [0.0, 0.0, 0.0]
+
+
+def _nothing_tells(files: AnimalFiles) -> str:
+    has = f"{files.camera} has no R and t" if files.camera else "there is no camera"
+    marks = f"{files.keypoints} marks nothing" if files.keypoints else "there are no keypoints"
+    name = Path(files.image).with_suffix("").as_posix()
+    remedy = f"Give K, R and t in cameras/{name}.json (or one camera.json), or keypoints/{name}.json"
+    return f"{has}, and {marks}: nothing tells where {files.mesh} stands. {remedy}"

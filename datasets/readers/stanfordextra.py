@@ -1,0 +1,114 @@
+"""StanfordExtra: photographs of dogs with 24 keypoints and run-length masks."""
+
+from pathlib import Path
+
+import msgspec
+
+from animal3dbox.datasets.images.photos import resolve_inside
+from animal3dbox.datasets.images.segmentation import read_runs
+from animal3dbox.datasets.readers.elements import check_in_box, decoded, image_size, read_box, read_rows
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.storage.json_files import read_json_list
+from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+
+FORMAT = "stanfordextra"
+CATEGORY = "dog"
+VOCABULARY = VOCABULARIES["stanfordextra24"]
+
+
+class _Named(msgspec.Struct):
+    """What names a sample, readable even where the rest is not."""
+
+    img_path: str
+
+
+class StanfordExtraEntry(_Named):
+    """One element of the json's list; other keys are left alone."""
+
+    img_width: int
+    img_height: int
+    joints: list[list[float | None]]
+    img_bbox: list[float]
+    seg: str | dict[str, object] | None = None
+    is_multiple_dogs: bool = False
+
+
+def find_annotations(path: Path) -> Path:
+    """The json of a dataset given by its root or by its annotation file.
+
+    Raises:
+        DatasetNotFoundError: there is none, or more than one.
+
+    """
+    if path.is_file():
+        return path
+    if not path.is_dir():
+        raise DatasetNotFoundError(f"there is no file or folder {path}")
+    found = sorted(p for p in path.glob("*.json") if p.stem == "annotations" or p.stem.lower().startswith("stanfordextra"))
+    if len(found) != 1:
+        seen = ", ".join(p.name for p in found) or "none"
+        raise DatasetNotFoundError(f"{path} must hold one annotations.json or StanfordExtra*.json, found {seen}: give the file itself")
+    return found[0]
+
+
+def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
+    """The dogs of a StanfordExtra json.
+
+    Args:
+        path: the json, or the folder it lies in.
+        images: the folder that img_path is relative to; None: "images" beside the json if there is one, else the
+            json's folder.
+
+    Returns:
+        The records in the file's order, and a fault for each that is unusable.
+
+    Raises:
+        DatasetNotFoundError: no such file, or no such folder of images.
+        DatasetFormatError: not JSON, or not a list.
+
+    """
+    annotations = find_annotations(path)
+    root = images or (annotations.parent / "images" if (annotations.parent / "images").is_dir() else annotations.parent)
+    if not root.is_dir():
+        raise DatasetNotFoundError(f"there is no folder of images {root}")
+    records: list[AnimalRecord] = []
+    faults: list[SampleError] = []
+    seen: dict[str, int] = {}
+    copies: dict[bytes, int] = {}
+    entries = read_json_list(annotations)
+    if not entries:
+        raise DatasetFormatError(f"{annotations} is a list without an entry")
+    for i, raw in enumerate(entries):
+        try:
+            record = _record(raw, i, root, seen)
+            if (first := copies.setdefault(bytes(raw), i)) != i:
+                raise SampleError(record.sample_id, f"entry {i}", f"is entry {first} once more; remove one, or it counts twice")
+            records.append(record)
+        except SampleError as error:
+            faults.append(error)
+    return RecordSet(FORMAT, tuple(records), tuple(faults), categories=(CATEGORY,))
+
+
+def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> AnimalRecord:
+    """One record, checked."""
+    image = decoded(raw, _Named, f"entry {index}").img_path
+    count = seen.get(image, 0)
+    seen[image] = count + 1
+    sample_id = image if count == 0 else f"{image}#{count}"
+    entry = decoded(raw, StanfordExtraEntry, sample_id)
+    image_hw = image_size(entry.img_height, entry.img_width, sample_id, "img_width, img_height")
+    box = read_box(entry.img_bbox, sample_id, "img_bbox")
+    joints = read_rows(entry.joints, len(VOCABULARY), sample_id, "joints")
+    check_in_box(joints, box, sample_id, ("joints", "img_bbox"))
+    return AnimalRecord(
+        sample_id=sample_id,
+        image_id=entry.img_path,
+        image_path=resolve_inside(root, entry.img_path, sample_id, "img_path"),
+        image_hw=image_hw,
+        vocabulary=VOCABULARY,
+        keypoints_2d=joints,
+        mask_runs=None if entry.seg is None else read_runs(entry.seg, image_hw, sample_id, "seg"),
+        category=CATEGORY,
+        box=box,
+    )

@@ -1,0 +1,1 @@
+"""Values as bytes: packed annotations, files of segments, fingerprints."""

@@ -1,0 +1,1 @@
+"""A synthetic world with exact truth, its annotation faults, and its writers."""

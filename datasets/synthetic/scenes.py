@@ -1,0 +1,252 @@
+"""Scenes of a synthetic world: a picture, its animals under a known camera, and everything that is true of them.
+
+The same (seed, index, config) gives the same scene to the byte, whatever else was drawn before.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from animal3dbox.datasets.synthetic.world.animals import StandingAnimal
+from animal3dbox.datasets.synthetic.world.config import CLEAR, WorldConfig
+from animal3dbox.datasets.synthetic.world.render import render_scene, surfaces_of
+from animal3dbox.datasets.synthetic.world.scene import ScenePlan, plan_scene
+from animal3dbox.datasets.synthetic.world.shading import joined_meshes
+from animal3dbox.geometry.camera import PinholeCamera, project
+from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.geometry.face_visibility import FaceVisibility, face_visibility
+from animal3dbox.geometry.rasterizer import silhouette
+from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.labels.bounds import tight_cuboid
+from animal3dbox.labels.visibility.visible_surface import surface_share, visible_keypoints
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.smal.model import SmalModel, trunk_rotation
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
+
+LEAST_PIXELS = 60
+"""A further animal with fewer visible pixels is part of the picture, but is not told of: nobody would mark it. The first needs one."""
+
+
+@dataclass(frozen=True)
+class SceneMesh:
+    """Everything in a scene that can hide something.
+
+    Attributes:
+        vertices_cam: (V, 3) camera frame, the animals' first.
+        faces: (F, 3).
+    """
+
+    vertices_cam: Tensor
+    faces: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticAnimal:
+    """One posed quadruped in a picture, and everything that is true of it; float64.
+
+    World has its z up, and its unit is the body's: about one from nose to rump.
+
+    Attributes:
+        sample_id: preset, pose and number; of further animals in a scene also theirs.
+        image: (H, W, 3) uint8 RGB, of the whole scene.
+        mask: (H, W) bool, where it is seen (modal).
+        vertices: (V, 3) world.
+        R_world_joint: (J, 3, 3) global rotations of the skeleton's joints.
+        model: the body's template.
+        vocabulary: of the keypoints.
+        camera: the scene's.
+        scene: what may hide it.
+        number: which of the scene's animals.
+        parameters: betas (S,), pose (J, 3) and trans (3,) that pose the model into vertices.
+        preset: the species.
+        pose: the pose's name.
+    """
+
+    sample_id: str
+    image: Tensor
+    mask: Tensor
+    vertices: Tensor
+    R_world_joint: Tensor
+    model: SmalModel
+    vocabulary: Vocabulary
+    camera: PinholeCamera
+    scene: SceneMesh
+    number: int
+    parameters: tuple[Tensor, Tensor, Tensor]
+    preset: str
+    pose: str
+
+    @property
+    def image_hw(self) -> tuple[int, int]:
+        """Height and width."""
+        return self.camera.image_hw
+
+    @property
+    def K(self) -> Tensor:
+        """(3, 3) in px."""
+        return self.camera.K
+
+    @property
+    def R(self) -> Tensor:
+        """(3, 3) R_cam_world."""
+        return self.camera.T_cam_world[:3, :3]
+
+    @property
+    def t(self) -> Tensor:
+        """(3,) t_cam_world."""
+        return self.camera.T_cam_world[:3, 3]
+
+    @property
+    def vertices_cam(self) -> Tensor:
+        """(V, 3) camera frame."""
+        return transform_points(self.camera.T_cam_world, self.vertices)
+
+    @cached_property
+    def landmarks(self) -> Tensor:
+        """The keypoints' places (J, 3) in the world; NaN where the body has none."""
+        return self.vocabulary.on_body(self.model.landmark_groups, self.vertices)
+
+    @cached_property
+    def keypoints_2d(self) -> Tensor:
+        """(J, 3) exact px and 1, or 0 outside the frame; hidden ones are not left out."""
+        return exact_keypoints(self.landmarks, self.K, self.R, self.t, self.image_hw)
+
+    @cached_property
+    def keypoint_visible(self) -> Tensor:
+        """(J,) bool: in the frame, and hidden by nothing, by rays from its vertices to the camera."""
+        span = (self.number * self.model.vertex_count, (self.number + 1) * self.model.vertex_count)
+        seen = visible_keypoints(self.vocabulary, self.model.landmark_groups, self.scene.vertices_cam, self.scene.faces, self.K, self.image_hw, span)
+        return seen & (self.keypoints_2d[:, 2] > 0)
+
+    @cached_property
+    def amodal_mask(self) -> Tensor:
+        """(H, W) bool, its silhouette inside the frame as if nothing stood before it."""
+        return silhouette(self.vertices_cam, self.model.faces, self.K, self.image_hw)
+
+    @property
+    def trunk(self) -> Tensor:
+        """(3, 3) R_world_box, from the spine's joints."""
+        return trunk_rotation(self.R_world_joint)
+
+    @cached_property
+    def cuboid_world(self) -> Cuboid:
+        """The tight box along the trunk."""
+        return tight_cuboid(self.vertices, self.trunk)
+
+    @cached_property
+    def cuboid(self) -> Cuboid:
+        """The same in the camera frame."""
+        return self.cuboid_world.transformed(self.camera.T_cam_world)
+
+    @cached_property
+    def faces_seen(self) -> FaceVisibility[Tensor]:
+        """What the camera sees of the box."""
+        return face_visibility(self.cuboid, self.K, self.image_hw)
+
+    @cached_property
+    def surface_share(self) -> Tensor:
+        """(6,) parts of its own surface in the frame by the side it faces, as if nothing stood before it."""
+        return surface_share(self.vertices_cam, self.model.faces, self.cuboid.rotation, self.K, self.image_hw)
+
+    @property
+    def visible_part(self) -> float:
+        """Part of its silhouette in the frame that nothing hides, 0 to 1."""
+        return float(self.mask.sum()) / max(float(self.amodal_mask.sum()), 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticScene:
+    """One picture.
+
+    Attributes:
+        image_id: seed and index.
+        image: (H, W, 3) uint8 RGB.
+        camera: in the world.
+        animals: those that are seen, nearest to the camera's aim first; none if the only one is wholly hidden, or too small to fill a pixel.
+        owner: (H, W) int64, the number of the animal at each pixel's centre; numbers from len(plan.animals) on are things, -1 background.
+        plan: what was drawn.
+    """
+
+    image_id: str
+    image: Tensor
+    camera: PinholeCamera
+    animals: tuple[SyntheticAnimal, ...]
+    owner: Tensor
+    plan: ScenePlan
+
+
+def synthetic_scene(seed: int, index: int, config: WorldConfig | None = None) -> SyntheticScene:
+    """The scene of a seed and an index; raises ConfigError if one of them is negative."""
+    config = config or WorldConfig()
+    plan = plan_scene(seed, index, config)
+    made = render_scene(plan)
+    vertices, faces, _ = joined_meshes(surfaces_of(plan))
+    mesh = SceneMesh(transform_points(plan.camera.T_cam_world, vertices), faces)
+    animals = []
+    for number, animal in enumerate(plan.animals):
+        mask = made.owner == number
+        if int(mask.sum()) >= (1 if number == 0 else LEAST_PIXELS):
+            animals.append(_animal(animal, number, plan, config.vocabulary, made.image, mask, mesh))
+    return SyntheticScene(f"{seed}-{index:06d}", made.image, plan.camera, tuple(animals), made.owner, plan)
+
+
+def synthetic_animal(
+    seed: int,
+    index: int,
+    image_hw: tuple[int, int] = (480, 640),
+    vocabulary: Vocabulary = VOCABULARIES["animal3d26"],
+    preset: str | None = None,
+    pose: str | None = None,
+) -> SyntheticAnimal:
+    """A quadruped in a random pose and view, whole and well seen: the only animal of a scene with the config CLEAR.
+
+    Args:
+        seed: any, not negative.
+        index: which of the seed's animals.
+        image_hw: height and width; the focal length is 0.9 to 2.5 times the longer side.
+        vocabulary: the keypoints wanted.
+        preset: the species; None: the presets in turn.
+        pose: one of POSES; None: drawn.
+
+    """
+    config = replace(
+        CLEAR,
+        image_hw=image_hw,
+        vocabulary=vocabulary,
+        presets=() if preset is None else (preset,),
+        poses=CLEAR.poses if pose is None else (pose,),
+        focal_px=(0.9 * max(image_hw), 2.5 * max(image_hw)),
+    )
+    return synthetic_scene(seed, index, config).animals[0]
+
+
+def exact_keypoints(landmarks: Tensor, K: Tensor, R: Tensor, t: Tensor, image_hw: tuple[int, int]) -> Tensor:
+    """Where landmarks are seen: (J, 3) x, y px and 1, or zeros outside the frame and where the body has none."""
+    px, depth = project(K, landmarks @ R.mT + t)
+    height, width = image_hw
+    inside = (depth > 0) & (px >= -0.5).all(-1) & (px[:, 0] < width - 0.5) & (px[:, 1] < height - 0.5)
+    keypoints = torch.cat((px, torch.ones_like(px[:, :1])), dim=1)
+    return torch.where(inside[:, None], keypoints, torch.zeros_like(keypoints))
+
+
+def _animal(
+    animal: StandingAnimal, number: int, plan: ScenePlan, vocabulary: Vocabulary, image: Tensor, mask: Tensor, mesh: SceneMesh
+) -> SyntheticAnimal:
+    return SyntheticAnimal(
+        sample_id=f"{animal.preset}-{animal.pose_name}-{plan.index}" + (f"#{number}" if number else ""),
+        image=image,
+        mask=mask,
+        vertices=animal.vertices,
+        R_world_joint=animal.R_world_joint,
+        model=load_quadruped(),
+        vocabulary=vocabulary,
+        camera=plan.camera,
+        scene=mesh,
+        number=number,
+        parameters=(animal.betas, animal.pose, animal.trans),
+        preset=animal.preset,
+        pose=animal.pose_name,
+    )

@@ -1,0 +1,111 @@
+"""A whole synthetic dataset in memory: scenes, their annotations, and the records that labelling takes."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from animal3dbox.datasets.bodies.sources import ParametersBody
+from animal3dbox.datasets.images.rle import encode_mask
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.synthetic.annotation import Annotation, Hidden, annotate
+from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
+from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal, SyntheticScene, synthetic_scene
+from animal3dbox.datasets.synthetic.world.config import WorldConfig
+from animal3dbox.errors import ConfigError
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
+
+FORMAT = "synthetic"
+ANIMAL3D_FOCAL_PX = 1000.0
+"""The one focal length, in px, with which Animal3D's bodies were fitted to all of its images."""
+
+
+@dataclass(frozen=True)
+class SyntheticSample:
+    """One animal with what is said of it and what is true of it.
+
+    Attributes:
+        scene: its picture.
+        animal: the truth.
+        annotation: what a dataset would say, faults included.
+    """
+
+    scene: SyntheticScene
+    animal: SyntheticAnimal
+    annotation: Annotation
+
+
+@dataclass(frozen=True)
+class SyntheticSet:
+    """The first scenes of a seed's world; scenes are drawn when they are asked for, always the same.
+
+    Attributes:
+        seed: of the world, and of its faults.
+        images: how many scenes.
+        config: what they are like.
+        faults: what is wrong with their annotations.
+        hidden: whether keypoints that something hides are marked too.
+    """
+
+    seed: int
+    images: int
+    config: WorldConfig = field(default_factory=WorldConfig)
+    faults: FaultConfig = field(default_factory=FaultConfig)
+    hidden: Hidden = "unmarked"
+
+    def __post_init__(self) -> None:
+        if self.images < 1:
+            raise ConfigError(f"a synthetic dataset must have at least one image, got {self.images}")
+
+    def __len__(self) -> int:
+        return self.images
+
+    def samples(self) -> Iterator[SyntheticSample]:
+        """Every animal, scene by scene; the scene before is forgotten."""
+        for index in range(self.images):
+            scene = synthetic_scene(self.seed, index, self.config)
+            for animal in scene.animals:
+                yield SyntheticSample(scene, animal, faulty(annotate(animal, self.hidden), self.faults, self.seed))
+
+    @cached_property
+    def _annotated(self) -> tuple[tuple[AnimalRecord, Annotation], ...]:
+        """Every animal's record and annotation, without its picture."""
+        return tuple((record_of(sample), replace(sample.annotation, mask=sample.annotation.mask[:0])) for sample in self.samples())
+
+    def records(self, stored_pose: bool = False) -> RecordSet:
+        """What labelling takes, each with its own K.
+
+        Args:
+            stored_pose: whether the records know the camera for which their bodies were fitted, as Animal3D's do.
+
+        """
+        camera = (np.eye(3), np.zeros(3)) if stored_pose else None
+        return RecordSet(FORMAT, tuple(replace(record, stored_pose=camera) for record, _ in self._annotated), ())
+
+    def bodies(self) -> ParametersBody:
+        """The animals' bodies as annotated, misfits included, in the camera frame."""
+        return ParametersBody(load_quadruped(), {record.sample_id: annotation.parameters for record, annotation in self._annotated})
+
+
+def record_of(sample: SyntheticSample) -> AnimalRecord:
+    """The record of one sample."""
+    said = sample.annotation
+    return AnimalRecord(
+        sample_id=said.sample_id,
+        image_id=sample.scene.image_id,
+        image_path=None,
+        image_hw=said.image_hw,
+        vocabulary=said.vocabulary,
+        keypoints_2d=said.keypoints_2d.numpy(),
+        mask_runs=encode_mask(said.mask.numpy()),
+        category=sample.animal.preset,
+        K=said.K.numpy(),
+    )
+
+
+def animal3d_world(config: WorldConfig) -> WorldConfig:
+    """The config with the only camera and keypoints that Animal3D's format can tell: 1000 px, centred, its 26 points."""
+    focal = (ANIMAL3D_FOCAL_PX, ANIMAL3D_FOCAL_PX)
+    return replace(config, focal_px=focal, principal_offset=0.0, vocabulary=VOCABULARIES["animal3d26"])

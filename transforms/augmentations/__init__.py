@@ -1,0 +1,1 @@
+"""The transforms themselves, a kind a file."""

@@ -1,0 +1,136 @@
+"""Resize, pad and crop without randomness."""
+
+import numpy as np
+
+from animal3dbox.errors import ConfigError
+from animal3dbox.transforms.camera_law.maps import Size, check_size, cropping, scaling, shifting
+from animal3dbox.transforms.randomness import check_probability
+from animal3dbox.transforms.steps import Keep, Step, Warp
+from animal3dbox.transforms.transform import Transform
+from animal3dbox.transforms.view import View
+
+
+class Resize(Transform):
+    """Resize the picture.
+
+    K: x' = (x + 1/2) s - 1/2, so fx' = s fx and cx' = (cx + 1/2) s - 1/2; likewise y.
+
+    Args:
+        size: (height, width); or one number for the shorter side, keeping the aspect up to the rounding to whole pixels.
+
+    """
+
+    geometric = True
+
+    def __init__(self, size: Size) -> None:
+        super().__init__()
+        self.size = size
+        check_size("size", size)
+
+    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+        """The one map."""
+        height, width = view.image_hw
+        if isinstance(self.size, int | np.integer):
+            factor = self.size / min(height, width)
+            size = (max(1, round(height * factor)), max(1, round(width * factor)))
+        else:
+            size = check_size("size", self.size)
+        return (Warp(scaling((size[1] / width, size[0] / height)), size),)
+
+
+class LetterBox(Transform):
+    """Fit the whole picture into a size, keeping its aspect, and fill the rest.
+
+    K: one scale for x and y, and a shift.
+
+    Args:
+        size: (height, width), or one number for both.
+        enlarge: also enlarge pictures that are smaller.
+
+    """
+
+    geometric = True
+
+    def __init__(self, size: Size, enlarge: bool = True) -> None:
+        super().__init__()
+        self.size = check_size("size", size)
+        self.enlarge = enlarge
+
+    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+        """The one map."""
+        return (Warp(fitting(view.image_hw, self.size, enlarge=self.enlarge), self.size),)
+
+
+def fitting(image_hw: tuple[int, int], size: tuple[int, int], *, enlarge: bool = True) -> np.ndarray:
+    """The map (3, 3) that puts a whole picture into the middle of another size."""
+    factor = min(size[0] / image_hw[0], size[1] / image_hw[1])
+    factor = factor if enlarge else min(factor, 1.0)
+    left, top = (size[1] - factor * image_hw[1]) / 2, (size[0] - factor * image_hw[0]) / 2
+    if factor == 1:
+        left, top = float(int(left)), float(int(top))  # whole pixels stay whole
+    H: np.ndarray = shifting(left, top) @ scaling((factor, factor))
+    return H
+
+
+class PadTo(Transform):
+    """Fill up to a size without resizing; the picture keeps its pixels.
+
+    K: the principal point shifts with the picture.
+
+    Args:
+        size: (height, width), or one number for both; not smaller than the picture.
+        position: "center", or "top_left" to fill on the right and at the bottom only, which leaves K as it is.
+
+    """
+
+    geometric = True
+
+    def __init__(self, size: Size, position: str = "center") -> None:
+        super().__init__()
+        self.size = check_size("size", size)
+        if position not in ("center", "top_left"):
+            raise ConfigError(f"position must be 'center' or 'top_left', got {position!r}")
+        self.position = position
+
+    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+        """The one map."""
+        room = (self.size[0] - view.image_hw[0], self.size[1] - view.image_hw[1])
+        if min(room) < 0:
+            raise ConfigError(f"PadTo({self.size}) cannot hold an image of {view.image_hw} (height, width): resize or crop it first")
+        shift = (room[1] // 2, room[0] // 2) if self.position == "center" else (0, 0)
+        return (Warp(shifting(*shift), self.size),)
+
+
+class CenterCrop(Transform):
+    """Cut out the middle; where the picture is smaller, the rest is filled.
+
+    K: the principal point shifts.
+
+    Args:
+        size: (height, width), or one number for both.
+        min_visible: drop animals of which less than this part of what was visible remains; None keeps all.
+
+    """
+
+    geometric = True
+
+    def __init__(self, size: Size, min_visible: float | None = None) -> None:
+        super().__init__()
+        self.size = check_size("size", size)
+        self.min_visible = None if min_visible is None else check_probability("min_visible", min_visible)
+
+    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+        """The map, and which animals stay."""
+        left, top = (view.image_hw[1] - self.size[1]) // 2, (view.image_hw[0] - self.size[0]) // 2
+        box = (left - 0.5, top - 0.5, left + self.size[1] - 0.5, top + self.size[0] - 0.5)
+        warp = Warp(cropping(box, self.size), self.size)
+        parts = None if self.min_visible is None else view.visible_parts(np.array([box]))
+        return (warp, *keep_visible(view, None if parts is None else parts[0], self.min_visible))
+
+
+def keep_visible(view: View, parts: np.ndarray | None, min_visible: float | None) -> tuple[Keep, ...]:
+    """The step that keeps the animals of which at least a given part is left, of parts (N,)."""
+    if parts is None or min_visible is None:
+        return ()
+    kept = tuple(index for index, part in zip(view.alive, parts, strict=True) if not part < min_visible)
+    return (Keep(kept, min_visible),) if kept != view.alive else ()

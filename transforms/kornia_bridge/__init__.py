@@ -1,0 +1,1 @@
+"""kornia's augmentations as transforms of cameras and cuboids."""

@@ -1,0 +1,110 @@
+"""What both executors share about reading pixels: how much to shrink first, where there is nothing to read, ties."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from animal3dbox.errors import ConfigError, ShapeError
+from animal3dbox.transforms.camera_law.maps import scaling, shifting
+from animal3dbox.transforms.steps import Erase
+
+INTERPOLATIONS = ("nearest", "bilinear", "bicubic")
+TIE_PX = 1e-3
+"""Nearest neighbours are read this much to the left and above, so that a tie goes to the same pixel everywhere."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How to read a picture for a warp.
+
+    Attributes:
+        shrink_xy: whole numbers of pixels to average first, so that strong shrinking does not alias.
+        H_in_out: (3, 3) from pixels of the result to pixels of the shrunken picture; the third coordinate of its result is
+            positive where something can be read, since H_out_in is oriented.
+        image_hw: height and width of the result.
+        horizon: whether parts of the result lie beyond the map's horizon, where there is nothing to read.
+    """
+
+    shrink_xy: tuple[int, int]
+    H_in_out: np.ndarray
+    image_hw: tuple[int, int]
+    horizon: bool
+
+    @property
+    def affine(self) -> bool:
+        """Whether the map has no perspective."""
+        return bool((self.H_in_out[2, :2] == 0).all())
+
+    def beyond(self) -> np.ndarray:
+        """Which pixels of the result lie beyond the horizon, (H, W) bool."""
+        height, width = self.image_hw
+        a, b, c = self.H_in_out[2]
+        over: np.ndarray = a * np.arange(width)[None] + b * np.arange(height)[:, None] + c <= 0
+        return over
+
+
+def plan_reading(H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int], interpolation: str) -> Reading:
+    """How to read a picture.
+
+    Args:
+        H_out_in: (3, 3), w > 0 on what stays in the picture.
+        image_hw_in: height and width before.
+        image_hw_out: height and width after.
+        interpolation: one of INTERPOLATIONS; "nearest" is never shrunk first.
+
+    """
+    H_in_out = np.linalg.inv(H_out_in)
+    affine = not H_in_out[2, :2].any()
+    horizon, shrink = False, (1, 1)
+    if not affine:
+        horizon = bool((_corners(image_hw_out) @ H_in_out[2] <= 0).any())
+    if interpolation == "nearest":
+        H_in_out = shifting(-TIE_PX, -TIE_PX) @ H_in_out
+    else:
+        shrink = _shrink(H_in_out, image_hw_in, image_hw_out, affine=affine)
+        if shrink != (1, 1):
+            H_in_out = scaling((1 / shrink[0], 1 / shrink[1])) @ H_in_out
+    return Reading(shrink, H_in_out, image_hw_out, horizon)
+
+
+def _corners(image_hw: tuple[int, int]) -> np.ndarray:
+    """The corners and the middle of an image, homogeneous (5, 3)."""
+    right, bottom = image_hw[1] - 0.5, image_hw[0] - 0.5
+    return np.array([[-0.5, -0.5, 1], [right, -0.5, 1], [-0.5, bottom, 1], [right, bottom, 1], [(right - 0.5) / 2, (bottom - 0.5) / 2, 1]])
+
+
+def _shrink(H_in_out: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int], *, affine: bool) -> tuple[int, int]:
+    """Whole numbers of pixels (x, y) to average: how many are read per pixel made, where the fewest are."""
+    if affine:
+        fewest = np.hypot(H_in_out[:2, 0], H_in_out[:2, 1]) / abs(H_in_out[2, 2])
+    else:
+        mapped = _corners(image_hw_out) @ H_in_out.T
+        mapped = mapped[mapped[:, 2] > 0]
+        if not len(mapped):
+            return 1, 1
+        px, w = mapped[:, :2] / mapped[:, 2:], mapped[:, 2, None, None]
+        jacobian = (H_in_out[None, :2, :2] - px[:, :, None] * H_in_out[None, 2:, :2]) / w  # d px_in / d px_out, by the quotient rule
+        fewest = np.linalg.norm(jacobian, axis=2).min(axis=0)
+    across, down = (max(1, int(min(float(steps), side) + 1e-6)) for steps, side in zip(fewest, image_hw_in[::-1], strict=True))
+    return across, down
+
+
+def check_interpolation(interpolation: str) -> str:
+    """The name, or a ConfigError that lists the known ones."""
+    if interpolation not in INTERPOLATIONS:
+        raise ConfigError(f"interpolation must be one of {', '.join(INTERPOLATIONS)}, got {interpolation!r}")
+    return interpolation
+
+
+def gaussian_kernel(sigma_px: float, image_hw: tuple[int, int]) -> np.ndarray:
+    """Weights (2 r + 1,) of a Gaussian out to three sigma, not beyond the picture."""
+    radius = min(int(np.ceil(3 * sigma_px)), min(image_hw) - 1)
+    weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma_px) ** 2)
+    kernel: np.ndarray = (weights / weights.sum()).astype(np.float32)
+    return kernel
+
+
+def check_erase(step: Erase, channels: int) -> None:
+    """Raise a ShapeError unless the erasing colour has one value, or one a channel."""
+    if step.value is not None and len(step.value) not in (1, channels):
+        raise ShapeError(f"image has {channels} channels, but RandomErasing's value has {len(step.value)}: give one number, or one a channel")
