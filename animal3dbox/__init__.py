@@ -1,7 +1,7 @@
 """Oriented 3D boxes with named faces for animals in images.
 
-The names below are loaded when first used (PEP 562), so that ``import animal3dbox`` and the command line do not
-wait for torch.
+The names below are loaded when first used (PEP 562), so that ``import animal3dbox`` and the command
+line do not wait for torch.
 """
 
 from importlib import import_module
@@ -26,7 +26,15 @@ _HOMES = {
     "label_many": "animal3dbox.labels.label",
 }
 
-__all__ = ["Cuboid", "CuboidLabel", "LabelConfig", "Rejection", "__version__", "label_animal", "label_many"]
+__all__ = [
+    "Cuboid",
+    "CuboidLabel",
+    "LabelConfig",
+    "Rejection",
+    "__version__",
+    "label_animal",
+    "label_many",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -18,7 +18,10 @@ class ConfigError(Animal3DBoxError, ValueError):
 
 
 class ModelFileError(Animal3DBoxError, ValueError):
-    """A body model's file is refused: says which file, where in it, what is wrong and what to do."""
+    """A body model's file is refused.
+
+    Says which file, where in it, what is wrong and what to do.
+    """
 
 
 class DatasetNotFoundError(Animal3DBoxError, FileNotFoundError):
@@ -38,12 +41,18 @@ class SampleError(Animal3DBoxError, ValueError):
         problem: what is wrong and, where there is one, the remedy.
     """
 
-    def __init__(self, sample_id: str | None, field: str | None = None, problem: str | None = None) -> None:
-        if field is None or problem is None:  # torch's DataLoader makes a worker's error anew from its printed traceback alone
+    def __init__(
+        self, sample_id: str | None, field: str | None = None, problem: str | None = None
+    ) -> None:
+        if (
+            field is None or problem is None
+        ):  # torch's DataLoader makes a worker's error anew from its printed traceback alone
             told = str(sample_id)
             sample_id, field, problem = _told_by_worker(told)
             self.add_note(told)
-        super().__init__(sample_id, field, problem)  # all three, so that the error survives pickling between processes
+        super().__init__(
+            sample_id, field, problem
+        )  # all three, so that the error survives pickling between processes
         self.sample_id = sample_id
         self.field = field
         self.problem = problem

@@ -1,12 +1,16 @@
-"""Augmentation of one image at a time in a worker: CPU time against kornia as it is and against albumentations.
+"""Augmentation of one image at a time in a worker.
+
+CPU time against kornia as it is and against albumentations.
 
     python benchmarks/augment.py [--rounds 30]
 
-One thread, 640 x 480 to 512 x 512, side by side in one run: every round times ten calls in a row of each library, as a worker makes
-them, on the same image with the same drawn values, and the medians are compared. Each library starts from the decoded uint8 image and
-ends with what training takes. kornia and albumentations move points in pixels only; animal3dbox is timed with the same work (keypoints
-only) and with all it does (camera, cuboids, faces, shares, truncation, boxes, keypoints).
-albumentations is compared where it is installed (pip install albumentations==2.0.8 into a copy of the environment).
+One thread, 640 x 480 to 512 x 512, side by side in one run: every round times ten calls in a row of
+each library, as a worker makes them, on the same image with the same drawn values, and the medians
+are compared. Each library starts from the decoded uint8 image and ends with what training takes.
+kornia and albumentations move points in pixels only; animal3dbox is timed with the same work
+(keypoints only) and with all it does (camera, cuboids, faces, shares, truncation, boxes,
+keypoints). albumentations is compared where it is installed (pip install albumentations==2.0.8 into
+a copy of the environment).
 """
 
 import argparse
@@ -25,7 +29,14 @@ from animal3dbox.geometry.camera import intrinsics, project
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.face_visibility import corners_in_front, face_visibility
 from animal3dbox.geometry.rigid import rotation_from_axis_angle
-from animal3dbox.transforms import ColorJitter, Compose, Normalize, RandomAffine, RandomHorizontalFlip, RandomResizedCrop
+from animal3dbox.transforms import (
+    ColorJitter,
+    Compose,
+    Normalize,
+    RandomAffine,
+    RandomHorizontalFlip,
+    RandomResizedCrop,
+)
 
 HW, SIZE = (480, 640), 512
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
@@ -39,11 +50,19 @@ def target_of(count: int) -> dict[str, Any]:
     center = torch.rand(count, 3, generator=rng, dtype=torch.float64) - 0.5
     center[:, 2] += 6
     box = Cuboid(
-        center, rotation_from_axis_angle(torch.randn(count, 3, generator=rng, dtype=torch.float64)), torch.ones(count, 3, dtype=torch.float64)
+        center,
+        rotation_from_axis_angle(torch.randn(count, 3, generator=rng, dtype=torch.float64)),
+        torch.ones(count, 3, dtype=torch.float64),
     )
     camera = intrinsics((700.0, 690.0), HW)
     seen = face_visibility(box, camera, HW)
-    keypoints = torch.cat((project(camera, box.corners())[0].mean(1, keepdim=True).expand(count, 26, 2), torch.ones(count, 26, 1)), dim=-1)
+    keypoints = torch.cat(
+        (
+            project(camera, box.corners())[0].mean(1, keepdim=True).expand(count, 26, 2),
+            torch.ones(count, 26, 1),
+        ),
+        dim=-1,
+    )
     target = {
         "corners_3d": box.corners(), "center": box.center, "rotation": box.rotation, "size": box.size,
         "corners_2d": project(camera, box.corners())[0], "corner_in_front": corners_in_front(box), "face_visible": seen.visible,
@@ -52,32 +71,54 @@ def target_of(count: int) -> dict[str, Any]:
         "labels": torch.zeros(count, dtype=torch.int64), "keypoints": keypoints, "boxes": torch.tensor([[100.0, 100, 300, 300]]).expand(count, 4),
         "keypoint_mirror": torch.arange(26),
     }  # fmt: skip
-    return {name: value.float() if value.is_floating_point() else value for name, value in target.items()}
+    return {
+        name: value.float() if value.is_floating_point() else value
+        for name, value in target.items()
+    }
 
 
 def ours(colour: bool, image: torch.Tensor, target: dict[str, Any]) -> Callable[[], Any]:
     """Our pipeline: one fused warp, the whole target."""
-    steps: list[Any] = [RandomHorizontalFlip(1), RandomAffine((DEGREES, DEGREES), scale=(SCALE, SCALE)), RandomResizedCrop(SIZE, (AREA, AREA))]
+    steps: list[Any] = [
+        RandomHorizontalFlip(1),
+        RandomAffine((DEGREES, DEGREES), scale=(SCALE, SCALE)),
+        RandomResizedCrop(SIZE, (AREA, AREA)),
+    ]
     steps += [ColorJitter(JITTER, JITTER, JITTER), Normalize(MEAN, STD)] if colour else []
     compose = Compose(steps)
     return lambda: compose(image, target, key=(0, 0))
 
 
 def with_kornia(colour: bool, image: torch.Tensor, target: dict[str, Any]) -> Callable[[], Any]:
-    """Time kornia's AugmentationSequential as it is; of the target it moves the corners and keypoints in pixels only."""
+    """Time kornia's AugmentationSequential as it is.
+
+    Of the target it moves the corners and keypoints in pixels only.
+    """
     area = AREA * min(HW) ** 2 / (HW[0] * HW[1])
     steps: list[Any] = [
         K.RandomHorizontalFlip(p=1),
         K.RandomAffine((DEGREES, DEGREES), scale=(SCALE, SCALE), p=1),
         K.RandomResizedCrop((SIZE, SIZE), scale=(area, area), ratio=(1.0, 1.0), p=1),
     ]
-    steps += [K.ColorJitter(JITTER, JITTER, JITTER, 0.0, p=1), K.Normalize(torch.tensor(MEAN), torch.tensor(STD))] if colour else []
+    steps += (
+        [
+            K.ColorJitter(JITTER, JITTER, JITTER, 0.0, p=1),
+            K.Normalize(torch.tensor(MEAN), torch.tensor(STD)),
+        ]
+        if colour
+        else []
+    )
     sequence = K.AugmentationSequential(*steps, data_keys=["input", "keypoints"])
-    points = torch.cat((target["corners_2d"].reshape(1, -1, 2), target["keypoints"][..., :2].reshape(1, -1, 2)), dim=1)
+    points = torch.cat(
+        (target["corners_2d"].reshape(1, -1, 2), target["keypoints"][..., :2].reshape(1, -1, 2)),
+        dim=1,
+    )
     return lambda: sequence(image[None].float() / 255, points)
 
 
-def with_albumentations(colour: bool, image: np.ndarray, target: dict[str, Any]) -> Callable[[], Any]:
+def with_albumentations(
+    colour: bool, image: np.ndarray, target: dict[str, Any]
+) -> Callable[[], Any]:
     """Time albumentations with keypoints; it knows no camera."""
     A: Any = importlib.import_module("albumentations")
     area = AREA * min(HW) ** 2 / (HW[0] * HW[1])
@@ -87,16 +128,32 @@ def with_albumentations(colour: bool, image: np.ndarray, target: dict[str, Any])
         A.RandomResizedCrop((SIZE, SIZE), scale=(area, area), ratio=(1.0, 1.0), p=1),
     ]
     steps += (
-        [A.ColorJitter((1 - JITTER, 1 + JITTER), (1 - JITTER, 1 + JITTER), (1 - JITTER, 1 + JITTER), (0, 0), p=1), A.Normalize(MEAN, STD)]
+        [
+            A.ColorJitter(
+                (1 - JITTER, 1 + JITTER),
+                (1 - JITTER, 1 + JITTER),
+                (1 - JITTER, 1 + JITTER),
+                (0, 0),
+                p=1,
+            ),
+            A.Normalize(MEAN, STD),
+        ]
         if colour
         else []
     )
-    pipeline = A.Compose(steps, keypoint_params=A.KeypointParams(format="xy", remove_invisible=False))
-    points = torch.cat((target["corners_2d"].reshape(-1, 2), target["keypoints"][..., :2].reshape(-1, 2))).numpy()
+    pipeline = A.Compose(
+        steps, keypoint_params=A.KeypointParams(format="xy", remove_invisible=False)
+    )
+    points = torch.cat(
+        (target["corners_2d"].reshape(-1, 2), target["keypoints"][..., :2].reshape(-1, 2))
+    ).numpy()
 
     def run() -> Any:
         made = pipeline(image=image, keypoints=points)
-        return torch.from_numpy(np.ascontiguousarray(made["image"].transpose(2, 0, 1))), made["keypoints"]
+        return (
+            torch.from_numpy(np.ascontiguousarray(made["image"].transpose(2, 0, 1))),
+            made["keypoints"],
+        )
 
     return run
 
@@ -126,17 +183,30 @@ def main() -> None:
     array = cv2.normalize(smooth, smooth, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
     image = torch.from_numpy(array).permute(2, 0, 1).contiguous()
     target = target_of(2)
-    print(f"OpenCV {cv2.__version__}, torch {torch.__version__}, one thread, 640x480 -> 512x512, target with 2 boxes and 52 keypoints")
-    for title, colour in (("flip + affine + crop", False), ("the same + colour jitter + normalise", True)):
+    print(
+        f"OpenCV {cv2.__version__}, torch {torch.__version__}, one thread, 640x480 -> 512x512,"
+        " target with 2 boxes and 52 keypoints"
+    )
+    for title, colour in (
+        ("flip + affine + crop", False),
+        ("the same + colour jitter + normalise", True),
+    ):
         points = {name: target[name] for name in ("keypoints", "keypoint_mirror", "labels")}
-        runs = {"all targets": ours(colour, image, target), "keypoints only": ours(colour, image, points)}
+        runs = {
+            "all targets": ours(colour, image, target),
+            "keypoints only": ours(colour, image, points),
+        }
         runs["kornia"] = with_kornia(colour, image, target)
         if importlib.util.find_spec("albumentations"):
             runs["albumentations"] = with_albumentations(colour, array, target)
         result = medians(runs, rounds)
         print(f"{title}: " + ", ".join(f"{name} {ms:.2f} ms" for name, ms in result.items()))
         for mine in ("all targets", "keypoints only"):
-            ratios = ", ".join(f"{name} {result[name] / result[mine]:.1f}x" for name in ("kornia", "albumentations") if name in result)
+            ratios = ", ".join(
+                f"{name} {result[name] / result[mine]:.1f}x"
+                for name in ("kornia", "albumentations")
+                if name in result
+            )
             print(f"    against animal3dbox with {mine}: {ratios}")
     if not importlib.util.find_spec("albumentations"):
         print("albumentations is not installed here")

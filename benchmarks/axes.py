@@ -22,19 +22,36 @@ def main() -> None:
     poses = torch.stack([named_pose(pose) for pose in POSES])
     angles: dict[str, list[float]] = {}
     for preset in quadruped_names().presets:
-        body = model.posed(preset_betas(preset).expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=torch.float64))
+        body = model.posed(
+            preset_betas(preset).expand(len(poses), -1),
+            poses,
+            torch.zeros(len(poses), 3, dtype=torch.float64),
+        )
         for vertices, truth in zip(body.vertices, trunk_rotation(body.R_world_joint), strict=True):
             every = {name: vertices[list(ids)].mean(0) for name, ids in groups.items()}
             of_26 = {name: every[name] for name in ANIMAL3D_26}
-            rules = {"torso vertices on the template": torso_axes(vertices, model), "pca": pca_axes(vertices)}
-            named = {"trunk landmarks with hips": trunk_axes(every), "trunk landmarks of Animal3D's 26": trunk_axes(of_26)}
-            named["landmarks (the paper's first rule)"] = landmark_axes(of_26, dict.fromkeys(of_26, True))
+            rules = {
+                "torso vertices on the template": torso_axes(vertices, model),
+                "pca": pca_axes(vertices),
+            }
+            named = {
+                "trunk landmarks with hips": trunk_axes(every),
+                "trunk landmarks of Animal3D's 26": trunk_axes(of_26),
+            }
+            named["landmarks (the paper's first rule)"] = landmark_axes(
+                of_26, dict.fromkeys(of_26, True)
+            )
             rules |= {name: axes.R_box for name, axes in named.items() if axes is not None}
             for name, R_box in rules.items():
-                angles.setdefault(name, []).append(float(torch.rad2deg(rotation_angle(R_box, truth))))
+                angles.setdefault(name, []).append(
+                    float(torch.rad2deg(rotation_angle(R_box, truth)))
+                )
     for name, found in angles.items():
         values = torch.tensor(found)
-        print(f"{name:36} {len(found)} bodies: median {values.median():6.2f}, 95 % {values.quantile(0.95):6.2f}, most {values.amax():6.2f} degrees")
+        print(
+            f"{name:36} {len(found)} bodies: median {values.median():6.2f}, 95 %"
+            f" {values.quantile(0.95):6.2f}, most {values.amax():6.2f} degrees"
+        )
 
 
 if __name__ == "__main__":

@@ -27,7 +27,9 @@ def half_spaces(center: Array, rotation: Array, size: Array) -> Array:
 
 
 def reference_volume(a: Boxes, b: Boxes) -> float:
-    """Volume of the intersection by SciPy: Chebyshev centre, half-space intersection, hull; 0 if it is thinner than 1e-10.
+    """Volume of the intersection by SciPy: Chebyshev centre, half-space intersection, hull.
+
+    0 if it is thinner than 1e-10.
 
     In the axes and half sizes of the first box: Qhull's own tolerances spoil needles otherwise.
     """
@@ -36,19 +38,31 @@ def reference_volume(a: Boxes, b: Boxes) -> float:
     normals = np.concatenate((b[1].T, -b[1].T)) @ a[1] * (a[2] / 2)
     offsets = normals @ center + np.tile(b[2] / 2, 2)
     length = np.linalg.norm(normals, axis=1)
-    planes = np.concatenate((planes, np.concatenate((normals, -offsets[:, None]), axis=1) / length[:, None]))
+    planes = np.concatenate(
+        (planes, np.concatenate((normals, -offsets[:, None]), axis=1) / length[:, None])
+    )
     result = linprog(
-        [0, 0, 0, -1], A_ub=np.concatenate((planes[:, :3], np.ones((12, 1))), axis=1), b_ub=-planes[:, 3], bounds=[(None, None)] * 3 + [(0, None)]
+        [0, 0, 0, -1],
+        A_ub=np.concatenate((planes[:, :3], np.ones((12, 1))), axis=1),
+        b_ub=-planes[:, 3],
+        bounds=[(None, None)] * 3 + [(0, None)],
     )
     if result.x is None or result.x[3] < 1e-10:
         return 0.0
     corners = HalfspaceIntersection(planes, result.x[:3], qhull_options="Qt").intersections
-    return float(ConvexHull(corners, qhull_options="QJ Pp" if result.x[3] < 1e-6 else "Qt").volume * np.prod(a[2] / 2))
+    return float(
+        ConvexHull(corners, qhull_options="QJ Pp" if result.x[3] < 1e-6 else "Qt").volume
+        * np.prod(a[2] / 2)
+    )
 
 
 def random_boxes(rng: np.random.Generator, n: int, spread: float = 0.5) -> Boxes:
     """Generic boxes."""
-    return rng.normal(size=(n, 3)) * spread, Rotation.random(n, random_state=rng).as_matrix(), rng.uniform(0.3, 2, (n, 3))
+    return (
+        rng.normal(size=(n, 3)) * spread,
+        Rotation.random(n, random_state=rng).as_matrix(),
+        rng.uniform(0.3, 2, (n, 3)),
+    )
 
 
 def along(rotation: Array, shift: Array) -> Array:
@@ -69,26 +83,49 @@ def pairs(kind: str, rng: np.random.Generator, n: int) -> tuple[Boxes, Boxes]:
         shift[:, :touching] = (side * (size + size_b) / 2)[:, :touching]
         return (center, rotation, size), (center + along(rotation, shift), rotation, size_b)
     if kind == "contained":
-        return (center, rotation, size), (center + 0.01 * other[0], other[1], size_b * size.min(axis=1, keepdims=True) * 0.2)
+        return (center, rotation, size), (
+            center + 0.01 * other[0],
+            other[1],
+            size_b * size.min(axis=1, keepdims=True) * 0.2,
+        )
     if kind == "coplanar":
         shift = rng.uniform(-0.3, 0.3, (n, 3))
         shift[:, 0] = (side * (size - size_b) / 2)[:, 0]
         return (center, rotation, size), (center + along(rotation, shift), rotation, size_b)
     if kind == "turned 45":
         turn = Rotation.from_rotvec(np.eye(3)[rng.integers(0, 3, n)] * np.pi / 4).as_matrix()
-        return (center, rotation, size), (center, rotation @ turn, np.where(rng.random((n, 1)) < 0.5, size, size_b))
+        return (center, rotation, size), (
+            center,
+            rotation @ turn,
+            np.where(rng.random((n, 1)) < 0.5, size, size_b),
+        )
     if kind == "axis-aligned":
-        return (center, np.tile(np.eye(3), (n, 1, 1)), size), (other[0], np.tile(np.eye(3), (n, 1, 1)), size_b)
+        return (center, np.tile(np.eye(3), (n, 1, 1)), size), (
+            other[0],
+            np.tile(np.eye(3), (n, 1, 1)),
+            size_b,
+        )
     if kind == "nearly identical":
-        turn = Rotation.from_rotvec(rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(-6, -2, (n, 1))).as_matrix()
+        turn = Rotation.from_rotvec(
+            rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(-6, -2, (n, 1))
+        ).as_matrix()
         return (center, rotation, size), (center, rotation @ turn, size)
-    thin = {"needle": np.array([1, 1e-3, 1e-3]), "thinner needle": np.array([1, 1e-5, 1e-5]), "flat": np.array([1, 1, 1e-3]), "generic": np.ones(3)}
+    thin = {
+        "needle": np.array([1, 1e-3, 1e-3]),
+        "thinner needle": np.array([1, 1e-5, 1e-5]),
+        "flat": np.array([1, 1, 1e-3]),
+        "generic": np.ones(3),
+    }
     scale = {"tiny": 1e-9, "huge": 1e9}.get(kind, 1.0)
     size, size_b = size * thin.get(kind, 1.0) * scale, size_b * thin.get(kind, 1.0) * scale
     center_b = center * scale + along(rotation, size * rng.uniform(-0.4, 0.4, (n, 3)))
     if kind in thin and kind != "generic":
         small = Rotation.from_rotvec(rng.normal(size=(n, 3)) * 1e-3).as_matrix()
-        return (center, rotation, size), (center_b, np.where(rng.random((n, 1, 1)) < 0.5, rotation @ small, other[1]), size_b)
+        return (center, rotation, size), (
+            center_b,
+            np.where(rng.random((n, 1, 1)) < 0.5, rotation @ small, other[1]),
+            size_b,
+        )
     return (center * scale, rotation, size), (center_b, other[1], size_b)
 
 
@@ -102,7 +139,12 @@ def compare(kind: str, rng: np.random.Generator, n: int) -> tuple[Array, Array]:
     """IoU (N,) of N pairs by box_iou and by the reference."""
     a, b = pairs(kind, rng, n)
     ours = box_iou(*(torch.from_numpy(x) for x in (*a, *b))).numpy()
-    volume = np.array([reference_volume((a[0][k], a[1][k], a[2][k]), (b[0][k], b[1][k], b[2][k])) for k in range(n)])
+    volume = np.array(
+        [
+            reference_volume((a[0][k], a[1][k], a[2][k]), (b[0][k], b[1][k], b[2][k]))
+            for k in range(n)
+        ]
+    )
     return ours, volume / (a[2].prod(axis=1) + b[2].prod(axis=1) - volume)
 
 
@@ -127,11 +169,17 @@ def main() -> None:
     for kind in KINDS:
         ours, theirs = compare(kind, rng, n)
         worst = max(worst, float(np.abs(ours - theirs).max()))
-        print(f"{kind:18s} {n} pairs, mean IoU {ours.mean():.3f}, greatest difference {np.abs(ours - theirs).max():.1e}")
+        print(
+            f"{kind:18s} {n} pairs, mean IoU {ours.mean():.3f}, greatest difference"
+            f" {np.abs(ours - theirs).max():.1e}"
+        )
     print(f"greatest difference of {n * len(KINDS)} pairs: {worst:.1e}")
     a, b = (tuple(torch.from_numpy(x) for x in boxes) for boxes in pairs("generic", rng, 4096))
     apart = (b[0] + 100.0, *b[1:])
-    print(f"{microseconds(lambda: box_iou(*a, *b), 4096):.1f} us a pair, {microseconds(lambda: box_iou(*a, *apart), 4096):.2f} us a pair far apart")
+    print(
+        f"{microseconds(lambda: box_iou(*a, *b), 4096):.1f} us a pair,"
+        f" {microseconds(lambda: box_iou(*a, *apart), 4096):.2f} us a pair far apart"
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""What checking the targets of a batch costs a training step: python benchmarks/check_targets.py."""
+"""What checking the targets of a batch costs a training step.
+
+Python benchmarks/check_targets.py.
+"""
 
 import sys
 import time
@@ -17,8 +20,11 @@ from animal3dbox.training.checks import check_targets
 IMAGES, SIDE = 16, 512
 
 
-def milliseconds(work: Callable[[int], object], rounds: int = 30, steps: int = 50) -> tuple[float, float]:
-    """Median of a call in the quietest round, which other programs disturbed least, and in the middle one."""
+def milliseconds(
+    work: Callable[[int], object], rounds: int = 30, steps: int = 50
+) -> tuple[float, float]:
+    """Median of a call in the quietest round, which other programs disturbed least, and in the
+    middle one."""
     medians = []
     for _ in range(rounds):
         times = []
@@ -36,11 +42,18 @@ def main() -> None:
     images = torch.zeros(IMAGES, 3, SIDE, SIDE)
     for animals in (1, 3):
         for masks in (False, True):
-            batch = [training_target(animals, (SIDE, SIDE), seed, masks=masks) for seed in range(IMAGES)]
+            batch = [
+                training_target(animals, (SIDE, SIDE), seed, masks=masks) for seed in range(IMAGES)
+            ]
             check_targets(batch, images)
-            quiet, usual = milliseconds(lambda step, batch=batch: check_targets(batch, images, step=step))  # type: ignore[misc]
+            quiet, usual = milliseconds(
+                lambda step, batch=batch: check_targets(batch, images, step=step)  # type: ignore[misc]
+            )
             fields = len(batch[0])
-            print(f"{IMAGES} images, {animals} animals each, {fields} fields, masks {masks}: {quiet:.3f} ms (usual round: {usual:.3f})")
+            print(
+                f"{IMAGES} images, {animals} animals each, {fields} fields, masks {masks}:"
+                f" {quiet:.3f} ms (usual round: {usual:.3f})"
+            )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
-"""CPU time of an unmodified kornia pipeline of geometric operations: kornia's AugmentationSequential against our alias of it.
+"""CPU time of an unmodified kornia pipeline of geometric operations.
 
-Both get the same operations, seeds and pictures, 640 x 480 to 512 x 512, float32, one thread, turn by turn in one run: once the
-pictures alone, once with what four cuboids need: K and corners in 3D for the alias; kornia knows no cameras, so it gets the
-projected corners as keypoints.
+Kornia's AugmentationSequential against our alias of it.
+
+Both get the same operations, seeds and pictures, 640 x 480 to 512 x 512, float32, one thread, turn
+by turn in one run: once the pictures alone, once with what four cuboids need: K and corners in 3D
+for the alias; kornia knows no cameras, so it gets the projected corners as keypoints.
 
 Run: OMP_NUM_THREADS=1 python benchmarks/kornia_alias.py
 """
@@ -57,16 +59,29 @@ def compare(name: str, count: int, rounds: int, *, targets: bool) -> float:
     """Print one line and return how many times less CPU the alias takes, in the median over rounds."""
     images, K, corners = scene(count)
     points = project(K[:, None], corners)[0].flatten(1, 2)
-    their_keys, our_keys = (["input", "keypoints"], ["input", "K", "corners_3d"]) if targets else (["input"], ["input"])
-    their_values, our_values = ((images, points), (images, K, corners)) if targets else ((images,), (images,))
+    their_keys, our_keys = (
+        (["input", "keypoints"], ["input", "K", "corners_3d"])
+        if targets
+        else (["input"], ["input"])
+    )
+    their_values, our_values = (
+        ((images, points), (images, K, corners)) if targets else ((images,), (images,))
+    )
     theirs = kornia.AugmentationSequential(*PIPELINES[name](), data_keys=their_keys)
     ours = CameraAugmentationSequential(*PIPELINES[name](), data_keys=our_keys, allow_skew=True)
     times: list[tuple[float, float]] = []
     for seed in range(rounds + 2):
-        times.append((cpu_ms(lambda: theirs(*their_values), seed), cpu_ms(lambda: ours(*our_values), seed)))
-    kornias, alias = (float(torch.tensor(column).median()) / count for column in zip(*times[2:], strict=True))
+        times.append(
+            (cpu_ms(lambda: theirs(*their_values), seed), cpu_ms(lambda: ours(*our_values), seed))
+        )
+    kornias, alias = (
+        float(torch.tensor(column).median()) / count for column in zip(*times[2:], strict=True)
+    )
     what = "with targets" if targets else "pictures alone"
-    print(f"{name}, batch of {count}, {what}: kornia {kornias:.1f} ms a picture, alias {alias:.1f} ms, ratio {kornias / alias:.2f}")
+    print(
+        f"{name}, batch of {count}, {what}: kornia {kornias:.1f} ms a picture, alias {alias:.1f}"
+        f" ms, ratio {kornias / alias:.2f}"
+    )
     return kornias / alias
 
 

@@ -1,8 +1,8 @@
 """What labels cost beside the JPEG decode that every training loader pays, side by side on one thread.
 
-Each call comes right after a decode, as in a loader: the processor's caches are then full of other things, which makes
-short calls several times slower than in a loop of their own. Processor time, so that a busy machine counts little; batches
-are timed whole, and given per animal.
+Each call comes right after a decode, as in a loader: the processor's caches are then full of other
+things, which makes short calls several times slower than in a loop of their own. Processor time, so
+that a busy machine counts little; batches are timed whole, and given per animal.
 
 Run: OMP_NUM_THREADS=1 python benchmarks/label_stages.py
 """
@@ -35,7 +35,9 @@ class Loader:
 
     def __init__(self) -> None:
         dataset = SyntheticSet(0, SCENES, faults=FaultConfig(noise_px=2.0))
-        samples = [sample for sample in dataset.samples() if sample.animal is sample.scene.animals[0]]
+        samples = [
+            sample for sample in dataset.samples() if sample.animal is sample.scene.animals[0]
+        ]
         self.bodies = dataset.bodies()
         self.records = [record_of(sample) for sample in samples]
         self.masks = [record.mask for record in self.records]
@@ -56,8 +58,22 @@ class Loader:
     def arguments(self, i: int, **more: object) -> dict[str, object]:
         """label_animal's, of an animal whose body is posed already."""
         record, body = self.records[i], self.posed[i]
-        known = {"image_hw": record.image_hw, "keypoints_2d": record.keypoints_2d, "K": record.K, "vocabulary": record.vocabulary}
-        return known | {"keypoints_3d": body.landmarks, "vertices": body.vertices, "faces": body.faces, "template": body.template} | more
+        known = {
+            "image_hw": record.image_hw,
+            "keypoints_2d": record.keypoints_2d,
+            "K": record.K,
+            "vocabulary": record.vocabulary,
+        }
+        return (
+            known
+            | {
+                "keypoints_3d": body.landmarks,
+                "vertices": body.vertices,
+                "faces": body.faces,
+                "template": body.template,
+            }
+            | more
+        )
 
     def label(self, i: int, config: LabelConfig, **more: object) -> CuboidLabel | Rejection:
         """One label of a posed body."""
@@ -66,14 +82,27 @@ class Loader:
     def with_posing(self, i: int, bodies: ParametersBody) -> CuboidLabel | Rejection:
         """One label of a known camera from SMAL parameters."""
         body = bodies.body(self.records[i])
-        return self.label(i, QUICK, keypoints_3d=body.landmarks, vertices=body.vertices, template=body.template, pose=STILL)
+        return self.label(
+            i,
+            QUICK,
+            keypoints_3d=body.landmarks,
+            vertices=body.vertices,
+            template=body.template,
+            pose=STILL,
+        )
 
     def batch(self, size: int, masks: bool = False) -> list[CuboidLabel | Rejection]:
         """Labels of known cameras from SMAL parameters, many at once."""
         ids = [i % len(self.records) for i in range(size)]
         known = [{"mask": self.masks[i]} if masks else {} for i in ids]
         posed = zip(ids, known, self.bodies.bodies([self.records[i] for i in ids]), strict=True)
-        return label_many((self.arguments(i, keypoints_3d=b.landmarks, vertices=b.vertices, pose=STILL, **more) for i, more, b in posed), QUICK)
+        return label_many(
+            (
+                self.arguments(i, keypoints_3d=b.landmarks, vertices=b.vertices, pose=STILL, **more)
+                for i, more, b in posed
+            ),
+            QUICK,
+        )
 
 
 def main() -> None:
@@ -86,13 +115,19 @@ def main() -> None:
         "pose a body, read its landmarks": (1, lambda i: load.bodies.body(load.records[i])),
         "  the same in float64": (1, lambda i: load.float64.body(load.records[i])),
         "label, known camera": (1, lambda i: load.label(i, QUICK, pose=STILL)),
-        "label, known camera and mask": (1, lambda i: load.label(i, QUICK, pose=STILL, mask=load.masks[i])),
+        "label, known camera and mask": (
+            1,
+            lambda i: load.label(i, QUICK, pose=STILL, mask=load.masks[i]),
+        ),
         "pose and label, known camera": (1, lambda i: load.with_posing(i, load.bodies)),
         "  the same, posed in float64": (1, lambda i: load.with_posing(i, load.float64)),
         "pose and label, 16 at once": (16, lambda i: load.batch(16)),
         "pose and label, 64 at once": (64, lambda i: load.batch(64)),
         "  the same, with their masks": (64, lambda i: load.batch(64, masks=True)),
-        "surface share": (1, lambda i: load.label(i, LabelConfig(mask_iou=False), pose=STILL, mask=load.masks[i])),
+        "surface share": (
+            1,
+            lambda i: load.label(i, LabelConfig(mask_iou=False), pose=STILL, mask=load.masks[i]),
+        ),
         "mask overlap": (1, lambda i: load.label(i, COLD, pose=STILL, mask=load.masks[i])),
         "cold label, no mask": (1, lambda i: load.label(i, COLD)),
         "cold label with mask overlap": (1, lambda i: load.label(i, COLD, mask=load.masks[i])),
@@ -108,7 +143,10 @@ def main() -> None:
             times[name].append((time.process_time() - begin) / count)
     floor = float(np.median(times["decode a JPEG"]))
     for name, taken in times.items():
-        print(f"{name:36s} {1e3 * float(np.median(taken)):8.2f} ms {float(np.median(taken)) / floor:7.2f} decodes")
+        print(
+            f"{name:36s} {1e3 * float(np.median(taken)):8.2f} ms"
+            f" {float(np.median(taken)) / floor:7.2f} decodes"
+        )
 
 
 if __name__ == "__main__":

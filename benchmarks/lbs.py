@@ -38,7 +38,10 @@ def main() -> None:
             singles += [seconds(model, b[i : i + 1], p[i : i + 1]) for i in range(8)]
             batches.append(seconds(model, b, p) / BATCH)
         single, batch = 1e3 * sorted(singles)[len(singles) // 2], 1e3 * sorted(batches)[ROUNDS // 2]
-        print(f"{model.vertex_count} vertices, {dtype}: single {single:.2f} ms, in {BATCH}s {batch:.2f} ms, ratio {single / batch:.1f}")
+        print(
+            f"{model.vertex_count} vertices, {dtype}: single {single:.2f} ms, in {BATCH}s"
+            f" {batch:.2f} ms, ratio {single / batch:.1f}"
+        )
 
 
 if __name__ == "__main__":

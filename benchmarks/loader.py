@@ -1,9 +1,12 @@
-"""Samples a second of a training loader, against the floor: reading the same JPEGs and masks and doing nothing else.
+"""Samples a second of a training loader, against the floor.
+
+Reading the same JPEGs and masks and doing nothing else.
 
 Run: python benchmarks/loader.py [--images N] [--rounds R] [--workers 0 1 2] [--faults N]
 
-All kinds of loading take turns in one run, so that what else the machine does falls on all alike; the figures are medians of rounds, the
-ratios those of times per image to the floor's with as many workers. Pictures are synthetic, 640 x 480, one animal each.
+All kinds of loading take turns in one run, so that what else the machine does falls on all alike;
+the figures are medians of rounds, the ratios those of times per image to the floor's with as many
+workers. Pictures are synthetic, 640 x 480, one animal each.
 """
 
 import argparse
@@ -41,7 +44,10 @@ BATCH = 8
 
 
 class Decoded(Dataset[Any]):
-    """The floor: images and masks of a Dataset, decoded as it decodes them, from paths that were found before."""
+    """The floor.
+
+    Images and masks of a Dataset, decoded as it decodes them, from paths that were found before.
+    """
 
     def __init__(self, dataset: LabelDataset) -> None:
         samples = [dataset.source.sample(index) for index in range(len(dataset))]
@@ -67,7 +73,13 @@ def written(folder: Path, images: int) -> tuple[Path, Path]:
 
 def seconds_an_image(dataset: Dataset[Any], workers: int) -> float:
     """Time of one epoch by its images; of workers that are already running."""
-    loader: Any = DataLoader(dataset, batch_size=BATCH, collate_fn=collate, num_workers=workers, persistent_workers=workers > 0)
+    loader: Any = DataLoader(
+        dataset,
+        batch_size=BATCH,
+        collate_fn=collate,
+        num_workers=workers,
+        persistent_workers=workers > 0,
+    )
     if workers:
         for _ in loader:  # starts the workers, and lets them open what they need
             pass
@@ -86,7 +98,9 @@ def kinds(root: Path, model: Path, cache: Path) -> dict[str, Dataset[Any]]:
         "cached labels": Animal3DDataset(root, model, pose="exact", cache=cache),
         "labels, known pose": exact,
         "labels, pose searched": Animal3DDataset(root, model, on_bad="skip"),
-        "cached labels, transforms": Animal3DDataset(root, model, pose="exact", cache=cache, transform=augment),
+        "cached labels, transforms": Animal3DDataset(
+            root, model, pose="exact", cache=cache, transform=augment
+        ),
         "known pose, transforms": Animal3DDataset(root, model, pose="exact", transform=augment),
     }
 
@@ -100,7 +114,9 @@ def compare(root: Path, model: Path, cache: Path, workers: list[int], rounds: in
     found: dict[tuple[str, int], list[float]] = {}
     for turn in range(rounds):
         for count in workers:
-            for name, dataset in list(compared.items())[:: -1 if turn % 2 else 1]:  # none always comes after the same other
+            for name, dataset in list(compared.items())[
+                :: -1 if turn % 2 else 1
+            ]:  # none always comes after the same other
                 found.setdefault((name, count), []).append(seconds_an_image(dataset, count))
     for name in compared:
         cells = []
@@ -113,14 +129,25 @@ def compare(root: Path, model: Path, cache: Path, workers: list[int], rounds: in
 def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
     """Print what one image costs, stage by stage, by its JPEG's decoding.
 
-    As in a worker, each stage comes right after a batch's JPEGs have been decoded: the processor's caches are then full of them.
+    As in a worker, each stage comes right after a batch's JPEGs have been decoded: the processor's
+    caches are then full of them.
     """
-    exact, searched, stored = (Animal3DDataset(root, model, **more) for more in ({"pose": "exact"}, {}, {"pose": "exact", "cache": cache}))
+    exact, searched, stored = (
+        Animal3DDataset(root, model, **more)
+        for more in ({"pose": "exact"}, {}, {"pose": "exact", "cache": cache})
+    )
     pictures = [exact.source.sample(i).records[0].image_path for i in range(len(exact))]
     masks = [exact.source.sample(i).mask(0) for i in range(len(exact))]
 
     def labelled(dataset: LabelDataset, batch: list[int]) -> Any:
-        return dataset._rows.rows([dataset._rows.asked(dataset.source.sample(i), 0, PhotoFacts())._replace(mask=masks[i]) for i in batch])
+        return dataset._rows.rows(
+            [
+                dataset._rows.asked(dataset.source.sample(i), 0, PhotoFacts())._replace(
+                    mask=masks[i]
+                )
+                for i in batch
+            ]
+        )
 
     parts: dict[str, tuple[int, Callable[[list[int]], Any]]] = {
         "JPEG": (BATCH, lambda batch: [read_photo(pictures[i], "x") for i in batch]),  # type: ignore[arg-type]
@@ -143,20 +170,32 @@ def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
                     part(batch)
                     floor[name].append((decoded - begin) / len(batch))
                     spent[name].append((time.perf_counter() - decoded) / len(batch))
-    print(f"\nstages of an image of one animal in the main process, batches of {BATCH} after their JPEGs")
+    print(
+        f"\nstages of an image of one animal in the main process, batches of {BATCH} after their"
+        " JPEGs"
+    )
     for name, times in spent.items():
-        print(f"  {name:28} {1e3 * float(np.median(times)):7.3f} ms {np.median(np.array(times) / np.array(floor[name])):7.2f} x JPEG")
+        print(
+            f"  {name:28} {1e3 * float(np.median(times)):7.3f} ms"
+            f" {np.median(np.array(times) / np.array(floor[name])):7.2f} x JPEG"
+        )
 
 
 def epoch_with_faults(folder: Path, images: int) -> None:
-    """An epoch over many small images with 5 % planted faults and two workers: it must end, and name every fault."""
+    """An epoch over many small images with 5 % planted faults and two workers.
+
+    It must end, and name every fault.
+    """
     sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
     from planted_epoch import planted_epoch, told_apart
 
     start = time.perf_counter()
     planted, report, loaded = planted_epoch(folder, images)
     unnamed, strangers = told_apart(planted, report)
-    print(f"\n{images} small images, {len(planted)} spoiled: {loaded} loaded in {time.perf_counter() - start:.0f} s (written, spoiled and loaded)")
+    print(
+        f"\n{images} small images, {len(planted)} spoiled: {loaded} loaded in"
+        f" {time.perf_counter() - start:.0f} s (written, spoiled and loaded)"
+    )
     print(f"named {len(planted) - len(unnamed)} of {len(planted)}, {len(strangers)} others")
 
 
@@ -166,7 +205,12 @@ def main() -> None:
     parser.add_argument("--images", type=int, default=64)
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--workers", type=int, nargs="+", default=[0, 1, 2])
-    parser.add_argument("--faults", type=int, default=0, help="instead: an epoch over so many small images with planted faults")
+    parser.add_argument(
+        "--faults",
+        type=int,
+        default=0,
+        help="instead: an epoch over so many small images with planted faults",
+    )
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

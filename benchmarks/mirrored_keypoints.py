@@ -1,7 +1,8 @@
 """How often check_targets finds keypoints that were mirrored alone, and how often it is wrong about good ones.
 
-python benchmarks/mirrored_keypoints.py [--images N] [--data PATH]: the synthetic world, exact and with 2 px of noise, 10 % outliers and
-hidden keypoints marked; or a dataset that `animal3dbox label` reads; both as they are, cropped, turned, and under virtual cameras.
+python benchmarks/mirrored_keypoints.py [--images N] [--data PATH]: the synthetic world, exact and
+with 2 px of noise, 10 % outliers and hidden keypoints marked; or a dataset that `animal3dbox label`
+reads; both as they are, cropped, turned, and under virtual cameras.
 """
 
 import argparse
@@ -20,13 +21,22 @@ from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.training.checks import check_targets
-from animal3dbox.transforms import Compose, RandomHorizontalFlip, RandomResizedCrop, RandomRotation, RandomVerticalFlip, RandomVirtualCamera
+from animal3dbox.transforms import (
+    Compose,
+    RandomHorizontalFlip,
+    RandomResizedCrop,
+    RandomRotation,
+    RandomVerticalFlip,
+    RandomVirtualCamera,
+)
 
 HW = (240, 320)
 AUGMENTED = (
     Compose([RandomHorizontalFlip(), RandomResizedCrop((200, 260), scale=(0.2, 1.0))], seed=1),
     Compose([RandomHorizontalFlip(), RandomVerticalFlip(), RandomRotation(180)], seed=2),
-    Compose([RandomHorizontalFlip(), RandomVirtualCamera(5, 5, 10), RandomResizedCrop(128)], seed=3),
+    Compose(
+        [RandomHorizontalFlip(), RandomVirtualCamera(5, 5, 10), RandomResizedCrop(128)], seed=3
+    ),
 )
 FIELDS = ("boxes", "corners_2d", "corner_in_front", "keypoints", "masks")
 
@@ -36,7 +46,14 @@ def animals(image: Tensor, target: dict[str, Any]) -> Iterator[dict[str, Any]]:
     height, width = image.shape[-2:]
     for n, keypoints in enumerate(target["keypoints"]):
         x, y, v = keypoints.unbind(-1)
-        if int(((v > 0) & (x >= -0.5) & (y >= -0.5) & (x <= width - 0.5) & (y <= height - 0.5)).sum()) >= 4:
+        if (
+            int(
+                (
+                    (v > 0) & (x >= -0.5) & (y >= -0.5) & (x <= width - 0.5) & (y <= height - 0.5)
+                ).sum()
+            )
+            >= 4
+        ):
             yield {name: target[name][n : n + 1] for name in FIELDS if name in target}
 
 
@@ -48,8 +65,14 @@ def mirrored(animal: dict[str, Any], axis: int, length: int) -> dict[str, Any]:
 
 
 def found(animal: dict[str, Any], image: Tensor, *, by_mask: bool) -> bool:
-    """Whether the check finds anything, in a step that looks at the animal's mask or by its box alone."""
-    return check_targets([animal], [image], step=1 if by_mask else 2, on_fault="count").counts["keypoints_on_animal"] > 0
+    """Whether the check finds anything, in a step that looks at the animal's mask or by its box
+    alone."""
+    return (
+        check_targets([animal], [image], step=1 if by_mask else 2, on_fault="count").counts[
+            "keypoints_on_animal"
+        ]
+        > 0
+    )
 
 
 def counted(dataset: LabelDataset, augmented: Sequence[Any]) -> Counter[str]:
@@ -86,10 +109,15 @@ def main() -> None:
         world = SyntheticSet(options.seed, options.images, replace(WorldConfig(), image_hw=HW))
         datasets["synthetic, exact"] = SyntheticDataset(world, on_bad="skip")
         faulty = replace(world, faults=FaultConfig(noise_px=2, outliers=0.1), hidden="marked")
-        datasets["synthetic, 2 px, 10 % outliers, hidden ones marked"] = SyntheticDataset(faulty, on_bad="skip")
+        datasets["synthetic, 2 px, 10 % outliers, hidden ones marked"] = SyntheticDataset(
+            faulty, on_bad="skip"
+        )
     for name, dataset in datasets.items():
         counts = counted(dataset, AUGMENTED)
-        print(f"{name}: {counts['good animals']} good animals, {counts['false alarms']} false alarms; mirrored ones found:")
+        print(
+            f"{name}: {counts['good animals']} good animals, {counts['false alarms']} false alarms;"
+            " mirrored ones found:"
+        )
         for kind, number in counts.items():
             if kind.startswith(("left", "top")):
                 print(f"  {kind}: {number / counts['good animals']:.1%}")

@@ -1,6 +1,9 @@
-"""Byte-mutants of honest SMAL pickles: each must be read or refused with ModelFileError, soon; and the times of honest loads.
+"""Byte-mutants of honest SMAL pickles: each must be read or refused with ModelFileError, soon.
 
-Run: OMP_NUM_THREADS=1 PYTHONPATH=tests/support python benchmarks/pickle_mutants.py [--mutants 20000] [--seed 0]
+And the times of honest loads.
+
+Run: OMP_NUM_THREADS=1 PYTHONPATH=tests/support python benchmarks/pickle_mutants.py [--mutants
+20000] [--seed 0]
 """
 
 import argparse
@@ -19,7 +22,26 @@ from animal3dbox.smal.files.model_files import load_smal
 from animal3dbox.smal.files.safetensors_file import load_safetensors, save_safetensors
 from animal3dbox.smal.model import SmalModel
 
-TOKENS = (b"\n", b"\r\n", b".", b"(", b"t", b"R", b"b", b"c", b"\x80", b"\x93", b"\x95", b"\xff\xff\xff\x7f", b"0", b"2", b"e", b"u", b"-1", b"\\x")
+TOKENS = (
+    b"\n",
+    b"\r\n",
+    b".",
+    b"(",
+    b"t",
+    b"R",
+    b"b",
+    b"c",
+    b"\x80",
+    b"\x93",
+    b"\x95",
+    b"\xff\xff\xff\x7f",
+    b"0",
+    b"2",
+    b"e",
+    b"u",
+    b"-1",
+    b"\\x",
+)
 
 
 def mutant(data: bytes, rng: np.random.Generator) -> bytes:
@@ -54,7 +76,9 @@ def seeds() -> list[bytes]:
     tiny = random_content(vertices=2, faces=1, joints=2, betas=1)
     plain = random_content(vertices=3, faces=2, joints=3, betas=2, chumpy=False)
     old = [written(content, protocol) for content in (tiny, plain) for protocol in range(6)]
-    return old + [python3_pickle(content, protocol) for content in (tiny, plain) for protocol in range(3)]
+    return old + [
+        python3_pickle(content, protocol) for content in (tiny, plain) for protocol in range(3)
+    ]
 
 
 def run_mutants(count: int, seed: int, folder: Path) -> None:
@@ -74,7 +98,10 @@ def run_mutants(count: int, seed: int, folder: Path) -> None:
             ended["CRASHED"] += 1
             print(f"mutant {k}: {type(error).__name__}: {error}")
         worst = max(worst, (time.perf_counter() - begin, k))
-    print(f"{count} mutants of {len(files)} files: {dict(ended)}, crashes {ended['CRASHED']}, worst {1e3 * worst[0]:.1f} ms (mutant {worst[1]})")
+    print(
+        f"{count} mutants of {len(files)} files: {dict(ended)}, crashes {ended['CRASHED']}, worst"
+        f" {1e3 * worst[0]:.1f} ms (mutant {worst[1]})"
+    )
 
 
 def best_of_three(load: Callable[[Path], SmalModel], path: Path) -> float:
@@ -89,10 +116,17 @@ def best_of_three(load: Callable[[Path], SmalModel], path: Path) -> float:
 
 def run_honest(folder: Path) -> None:
     """Print the times of a model in SMAL's exact shapes, best of three."""
-    content, path, converted = random_content(vertices=3889, faces=7774), folder / "smal.pkl", folder / "smal.safetensors"
+    content, path, converted = (
+        random_content(vertices=3889, faces=7774),
+        folder / "smal.pkl",
+        folder / "smal.safetensors",
+    )
     for protocol in range(6):
         path.write_bytes(written(content, protocol))
-        print(f"protocol {protocol}: {path.stat().st_size / 1e6:6.1f} MB, {best_of_three(load_smal, path):.3f} s")
+        print(
+            f"protocol {protocol}: {path.stat().st_size / 1e6:6.1f} MB,"
+            f" {best_of_three(load_smal, path):.3f} s"
+        )
     save_safetensors(load_smal(path), converted)
     print(f"safetensors: {best_of_three(load_safetensors, converted):.3f} s")
 

@@ -21,7 +21,10 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=60)
     scenes = parser.parse_args().scenes
     torch.set_num_threads(1)
-    config, seconds = WorldConfig(), dict.fromkeys(("planning", "rendering", "the whole scene"), 0.0)
+    config, seconds = (
+        WorldConfig(),
+        dict.fromkeys(("planning", "rendering", "the whole scene"), 0.0),
+    )
     counts: Counter[str] = Counter()
     render_scene(plan_scene(0, 0, config))  # loads the body
     for index in range(scenes):

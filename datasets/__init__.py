@@ -4,7 +4,10 @@ The names below are loaded when first used (PEP 562).
 """
 
 if __name__ != "animal3dbox.datasets":
-    raise ImportError("import animal3dbox.datasets, not the folder datasets of its checkout: take the checkout's root off sys.path")
+    raise ImportError(
+        "import animal3dbox.datasets, not the folder datasets of its checkout: take the checkout's"
+        " root off sys.path"
+    )
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

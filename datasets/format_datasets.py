@@ -1,4 +1,7 @@
-"""The torch Datasets, one a format: each reads its annotations and leaves the rest to LabelDataset."""
+"""The torch Datasets, one a format.
+
+Each reads its annotations and leaves the rest to LabelDataset.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -51,9 +54,12 @@ class AnnotatedDataset(LabelDataset):
         format: of datasets.formats.FORMATS, or "auto".
         images: the folder that image paths are relative to, if not the usual one.
         model: the SMAL file of the dataset's own parameters or meshes.
-        vocabulary: what the keypoints are, if their names do not tell: a vocabulary, its name, or a TOML file.
-        body: one body for all animals, a preset's name, a model's file or a source; None: the dataset's own, else a dog.
-        focal_px: of every image without a camera of its own; None: what the dataset or the picture's header says, or a guess.
+        vocabulary: what the keypoints are, if their names do not tell: a vocabulary, its name, or a
+            TOML file.
+        body: one body for all animals, a preset's name, a model's file or a source; None: the
+            dataset's own, else a dog.
+        focal_px: of every image without a camera of its own; None: what the dataset or the
+            picture's header says, or a guess.
         **options: LabelDataset's.
 
     """
@@ -75,7 +81,17 @@ class AnnotatedDataset(LabelDataset):
         read = read_dataset(Path(path), format, ReadOptions(folder, file, words, focal_px))
         own = body_source(body) if isinstance(body, str) else body
         bodies = bodies_for(read, own)
-        super().__init__(FileSource(read.records, bodies.packed() if isinstance(bodies, ParametersBody | MeshFolderBodies) else bodies), **options)
+        super().__init__(
+            FileSource(
+                read.records,
+                (
+                    bodies.packed()
+                    if isinstance(bodies, ParametersBody | MeshFolderBodies)
+                    else bodies
+                ),
+            ),
+            **options,
+        )
 
 
 class Animal3DDataset(AnnotatedDataset):
@@ -101,7 +117,15 @@ class Animal3DDataset(AnnotatedDataset):
         focal_px: float | None = None,
         **options: Unpack[Options],
     ) -> None:
-        super().__init__(path, format=animal3d.FORMAT, images=images, model=model, body=body, focal_px=focal_px, **options)
+        super().__init__(
+            path,
+            format=animal3d.FORMAT,
+            images=images,
+            model=model,
+            body=body,
+            focal_px=focal_px,
+            **options,
+        )
 
 
 class StanfordExtraDataset(AnnotatedDataset):
@@ -125,7 +149,14 @@ class StanfordExtraDataset(AnnotatedDataset):
         focal_px: float | None = None,
         **options: Unpack[Options],
     ) -> None:
-        super().__init__(path, format=stanfordextra.FORMAT, images=images, body=body, focal_px=focal_px, **options)
+        super().__init__(
+            path,
+            format=stanfordextra.FORMAT,
+            images=images,
+            body=body,
+            focal_px=focal_px,
+            **options,
+        )
 
 
 class NamedKeypointsDataset(AnnotatedDataset):
@@ -153,7 +184,15 @@ class NamedKeypointsDataset(AnnotatedDataset):
         focal_px: float | None = None,
         **options: Unpack[Options],
     ) -> None:
-        super().__init__(path, format=self.FORMAT, images=images, vocabulary=vocabulary, body=body, focal_px=focal_px, **options)
+        super().__init__(
+            path,
+            format=self.FORMAT,
+            images=images,
+            vocabulary=vocabulary,
+            body=body,
+            focal_px=focal_px,
+            **options,
+        )
 
 
 class CocoKeypointsDataset(NamedKeypointsDataset):
@@ -163,13 +202,18 @@ class CocoKeypointsDataset(NamedKeypointsDataset):
 
 
 class DeepLabCutDataset(NamedKeypointsDataset):
-    """DeepLabCut's h5 or csv beside a folder of images; h5 needs the extra animal3dbox[deeplabcut]."""
+    """DeepLabCut's h5 or csv beside a folder of images.
+
+    H5 needs the extra animal3dbox[deeplabcut].
+    """
 
     FORMAT = deeplabcut.FORMAT
 
 
 class MeshFolderDataset(AnnotatedDataset):
-    """Images with a mesh file for each animal, and cameras or keypoints; cameras that the folder gives are used as they are.
+    """Images with a mesh file for each animal, and cameras or keypoints.
+
+    Cameras that the folder gives are used as they are.
 
     Args:
         path: the folder, see docs/formats.md.
@@ -187,7 +231,9 @@ class MeshFolderDataset(AnnotatedDataset):
         vocabulary: str | Vocabulary | None = None,
         **options: Unpack[Options],
     ) -> None:
-        super().__init__(path, format=mesh_folder.FORMAT, model=model, vocabulary=vocabulary, **options)
+        super().__init__(
+            path, format=mesh_folder.FORMAT, model=model, vocabulary=vocabulary, **options
+        )
 
 
 class Omni3DDataset(LabelDataset):
@@ -198,18 +244,31 @@ class Omni3DDataset(LabelDataset):
     Args:
         path: the json.
         images: the folder that file_path is relative to.
-        heading_known: whether forward and left mean something; None: what the file says if this package wrote it, else not.
+        heading_known: whether forward and left mean something; None: what the file says if this
+            package wrote it, else not.
         **options: LabelDataset's; those about labelling have no effect.
 
     """
 
-    def __init__(self, path: Path | str, *, images: Path | str | None = None, heading_known: bool | None = None, **options: Unpack[Options]) -> None:
-        read = read_omni3d(Path(path), None if images is None else Path(images), heading_known=heading_known)
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        images: Path | str | None = None,
+        heading_known: bool | None = None,
+        **options: Unpack[Options],
+    ) -> None:
+        read = read_omni3d(
+            Path(path), None if images is None else Path(images), heading_known=heading_known
+        )
         super().__init__(FileSource(read), **options)
 
 
 class SyntheticDataset(LabelDataset):
-    """The synthetic world; with pose="exact", the default, its own cameras are used, and labels are as good as its annotations.
+    """The synthetic world.
+
+    With pose="exact", the default, its own cameras are used, and labels are as good as its
+    annotations.
 
     Args:
         made: what is drawn.

@@ -30,8 +30,8 @@ class ReadOptions:
         images: the folder that image paths are relative to, if not the usual one.
         model: the SMAL file that the dataset's parameters or meshes belong to.
         vocabulary: what the keypoints are, of a format whose names may not tell.
-        focal_px: of every image that has no camera of its own, with the principal point in the middle; None: what the dataset or the picture's
-            header says, or a guess.
+        focal_px: of every image that has no camera of its own, with the principal point in the
+            middle; None: what the dataset or the picture's header says, or a guess.
     """
 
     images: Path | None = None
@@ -50,7 +50,8 @@ class Source:
 
     Attributes:
         records: its animals.
-        bodies: the fitted bodies that come with it; None if it has none or their model was not given.
+        bodies: the fitted bodies that come with it; None if it has none or their model was not
+            given.
     """
 
     records: RecordSet
@@ -76,9 +77,20 @@ def _read_animal3d(path: Path, options: ReadOptions) -> Source:
     _refuse_vocabulary(options, animal3d.VOCABULARY)
     read = animal3d.read_animal3d(path, options.model, options.images)
     if options.model is not None and read.bodies is None:
-        wrong = [fault for fault in read.records.faults if fault.field.partition(",")[0] in animal3d.PARAMETERS]
-        remedy = f"{len(wrong)} entries have wrong ones, the first: {wrong[0]}" if wrong else "give a --body"
-        raise ConfigError(f"{path} has no parameters (pose, shape, trans) that --model {options.model} could pose: {remedy}")
+        wrong = [
+            fault
+            for fault in read.records.faults
+            if fault.field.partition(",")[0] in animal3d.PARAMETERS
+        ]
+        remedy = (
+            f"{len(wrong)} entries have wrong ones, the first: {wrong[0]}"
+            if wrong
+            else "give a --body"
+        )
+        raise ConfigError(
+            f"{path} has no parameters (pose, shape, trans) that --model {options.model} could"
+            f" pose: {remedy}"
+        )
     return Source(read.records, read.bodies)
 
 
@@ -105,12 +117,18 @@ def _read_deeplabcut(path: Path, options: ReadOptions) -> Source:
 
 def _refuse_model(options: ReadOptions, name: str) -> None:
     if options.model is not None:
-        raise ConfigError(f"--model {options.model} is for parameters that a dataset comes with, and {name} has none: give it as --body")
+        raise ConfigError(
+            f"--model {options.model} is for parameters that a dataset comes with, and {name} has"
+            " none: give it as --body"
+        )
 
 
 def _refuse_vocabulary(options: ReadOptions, own: Vocabulary) -> None:
     if options.vocabulary is not None:
-        raise ConfigError(f"--vocabulary {options.vocabulary.name} is for formats whose files do not tell: these keypoints are {own.name}")
+        raise ConfigError(
+            f"--vocabulary {options.vocabulary.name} is for formats whose files do not tell: these"
+            f" keypoints are {own.name}"
+        )
 
 
 def _is_animal3d(peek: Peek) -> bool:
@@ -125,7 +143,9 @@ def _is_mesh_folder(peek: Peek) -> bool:
 
 def _is_coco(peek: Peek) -> bool:
     if peek.path.is_dir():
-        return any((file := peek.path / name).is_file() and _is_coco(peeked(file)) for name in coco.FILES)
+        return any(
+            (file := peek.path / name).is_file() and _is_coco(peeked(file)) for name in coco.FILES
+        )
     return peek.keys is not None and {"images", "annotations"} <= peek.keys
 
 
@@ -171,17 +191,26 @@ def recognised_format(path: Path) -> str:
         if reader.recognises(seen):
             return name
     found = ", ".join(sorted(seen.keys or ())[:8]) or "nothing"
-    raise DatasetFormatError(f"{path} is in no format that is known: it has {found}; give --format, one of {', '.join(FORMATS)}")
+    raise DatasetFormatError(
+        f"{path} is in no format that is known: it has {found}; give --format, one of"
+        f" {', '.join(FORMATS)}"
+    )
 
 
 def peeked(path: Path) -> Peek:
-    """A look at a path; raises DatasetNotFoundError if there is nothing, DatasetFormatError of a .json file that is none."""
+    """A look at a path.
+
+    Raises DatasetNotFoundError if there is nothing, DatasetFormatError of a .json file that is
+    none.
+    """
     if not path.exists():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
     if path.is_dir() or path.suffix.lower() not in (".json", ""):
         return Peek(path, None, is_list=False)
     content = decode_json(path, list[msgspec.Raw] | dict[str, msgspec.Raw])
-    return Peek(path, frozenset(content) if isinstance(content, dict) else None, isinstance(content, list))
+    return Peek(
+        path, frozenset(content) if isinstance(content, dict) else None, isinstance(content, list)
+    )
 
 
 def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None = None) -> Source:
@@ -203,35 +232,69 @@ def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None =
     kind = recognised_format(path) if format == "auto" else format
     if kind == coco.FORMAT and is_omni3d(path):
         raise ConfigError(
-            f"{path} holds cuboids in Omni3D's format, so there is nothing to label: load them with animal3dbox.datasets.Omni3DDataset, "
-            "look at them with animal3dbox check, or convert them with animal3dbox export"
+            f"{path} holds cuboids in Omni3D's format, so there is nothing to label: load them with"
+            " animal3dbox.datasets.Omni3DDataset, look at them with animal3dbox check, or convert"
+            " them with animal3dbox export"
         )
     read = READERS[kind].read(path, options or ReadOptions())
-    return replace(read, records=_with_focal(_of_unicode(read.records), None if options is None else options.focal_px))
+    return replace(
+        read,
+        records=_with_focal(
+            _of_unicode(read.records), None if options is None else options.focal_px
+        ),
+    )
 
 
 def _with_focal(read: RecordSet, focal_px: float | None) -> RecordSet:
-    """The records with the user's focal length where an image has no camera of its own; a dataset's one pose for it held for another camera."""
+    """The records with the user's focal length where an image has no camera of its own.
+
+    A dataset's one pose for it held for another camera.
+    """
     if focal_px is None:
         return read
-    own = {id(record) for record in read.records if record.K is not None and (record.K_source == "given" or record.pose is not None)}
+    own = {
+        id(record)
+        for record in read.records
+        if record.K is not None and (record.K_source == "given" or record.pose is not None)
+    }
     changed = (
-        record if id(record) in own else replace(record, K=intrinsics(focal_px, record.image_hw).numpy(), K_source="given", stored_pose=None)
+        (
+            record
+            if id(record) in own
+            else replace(
+                record,
+                K=intrinsics(focal_px, record.image_hw).numpy(),
+                K_source="given",
+                stored_pose=None,
+            )
+        )
         for record in read.records
     )
-    told = f"the focal length given, {focal_px:g} px, is that of {len(read.records) - len(own)} of {len(read.records)} animals"
+    told = (
+        f"the focal length given, {focal_px:g} px, is that of {len(read.records) - len(own)} of"
+        f" {len(read.records)} animals"
+    )
     note = told if not own else f"{told}; the images of the others have cameras of their own"
     return replace(read, records=tuple(changed), notes=(*read.notes, note))
 
 
 def _of_unicode(read: RecordSet) -> RecordSet:
-    """The records whose names are Unicode, as reports and JSON are; the others, of files whose names are no UTF-8, are faults."""
+    """The records whose names are Unicode, as reports and JSON are.
+
+    The others, of files whose names are no UTF-8, are faults.
+    """
     bad = [record.sample_id for record in read.records if not _is_unicode(record.sample_id)]
     if not bad and all(_is_unicode(str(fault)) for fault in read.faults):
         return read
     kept = tuple(record for record in read.records if _is_unicode(record.sample_id))
-    told = [SampleError(_escaped(str(fault.sample_id)), fault.field, _escaped(str(fault.problem))) for fault in read.faults]
-    told += [SampleError(_escaped(name), "sample_id", "the file's name is not UTF-8: rename it") for name in bad]
+    told = [
+        SampleError(_escaped(str(fault.sample_id)), fault.field, _escaped(str(fault.problem)))
+        for fault in read.faults
+    ]
+    told += [
+        SampleError(_escaped(name), "sample_id", "the file's name is not UTF-8: rename it")
+        for name in bad
+    ]
     return replace(read, records=kept, faults=tuple(told))
 
 

@@ -16,12 +16,24 @@ from torch.utils.data import Dataset, get_worker_info
 from animal3dbox.datasets.labelling.filters import LabelFilter
 from animal3dbox.datasets.labelling.label_records import PosePolicy, check_pose_policy
 from animal3dbox.datasets.labelling.label_rows import LabelRow
-from animal3dbox.datasets.labelling.label_store import Answer, Asked, RowMaker, fault_case, rejected_case
+from animal3dbox.datasets.labelling.label_store import (
+    Answer,
+    Asked,
+    RowMaker,
+    fault_case,
+    rejected_case,
+)
 from animal3dbox.datasets.labelling.load_report import Case, Ledger, LoadReport
 from animal3dbox.datasets.labelling.open_samples import OpenedSample, opened_samples
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.sources import ImageSample, SampleSource, images_of
-from animal3dbox.datasets.labelling.targets import check_one_camera, empty_target, image_tensor, masks_of, target_of
+from animal3dbox.datasets.labelling.targets import (
+    check_one_camera,
+    empty_target,
+    image_tensor,
+    masks_of,
+    target_of,
+)
 from animal3dbox.datasets.labelling.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
@@ -50,29 +62,37 @@ class Skipped:
     cases: tuple[Case, ...]
 
     def __len__(self) -> int:
-        raise TypeError(f"{self.image_id} was skipped (on_bad='skip'), which only animal3dbox.datasets.collate understands: give it as collate_fn")
+        raise TypeError(
+            f"{self.image_id} was skipped (on_bad='skip'), which only animal3dbox.datasets.collate"
+            " understands: give it as collate_fn"
+        )
 
 
 class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
     """Images with the cuboids of their animals, labelled when they are asked for.
 
-    ``dataset[i]`` is ``(image, target)``: the image (3, H, W) uint8 RGB, the target a plain dict as docs/datasets.md lists it, float32,
-    with N animals. ``dataset[epoch, i]`` is the same sample as epoch's transform draws it.
+    ``dataset[i]`` is ``(image, target)``: the image (3, H, W) uint8 RGB, the target a plain dict as
+    docs/datasets.md lists it, float32, with N animals. ``dataset[epoch, i]`` is the same sample as
+    epoch's transform draws it.
 
     Args:
         source: of the samples, see the Datasets named after formats.
         config: how labels are made; None: default_config(pose, filters).
-        on_bad: what to do with an animal that cannot be labelled: "error" raises, "skip" leaves it out and writes it down (report()); an
-            image of which no animal is left comes back as Skipped.
-        partial: whether an image of which only some animals have labels is kept: "keep", or "skip" to leave it out, since it shows
-            animals that its target does not name.
+        on_bad: what to do with an animal that cannot be labelled: "error" raises, "skip" leaves it
+            out and writes it down (report()); an image of which no animal is left comes back as
+            Skipped.
+        partial: whether an image of which only some animals have labels is kept: "keep", or "skip"
+            to leave it out, since it shows animals that its target does not name.
         filters: labels that miss them are left out in the same way, and never raise.
-        classes: names of the labels' numbers; None: the categories as the dataset lists them, whether
-            an animal has them or not, else sorted. An animal of another category is a fault.
-        transform: ``transform(image, target) -> (image, target)``, such as animal3dbox.transforms.Compose.
+        classes: names of the labels' numbers; None: the categories as the dataset lists them,
+            whether an animal has them or not, else sorted. An animal of another category is a
+            fault.
+        transform: ``transform(image, target) -> (image, target)``, such as
+            animal3dbox.transforms.Compose.
         scale: what makes labels metric (scale.py); None: only what the dataset itself says.
-        pose: whether a camera that a dataset stores for its bodies is one "hypothesis" among others, or "exact"; animals without a stored one
-            get theirs estimated all the same, and ``quality`` says so.
+        pose: whether a camera that a dataset stores for its bodies is one "hypothesis" among
+            others, or "exact"; animals without a stored one get theirs estimated all the same, and
+            ``quality`` says so.
         cache: folder of the label cache; None: none.
         masks: whether targets hold masks, of images whose every animal has one.
         report_to: file that cases are appended to; None: a temporary one.
@@ -101,12 +121,18 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         report_to: Path | str | None = None,
         reuse: bool = True,
     ) -> None:
-        for name, value, known in (("on_bad", on_bad, get_args(OnBad)), ("partial", partial, ("keep", "skip"))):
+        for name, value, known in (
+            ("on_bad", on_bad, get_args(OnBad)),
+            ("partial", partial, ("keep", "skip")),
+        ):
             if value not in known:
                 raise ConfigError(f"{name} must be {' or '.join(map(repr, known))}, got {value!r}")
         if on_bad == "error" and source.faults:
             first, more = source.faults[0], len(source.faults) - 1
-            problem = f"{first.problem} (and {more} more that cannot be read; on_bad='skip' leaves them out and reports them)"
+            problem = (
+                f"{first.problem} (and {more} more that cannot be read; on_bad='skip' leaves them"
+                " out and reports them)"
+            )
             raise SampleError(first.sample_id, first.field, problem)
         check_pose_policy(pose, source.has_cameras or not len(source), source.notes)
         self.source, self.on_bad, self.partial, self.masks = source, on_bad, partial, masks
@@ -116,9 +142,19 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         if len(self._numbers) != len(self.classes):
             raise ConfigError(f"classes must differ, got {self.classes}")
         if scale is not None and not hasattr(scale, "metres_per_unit"):
-            raise ConfigError(f"scale must be a KnownScale, SpeciesScale or AltitudeScale (datasets.labelling.scale), got {scale!r}")
+            raise ConfigError(
+                "scale must be a KnownScale, SpeciesScale or AltitudeScale"
+                f" (datasets.labelling.scale), got {scale!r}"
+            )
         self.ledger = Ledger(report_to)
-        self._rows = RowMaker(source.fingerprint, config or default_config(pose, self.filters), scale, pose, cache, reuse)
+        self._rows = RowMaker(
+            source.fingerprint,
+            config or default_config(pose, self.filters),
+            scale,
+            pose,
+            cache,
+            reuse,
+        )
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         for fault in source.faults:
             self.ledger.add(fault_case(fault))
@@ -136,7 +172,10 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         return int(self._epoch)
 
     def set_epoch(self, epoch: int) -> None:
-        """Set the epoch, in running persistent workers too: its number lies in shared memory. Call it before the epoch's iteration begins."""
+        """Set the epoch, in running persistent workers too: its number lies in shared memory.
+
+        Call it before the epoch's iteration begins.
+        """
         if epoch < 0:
             raise ConfigError(f"epoch must not be negative, got {epoch}")
         self._epoch.fill_(epoch)
@@ -153,20 +192,30 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         return self._samples([index])[0]
 
     def __getitems__(self, indices: Sequence[SampleIndex]) -> list[tuple[Tensor, Target] | Skipped]:
-        """The samples of a batch, the same as one by one to the last bit; labels that must be made are made together, which costs less.
+        """The samples of a batch, the same as one by one to the last bit.
+
+        Labels that must be made are made together, which costs less.
 
         DataLoaders ask for whole batches in this way.
         """
-        if type(self).__getitem__ is not LabelDataset.__getitem__:  # a subclass that changes samples changes those of batches too
+        if (
+            type(self).__getitem__ is not LabelDataset.__getitem__
+        ):  # a subclass that changes samples changes those of batches too
             return [self[index] for index in indices]
         return self._samples(indices)
 
     def _samples(self, indices: Sequence[SampleIndex]) -> list[tuple[Tensor, Target] | Skipped]:
         keys = [self._key(index) for index in indices]
         with one_thread():
-            opened = opened_samples(self.source, [place for _, place in keys], self._numbers, self._rows)
-            answers = self._rows.rows([asked for one in opened if isinstance(one, OpenedSample) for asked in one.asked])
-            self._note(case for answer in answers for case in answer.cases)  # told once: it must not be lost if a sample raises
+            opened = opened_samples(
+                self.source, [place for _, place in keys], self._numbers, self._rows
+            )
+            answers = self._rows.rows(
+                [asked for one in opened if isinstance(one, OpenedSample) for asked in one.asked]
+            )
+            self._note(
+                case for answer in answers for case in answer.cases
+            )  # told once: it must not be lost if a sample raises
             left = iter(answers)
             return [self._sample(key, one, left) for key, one in zip(keys, opened, strict=True)]
 
@@ -184,7 +233,9 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             epoch, place = index if isinstance(index, tuple) else (self.epoch, index)
             return operator.index(epoch), operator.index(place)
         except (TypeError, ValueError):
-            raise TypeError(f"an index must be a whole number or a pair (epoch, index), got {index!r}") from None
+            raise TypeError(
+                f"an index must be a whole number or a pair (epoch, index), got {index!r}"
+            ) from None
 
     def _note(self, cases: Iterable[Case]) -> None:
         for case in cases:
@@ -194,7 +245,9 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         self._note(cases)
         return Skipped(place, self.image_id(place), tuple(cases))
 
-    def _sample(self, key: tuple[int, int], opened: OpenedSample | SampleError, answers: Iterator[Answer]) -> tuple[Tensor, Target] | Skipped:
+    def _sample(
+        self, key: tuple[int, int], opened: OpenedSample | SampleError, answers: Iterator[Answer]
+    ) -> tuple[Tensor, Target] | Skipped:
         """An opened sample with its target; of the answers, it takes those to its animals."""
         try:
             if isinstance(opened, SampleError):
@@ -207,12 +260,25 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                 raise
             return self._skipped(key[1], [fault_case(error)])
 
-    def _labelled(self, key: tuple[int, int], opened: OpenedSample, answers: Sequence[Answer]) -> tuple[Tensor, Target] | Skipped:
+    def _labelled(
+        self, key: tuple[int, int], opened: OpenedSample, answers: Sequence[Answer]
+    ) -> tuple[Tensor, Target] | Skipped:
         sample, image = opened.sample, image_tensor(opened.photo.pixels)
-        if sample.image is not None and sample.head.unread:  # it shows animals, of which none can be read
-            return self._skipped(key[1], [fault_case(fault) for fault in self.source.faults if sample.image_id in images_of(fault.sample_id or "")])
+        if (
+            sample.image is not None and sample.head.unread
+        ):  # it shows animals, of which none can be read
+            return self._skipped(
+                key[1],
+                [
+                    fault_case(fault)
+                    for fault in self.source.faults
+                    if sample.image_id in images_of(fault.sample_id or "")
+                ],
+            )
         if sample.image is not None:
-            return self._transformed(image, empty_target(sample.image_id, sample.image.K, self.source.named_faces), key)
+            return self._transformed(
+                image, empty_target(sample.image_id, sample.image.K, self.source.named_faces), key
+            )
         made, cases = self._chosen(opened, answers)
         partly = len(made) < len(sample.animals) or sample.head.unread
         if made and partly and self.partial == "skip":
@@ -230,20 +296,31 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         return self._transformed(image, target, key)
 
     def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
-        """Store the labels of some samples in the cache, made together; of their images only the headers are read. What could not be, and why."""
+        """Store the labels of some samples in the cache, made together.
+
+        Of their images only the headers are read. What could not be, and why.
+        """
         known, cases = [], list[Case]()
         for sample in map(self.source.sample, indices):
             try:
                 known.append((sample, self.source.facts(sample)))
             except SampleError as error:
-                cases += [fault_case(SampleError(head.sample_id, error.field, error.problem)) for head in sample.animals]
+                cases += [
+                    fault_case(SampleError(head.sample_id, error.field, error.problem))
+                    for head in sample.animals
+                ]
         with one_thread():
             cases += self._rows.fill(known)
         self._note(cases)
         return tuple(cases)
 
-    def _chosen(self, opened: OpenedSample, answers: Sequence[Answer]) -> tuple[list[Made], list[Case]]:
-        """Row, class number and mask of the animals that come through, and cases of the others; raises SampleError if on_bad is "error"."""
+    def _chosen(
+        self, opened: OpenedSample, answers: Sequence[Answer]
+    ) -> tuple[list[Made], list[Case]]:
+        """Row, class number and mask of the animals that come through, and cases of the others.
+
+        Raises SampleError if on_bad is "error".
+        """
         made: list[Made] = []
         cases: list[Case] = []
         for head, asked, answer in zip(opened.sample.animals, opened.asked, answers, strict=True):
@@ -251,18 +328,37 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             if isinstance(answer.outcome, LabelRow):
                 missed = self.filters.problem(answer.outcome)
                 if missed is None:
-                    made.append((answer.outcome, self._numbers[head.category], asked.mask if isinstance(asked, Asked) else None))
+                    made.append(
+                        (
+                            answer.outcome,
+                            self._numbers[head.category],
+                            asked.mask if isinstance(asked, Asked) else None,
+                        )
+                    )
                 else:
-                    cases.append(Case(kind="filtered", sample_id=head.sample_id, field=missed[0], problem=missed[1]))
+                    cases.append(
+                        Case(
+                            kind="filtered",
+                            sample_id=head.sample_id,
+                            field=missed[0],
+                            problem=missed[1],
+                        )
+                    )
             elif self.on_bad == "error":
-                raise answer.outcome if isinstance(answer.outcome, SampleError) else _not_made(head.sample_id, answer.outcome)
+                raise (
+                    answer.outcome
+                    if isinstance(answer.outcome, SampleError)
+                    else _not_made(head.sample_id, answer.outcome)
+                )
             elif isinstance(answer.outcome, SampleError):
                 cases.append(fault_case(answer.outcome))
             else:
                 cases.append(rejected_case(head.sample_id, answer.outcome))
         return made, cases
 
-    def _transformed(self, image: Tensor, target: Target, key: tuple[int, int]) -> tuple[Tensor, Target]:
+    def _transformed(
+        self, image: Tensor, target: Target, key: tuple[int, int]
+    ) -> tuple[Tensor, Target]:
         target["sample_key"] = key
         if self.transform is None:
             return image, target
@@ -276,18 +372,37 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
 
 def default_config(pose: PosePolicy, filters: LabelFilter) -> LabelConfig:
-    """How a Dataset labels: without what needs drawing, but for the mask's overlap where the pose is estimated or a filter looks at it."""
-    return LabelConfig(surface_share=False, mask_iou=pose == "hypothesis" or filters.min_mask_iou is not None or filters.min_confidence is not None)
+    """How a Dataset labels.
+
+    Without what needs drawing, but for the mask's overlap where the pose is estimated or a filter
+    looks at it.
+    """
+    return LabelConfig(
+        surface_share=False,
+        mask_iou=pose == "hypothesis"
+        or filters.min_mask_iou is not None
+        or filters.min_confidence is not None,
+    )
 
 
 def _one_vocabulary(sample: ImageSample, labelled: Container[str]) -> Vocabulary | None:
-    """The vocabulary of the keypoints of an image's labelled animals; None if there are none, or they are of kinds that are marked differently."""
-    words = {head.vocabulary.name: head.vocabulary for head in sample.animals if head.vocabulary is not None and head.sample_id in labelled}
+    """The vocabulary of the keypoints of an image's labelled animals.
+
+    None if there are none, or they are of kinds that are marked differently.
+    """
+    words = {
+        head.vocabulary.name: head.vocabulary
+        for head in sample.animals
+        if head.vocabulary is not None and head.sample_id in labelled
+    }
     return next(iter(words.values())) if len(words) == 1 else None
 
 
 def _not_made(sample_id: str, rejection: Rejection) -> SampleError:
-    problem = f"cannot be made, {rejection.reason}: {rejection.detail}; on_bad='skip' leaves such animals out and reports them"
+    problem = (
+        f"cannot be made, {rejection.reason}: {rejection.detail}; on_bad='skip' leaves such animals"
+        " out and reports them"
+    )
     return SampleError(sample_id, "label", problem)
 
 

@@ -27,12 +27,16 @@ class AnimalRecord:
         category: what the dataset calls the animal.
         mask_path: the mask as a picture, when there are no runs; read when it is asked for.
         mask_source: "dataset", or "rendered" of the dataset's own fitted body.
-        K: (3, 3) intrinsics in px that the dataset gives or all its images share; None if it says nothing.
+        K: (3, 3) intrinsics in px that the dataset gives or all its images share; None if it says
+            nothing.
         K_source: "given" of the image's own, "dataset" of one for all.
-        stored_pose: (R, t) of the dataset's own camera, X_cam = R X + t with X in the body source's frame, a guess; None without.
-        pose: (R, t) likewise, known exactly (a calibrated rig): no keypoints are needed; None if it is not.
+        stored_pose: (R, t) of the dataset's own camera, X_cam = R X + t with X in the body source's
+            frame, a guess; None without.
+        pose: (R, t) likewise, known exactly (a calibrated rig): no keypoints are needed; None if it
+            is not.
         distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens; None of a pinhole.
-        box: (4,) xyxy px that the dataset gives, pixels from their least edge to their greatest; None without.
+        box: (4,) xyxy px that the dataset gives, pixels from their least edge to their greatest;
+            None without.
         metres_per_unit: metres in a unit of the body's frame; None if it is not known.
     """
 
@@ -56,7 +60,9 @@ class AnimalRecord:
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:
-        """The mask (H, W), decoded when it is asked for: the masks of a large dataset would fill the memory.
+        """The mask (H, W), decoded when it is asked for.
+
+        The masks of a large dataset would fill the memory.
 
         Raises:
             SampleError: the mask's file cannot be read, or is of another size.
@@ -64,7 +70,11 @@ class AnimalRecord:
         """
         if self.mask_runs is not None:
             return decode_mask(self.mask_runs, self.image_hw)
-        return None if self.mask_path is None else read_mask(self.mask_path, self.sample_id, self.image_hw)
+        return (
+            None
+            if self.mask_path is None
+            else read_mask(self.mask_path, self.sample_id, self.image_hw)
+        )
 
 
 @dataclass(frozen=True)
@@ -128,8 +138,10 @@ class CuboidSet:
         records: in the file's order, those of an image together.
         faults: one error a box or image that is unusable.
         notes: what was found out about the dataset, in whole sentences.
-        categories: every category that the file knows, in its order, whether an animal has it or not; empty if it does not say.
-        images: every usable image in the file's order, also those without a box; empty if the format does not list them.
+        categories: every category that the file knows, in its order, whether an animal has it or
+            not; empty if it does not say.
+        images: every usable image in the file's order, also those without a box; empty if the
+            format does not list them.
     """
 
     name: str
@@ -143,7 +155,10 @@ class CuboidSet:
         """The images, and those of the records that are not listed, each once."""
         listed = {image.image_id: image for image in self.images}
         for record in self.records:
-            listed.setdefault(record.image_id, CuboidImage(record.image_id, record.image_path, record.image_hw, record.K))
+            listed.setdefault(
+                record.image_id,
+                CuboidImage(record.image_id, record.image_path, record.image_hw, record.K),
+            )
         return tuple(listed.values())
 
 
@@ -156,7 +171,8 @@ class RecordSet:
         records: in the file's order.
         faults: one error a sample that is unusable; nothing is dropped without one.
         notes: what was found out about the dataset, in whole sentences.
-        categories: every category that the file knows, in its order, whether an animal has it or not; empty if it does not say.
+        categories: every category that the file knows, in its order, whether an animal has it or
+            not; empty if it does not say.
     """
 
     name: str

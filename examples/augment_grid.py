@@ -1,4 +1,6 @@
-"""One picture of an animal under every augmentation, its cuboid drawn from the updated target: the box must stay glued.
+"""One picture of an animal under every augmentation, its cuboid drawn from the updated target.
+
+The box must stay glued.
 
 Run: python examples/augment_grid.py [FILE]
 """
@@ -55,10 +57,22 @@ GRID: list[tuple[str, list[Any]]] = [
     ("ColorJitter", [ColorJitter((1.2, 1.2), (1.3, 1.3), (1.5, 1.5), (0.08, 0.08))]),
     ("blur and noise", [RandomGaussianBlur((3, 3), p=1), RandomGaussianNoise((0.08, 0.08), p=1)]),
     ("RandomErasing", [RandomErasing(1, scale=(0.1, 0.1), value="random")]),
-    ("kornia: affine, hue", [kornia.RandomAffine((20.0, 20.0), scale=(0.8, 0.8), p=1), kornia.RandomHue((0.3, 0.3), p=1)]),
+    (
+        "kornia: affine, hue",
+        [
+            kornia.RandomAffine((20.0, 20.0), scale=(0.8, 0.8), p=1),
+            kornia.RandomHue((0.3, 0.3), p=1),
+        ],
+    ),
     (
         "a chain of five",
-        [RandomHorizontalFlip(1), RandomAffine(10), RandomVirtualCamera(6, 6, 10), RandomResizedCrop(SIZE, (0.5, 0.7)), ColorJitter(0.3)],
+        [
+            RandomHorizontalFlip(1),
+            RandomAffine(10),
+            RandomVirtualCamera(6, 6, 10),
+            RandomResizedCrop(SIZE, (0.5, 0.7)),
+            ColorJitter(0.3),
+        ],
     ),
 ]
 
@@ -66,7 +80,12 @@ GRID: list[tuple[str, list[Any]]] = [
 def target_of(animal: Any) -> dict[str, Any]:
     """Camera and box of a synthetic animal, as a target."""
     box = animal.cuboid
-    return {"K": animal.camera.K, "center": box.center[None], "rotation": box.rotation[None], "size": box.size[None]}
+    return {
+        "K": animal.camera.K,
+        "center": box.center[None],
+        "rotation": box.rotation[None],
+        "size": box.size[None],
+    }
 
 
 def main() -> None:
@@ -80,14 +99,30 @@ def main() -> None:
         box = Cuboid(*(torch.as_tensor(after[name][0]) for name in ("center", "rotation", "size")))
         draw_cuboid(canvas, box, after["K"])
         scale = min(SIZE[1] / canvas.shape[1], SIZE[0] / canvas.shape[0])
-        small = cv2.resize(canvas, (round(canvas.shape[1] * scale), round(canvas.shape[0] * scale)), interpolation=cv2.INTER_AREA)
+        small = cv2.resize(
+            canvas,
+            (round(canvas.shape[1] * scale), round(canvas.shape[0] * scale)),
+            interpolation=cv2.INTER_AREA,
+        )
         panel = np.full((*SIZE, 3), 15, dtype=np.uint8)
         panel[: small.shape[0], : small.shape[1]] = small
-        cv2.putText(panel, words, (8, SIZE[0] - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
+        cv2.putText(
+            panel,
+            words,
+            (8, SIZE[0] - 10),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.55,
+            (255, 255, 255),
+            1,
+            cv2.LINE_AA,
+        )
         panels.append(panel)
     rows = [np.concatenate(panels[start : start + 5], axis=1) for start in range(0, len(panels), 5)]
     out = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images/augment_grid.jpg")
-    cv2.imwrite(str(out), cv2.resize(np.concatenate(rows), (1000, 600), interpolation=cv2.INTER_AREA)[..., ::-1])
+    cv2.imwrite(
+        str(out),
+        cv2.resize(np.concatenate(rows), (1000, 600), interpolation=cv2.INTER_AREA)[..., ::-1],
+    )
 
 
 if __name__ == "__main__":

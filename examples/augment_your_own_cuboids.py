@@ -1,4 +1,6 @@
-"""Augment boxes that are not animals: a KITTI-like car and an Omni3D-like chair, each under its own camera.
+"""Augment boxes that are not animals.
+
+A KITTI-like car and an Omni3D-like chair, each under its own camera.
 
 Run: python examples/augment_your_own_cuboids.py [--out FILE.png]
 """
@@ -12,11 +14,22 @@ import cv2
 import numpy as np
 
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, EDGES
-from animal3dbox.transforms import ColorJitter, Compose, RandomHorizontalFlip, RandomResizedCrop, RandomVirtualCamera
+from animal3dbox.transforms import (
+    ColorJitter,
+    Compose,
+    RandomHorizontalFlip,
+    RandomResizedCrop,
+    RandomVirtualCamera,
+)
 
 
-def from_kitti(location: list[float], dimensions: list[float], rotation_y: float) -> dict[str, np.ndarray]:
-    """KITTI: location is the middle of the bottom, dimensions are height, width, length, rotation_y turns about the camera's y.
+def from_kitti(
+    location: list[float], dimensions: list[float], rotation_y: float
+) -> dict[str, np.ndarray]:
+    """KITTI.
+
+    Location is the middle of the bottom, dimensions are height, width, length, rotation_y turns
+    about the camera's y.
 
     Our box axes are forward, left, up; KITTI's car looks along its own x axis, and y points down.
     """
@@ -25,31 +38,49 @@ def from_kitti(location: list[float], dimensions: list[float], rotation_y: float
     forward, up = [cos, 0.0, -sin], [0.0, -1.0, 0.0]
     left = np.cross(up, forward)
     center = np.array(location) - np.array([0.0, height / 2, 0.0])
-    return {"center": center, "rotation": np.stack((forward, left, up), axis=1), "size": np.array([length, width, height])}
+    return {
+        "center": center,
+        "rotation": np.stack((forward, left, up), axis=1),
+        "size": np.array([length, width, height]),
+    }
 
 
-def from_omni3d(center_cam: list[float], dimensions: list[float], R_cam: np.ndarray) -> dict[str, np.ndarray]:
+def from_omni3d(
+    center_cam: list[float], dimensions: list[float], R_cam: np.ndarray
+) -> dict[str, np.ndarray]:
     """Omni3D: dimensions are width, height, length; R_cam's columns are forward, down and left."""
     width, height, length = dimensions
     forward, down, left = R_cam.T
-    return {"center": np.array(center_cam), "rotation": np.stack((forward, left, -down), axis=1), "size": np.array([length, width, height])}
+    return {
+        "center": np.array(center_cam),
+        "rotation": np.stack((forward, left, -down), axis=1),
+        "size": np.array([length, width, height]),
+    }
 
 
 def target_of(box: dict[str, np.ndarray], K: np.ndarray, name: str) -> dict[str, Any]:
-    """All that the transforms need: K and boxes. Corners are optional; here they are drawn later."""
+    """All that the transforms need: K and boxes.
+
+    Corners are optional; here they are drawn later.
+    """
     corners = box["center"] + (np.array(CORNER_SIGNS) * box["size"] / 2) @ box["rotation"].T
     batched = {key: value[None] for key, value in (*box.items(), ("corners_3d", corners))}
     return {"K": K, **batched, "labels": np.zeros(1, dtype=np.int64), "image_id": name}
 
 
 def picture_of(target: dict[str, Any], image_hw: tuple[int, int]) -> np.ndarray:
-    """A picture (H, W, 3) uint8 of a box: its faces in flat colours, drawn as the camera sees them."""
+    """A picture (H, W, 3) uint8 of a box.
+
+    Its faces in flat colours, drawn as the camera sees them.
+    """
     image = np.full((*image_hw, 3), 90, dtype=np.uint8)
     image[::16] = image[:, ::16] = 110
     return drawn(image, target, (240, 240, 240), 7)
 
 
-def drawn(image: np.ndarray, target: dict[str, Any], colour: tuple[int, int, int], thick: int) -> np.ndarray:
+def drawn(
+    image: np.ndarray, target: dict[str, Any], colour: tuple[int, int, int], thick: int
+) -> np.ndarray:
     """The picture with the edges of the target's boxes, the front in green."""
     image = np.ascontiguousarray(image)
     for corners in target["corners_3d"]:
@@ -57,7 +88,14 @@ def drawn(image: np.ndarray, target: dict[str, Any], colour: tuple[int, int, int
         px = np.round(px[:, :2] / px[:, 2:]).astype(int)
         for start, end in EDGES:
             front = {start, end} <= {1, 2, 6, 5}
-            cv2.line(image, px[start].tolist(), px[end].tolist(), (80, 200, 80) if front and thick < 6 else colour, thick, cv2.LINE_AA)
+            cv2.line(
+                image,
+                px[start].tolist(),
+                px[end].tolist(),
+                (80, 200, 80) if front and thick < 6 else colour,
+                thick,
+                cv2.LINE_AA,
+            )
     return image
 
 
@@ -70,11 +108,23 @@ def main() -> None:
     omni_K = np.array([[520.0, 0, 330.0], [0, 525.0, 250.0], [0, 0, 1]])
     tilt = np.array([[0.8, 0, -0.6], [0, 1, 0], [-0.6, 0, -0.8]])  # columns: forward, down, left
     scenes = [
-        (target_of(from_kitti([-2.0, 1.6, 11.0], [1.5, 1.7, 4.2], 0.6), kitti_K, "kitti-like"), (375, 1242)),
-        (target_of(from_omni3d([0.2, 0.3, 3.0], [0.6, 1.0, 0.7], tilt), omni_K, "omni3d-like"), (480, 640)),
+        (
+            target_of(from_kitti([-2.0, 1.6, 11.0], [1.5, 1.7, 4.2], 0.6), kitti_K, "kitti-like"),
+            (375, 1242),
+        ),
+        (
+            target_of(from_omni3d([0.2, 0.3, 3.0], [0.6, 1.0, 0.7], tilt), omni_K, "omni3d-like"),
+            (480, 640),
+        ),
     ]
     compose = Compose(
-        [RandomHorizontalFlip(), RandomVirtualCamera(4, 4, 8), RandomResizedCrop((300, 400), (0.6, 1.0)), ColorJitter(0.2, 0.2)], seed=1
+        [
+            RandomHorizontalFlip(),
+            RandomVirtualCamera(4, 4, 8),
+            RandomResizedCrop((300, 400), (0.6, 1.0)),
+            ColorJitter(0.2, 0.2),
+        ],
+        seed=1,
     )
     rows = []
     for target, image_hw in scenes:
@@ -84,7 +134,10 @@ def main() -> None:
             made, after = compose(image, target, key=(0, index))
             row.append(drawn(made, after, (220, 120, 40), 2))
             forward = after["rotation"][0, :, 0]
-            print(f"{target['image_id']} {index}: mirrored {after['mirrored']}, fx {after['K'][0, 0]:.1f}, heading {np.round(forward, 2).tolist()}")
+            print(
+                f"{target['image_id']} {index}: mirrored {after['mirrored']}, fx"
+                f" {after['K'][0, 0]:.1f}, heading {np.round(forward, 2).tolist()}"
+            )
         rows.append(np.concatenate(row, axis=1))
     cv2.imwrite(str(out), np.concatenate(rows)[..., ::-1])
     print(f"wrote {out}")

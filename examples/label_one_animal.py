@@ -20,5 +20,14 @@ if not isinstance(label, CuboidLabel):
     raise SystemExit(f"no label: {label.reason}: {label.detail}")
 
 print(f"{label.sample_id}: {label.side} side, seen from {label.viewpoint}")
-print("shares:", dict(zip(("front", "back", "left", "right", "top", "bottom"), label.face_share.tolist(), strict=True)))
+print(
+    "shares:",
+    dict(
+        zip(
+            ("front", "back", "left", "right", "top", "bottom"),
+            label.face_share.tolist(),
+            strict=True,
+        )
+    ),
+)
 print("corners in the image:", label.corners_2d.round().tolist())

@@ -17,7 +17,12 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.report.overlay import draw_label
 
-ANIMALS = ((0, "dog", "walk"), (4, "cat", "stand"), (12, "horse", "trot"), (7, "cow", "graze"))  # index, preset, pose
+ANIMALS = (
+    (0, "dog", "walk"),
+    (4, "cat", "stand"),
+    (12, "horse", "trot"),
+    (7, "cow", "graze"),
+)  # index, preset, pose
 
 
 def main() -> None:
@@ -25,7 +30,11 @@ def main() -> None:
     panels = []
     for index, preset, pose in ANIMALS:
         animal = synthetic_animal(0, index, preset=preset, pose=pose)
-        label = label_synthetic(animal, faulty(annotate(animal, hidden="marked"), FaultConfig(noise_px=2.0)).keypoints_2d, LabelConfig())
+        label = label_synthetic(
+            animal,
+            faulty(annotate(animal, hidden="marked"), FaultConfig(noise_px=2.0)).keypoints_2d,
+            LabelConfig(),
+        )
         if not isinstance(label, CuboidLabel):
             raise SystemExit(f"{animal.sample_id}: {label.reason}")
         panels.append(draw_label(animal.image.numpy(), label))

@@ -1,6 +1,9 @@
-"""Keep the photographs that show an animal's left flank: what re-identification compares like with like needs.
+"""Keep the photographs that show an animal's left flank.
 
-Run: python examples/side_filter_for_reid.py PHOTOS [OUT]   (any dataset that is read, such as ../shared/photos; without PHOTOS a synthetic one)
+What re-identification compares like with like needs.
+
+Run: python examples/side_filter_for_reid.py PHOTOS [OUT]   (any dataset that is read, such as
+../shared/photos; without PHOTOS a synthetic one)
 """
 
 import shutil
@@ -19,7 +22,10 @@ LEAST_SHARE = 0.5
 
 
 def left_flanks(photos: Path, out: Path) -> int:
-    """Copy the images that show a left flank into a folder, dogs/a.jpg as dogs__a.jpg; gives how many."""
+    """Copy the images that show a left flank into a folder, dogs/a.jpg as dogs__a.jpg.
+
+    Gives how many.
+    """
     out.mkdir(parents=True, exist_ok=True)
     dataset = AnnotatedDataset(photos, on_bad="skip", filters=LabelFilter(max_truncation=0.3))
     kept = 0
@@ -31,9 +37,13 @@ def left_flanks(photos: Path, out: Path) -> int:
         share = float(target["face_share_in_image"][:, LEFT].max())
         path = dataset.source.sample(index).records[0].image_path
         if share >= LEAST_SHARE and path is not None:
-            shutil.copy(path, out / target["image_id"].replace("/", "__"))  # folders may have files of one name
+            shutil.copy(
+                path, out / target["image_id"].replace("/", "__")
+            )  # folders may have files of one name
             kept += 1
-        print(f"{'keep' if share >= LEAST_SHARE else '    '}  left {share:4.0%}  {target['image_id']}")
+        print(
+            f"{'keep' if share >= LEAST_SHARE else '    '}  left {share:4.0%}  {target['image_id']}"
+        )
     print(dataset.report())
     return kept
 

@@ -22,8 +22,16 @@ def main() -> None:
     tiles = []
     for index in range(COLUMNS * ROWS):
         picture = Image.fromarray(synthetic_scene(seed, index, WorldConfig()).image.numpy())
-        tiles.append(np.asarray(picture.resize((WIDTH, round(WIDTH * picture.height / picture.width)), Image.Resampling.LANCZOS)))
-    rows = [np.concatenate(tiles[row * COLUMNS : (row + 1) * COLUMNS], axis=1) for row in range(ROWS)]
+        tiles.append(
+            np.asarray(
+                picture.resize(
+                    (WIDTH, round(WIDTH * picture.height / picture.width)), Image.Resampling.LANCZOS
+                )
+            )
+        )
+    rows = [
+        np.concatenate(tiles[row * COLUMNS : (row + 1) * COLUMNS], axis=1) for row in range(ROWS)
+    ]
     Image.fromarray(np.concatenate(rows)).save(out, quality=85, optimize=True)
 
 

@@ -1,4 +1,7 @@
-"""What every test shares: one thread each, so that two workers do not fight for two cores; and a small dataset to read and to spoil."""
+"""What every test shares: one thread each, so that two workers do not fight for two cores.
+
+And a small dataset to read and to spoil.
+"""
 
 import os
 import shutil
@@ -14,7 +17,9 @@ from small_animals import model_of, write_small_animals
 
 torch.set_num_threads(1)
 cv2.setNumThreads(1)
-hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, max_examples=100, database=None)
+hypothesis.settings.register_profile(
+    "ci", deadline=None, derandomize=True, max_examples=100, database=None
+)
 hypothesis.settings.register_profile("nightly", deadline=None, max_examples=10_000)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 

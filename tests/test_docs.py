@@ -17,14 +17,18 @@ def docstrings() -> dict[tuple[str, str], str]:
     found = {}
     for home in ("animal3dbox", "datasets", "transforms"):
         for path in sorted((ROOT / home).rglob("*.py")):
-            if path.is_relative_to(ROOT / "animal3dbox" / "datasets") or path.is_relative_to(ROOT / "animal3dbox" / "transforms"):
+            if path.is_relative_to(ROOT / "animal3dbox" / "datasets") or path.is_relative_to(
+                ROOT / "animal3dbox" / "transforms"
+            ):
                 continue
             stack: list[tuple[str, ast.AST]] = [("", ast.parse(path.read_text()))]
             while stack:
                 prefix, node = stack.pop()
                 for child in ast.iter_child_nodes(node):
                     if isinstance(child, (ast.FunctionDef, ast.ClassDef)):
-                        found[path.relative_to(ROOT).as_posix(), prefix + child.name] = " ".join((ast.get_docstring(child) or "").split())
+                        found[path.relative_to(ROOT).as_posix(), prefix + child.name] = " ".join(
+                            (ast.get_docstring(child) or "").split()
+                        )
                         stack.append((f"{prefix}{child.name}.", child))
     return found
 
@@ -37,21 +41,38 @@ def test_the_table_of_the_paper_has_its_steps() -> None:
 
 
 @pytest.mark.parametrize(("citation", "file", "function"), ROWS, ids=[row[0] for row in ROWS])
-def test_each_step_of_the_paper_is_cited_by_exactly_the_docstring_named(citation: str, file: str, function: str) -> None:
-    citing = [key for key, text in docstrings().items() if re.search(rf"\({re.escape(citation)}\)", text)]
+def test_each_step_of_the_paper_is_cited_by_exactly_the_docstring_named(
+    citation: str, file: str, function: str
+) -> None:
+    citing = [
+        key for key, text in docstrings().items() if re.search(rf"\({re.escape(citation)}\)", text)
+    ]
     assert citing == [(file, function)]
 
 
 def test_every_citation_of_an_equation_is_in_the_table() -> None:
-    cited = {match for text in docstrings().values() for match in re.findall(r"\((section [0-9.]+, [^)]+)\)", text)}
+    cited = {
+        match
+        for text in docstrings().values()
+        for match in re.findall(r"\((section [0-9.]+, [^)]+)\)", text)
+    }
     assert cited == {row[0] for row in ROWS}
 
 
-@pytest.mark.parametrize("name", sorted(p.relative_to(ROOT).as_posix() for p in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]))
+@pytest.mark.parametrize(
+    "name",
+    sorted(
+        p.relative_to(ROOT).as_posix() for p in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    ),
+)
 def test_links_and_pictures_in_the_documents_exist(name: str) -> None:
     page = ROOT / name
     targets = re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text())
-    missing = [t for t in targets if not t.startswith(("http:", "https:")) and not (page.parent / t).exists()]
+    missing = [
+        t
+        for t in targets
+        if not t.startswith(("http:", "https:")) and not (page.parent / t).exists()
+    ]
     assert missing == []
 
 
@@ -73,18 +94,29 @@ def test_the_readmes_test_command_is_what_ci_runs() -> None:
 
 def code_with(page: str, words: str) -> str:
     """The block of Python in a page that holds some words."""
-    (block,) = [block for block in re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL) if words in block]
+    (block,) = [
+        block
+        for block in re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+        if words in block
+    ]
     return str(block)
 
 
-def test_the_readme_s_training_loop_runs(animals: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_readme_s_training_loop_runs(
+    animals: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     monkeypatch.chdir(tmp_path)
     exec(code_with("README.md", "AnnotatedDataset("), {"PATH": animals, "augment": None})  # noqa: S102
     assert "left out: " in capsys.readouterr().out
     assert (tmp_path / "labels-cache").is_dir()
 
 
-def test_the_training_loop_of_the_datasets_page_runs(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_training_loop_of_the_datasets_page_runs(
+    animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     known = {"root": animals, "model": model_of(animals), "cache": tmp_path / "cache"}
     exec(code_with("docs/datasets.md", "EpochSampler("), known)  # noqa: S102
     assert "left out: " in capsys.readouterr().out

@@ -4,7 +4,10 @@ The names below are loaded when first used (PEP 562).
 """
 
 if __name__ != "animal3dbox.transforms":
-    raise ImportError("import animal3dbox.transforms, not the folder transforms of its checkout: take the checkout's root off sys.path")
+    raise ImportError(
+        "import animal3dbox.transforms, not the folder transforms of its checkout: take the"
+        " checkout's root off sys.path"
+    )
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -19,23 +22,35 @@ if TYPE_CHECKING:
     from animal3dbox.transforms.augmentations.colour import RandomGrayscale as RandomGrayscale
     from animal3dbox.transforms.augmentations.crops import RandomResizedCrop as RandomResizedCrop
     from animal3dbox.transforms.augmentations.erasing import RandomErasing as RandomErasing
-    from animal3dbox.transforms.augmentations.flips import RandomHorizontalFlip as RandomHorizontalFlip
+    from animal3dbox.transforms.augmentations.flips import (
+        RandomHorizontalFlip as RandomHorizontalFlip,
+    )
     from animal3dbox.transforms.augmentations.flips import RandomVerticalFlip as RandomVerticalFlip
     from animal3dbox.transforms.augmentations.noise import RandomGaussianBlur as RandomGaussianBlur
-    from animal3dbox.transforms.augmentations.noise import RandomGaussianNoise as RandomGaussianNoise
-    from animal3dbox.transforms.augmentations.perspective import RandomPerspective as RandomPerspective
+    from animal3dbox.transforms.augmentations.noise import (
+        RandomGaussianNoise as RandomGaussianNoise,
+    )
+    from animal3dbox.transforms.augmentations.perspective import (
+        RandomPerspective as RandomPerspective,
+    )
     from animal3dbox.transforms.augmentations.resizing import CenterCrop as CenterCrop
     from animal3dbox.transforms.augmentations.resizing import LetterBox as LetterBox
     from animal3dbox.transforms.augmentations.resizing import PadTo as PadTo
     from animal3dbox.transforms.augmentations.resizing import Resize as Resize
-    from animal3dbox.transforms.augmentations.virtual_camera import PerspectiveCrop as PerspectiveCrop
-    from animal3dbox.transforms.augmentations.virtual_camera import RandomVirtualCamera as RandomVirtualCamera
+    from animal3dbox.transforms.augmentations.virtual_camera import (
+        PerspectiveCrop as PerspectiveCrop,
+    )
+    from animal3dbox.transforms.augmentations.virtual_camera import (
+        RandomVirtualCamera as RandomVirtualCamera,
+    )
     from animal3dbox.transforms.camera_law.relabel import Relabelling as Relabelling
     from animal3dbox.transforms.camera_law.target import inverse as inverse
     from animal3dbox.transforms.camera_law.target import transform_target as transform_target
     from animal3dbox.transforms.compose import Compose as Compose
     from animal3dbox.transforms.kornia_bridge.operations import KorniaTransform as KorniaTransform
-    from animal3dbox.transforms.kornia_bridge.sequential import CameraAugmentationSequential as CameraAugmentationSequential
+    from animal3dbox.transforms.kornia_bridge.sequential import (
+        CameraAugmentationSequential as CameraAugmentationSequential,
+    )
     from animal3dbox.transforms.steps import Plan as Plan
     from animal3dbox.transforms.transform import Transform as Transform
 
@@ -77,7 +92,12 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'animal3dbox.transforms' has no attribute {name!r}")
     home = _HOMES[name]
-    return getattr(import_module(home if home.startswith("animal3dbox.") else f"animal3dbox.transforms.{home}"), name)
+    return getattr(
+        import_module(
+            home if home.startswith("animal3dbox.") else f"animal3dbox.transforms.{home}"
+        ),
+        name,
+    )
 
 
 def __dir__() -> list[str]:

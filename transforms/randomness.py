@@ -16,8 +16,9 @@ def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
 
     Args:
         seed: of the pipeline, >= 0.
-        key: (epoch, index) of the sample, or any whole numbers; the result depends on nothing else, so batch size and workers do
-            not matter. None draws the key from torch's default generator, which a DataLoader seeds for each worker and epoch.
+        key: (epoch, index) of the sample, or any whole numbers; the result depends on nothing else,
+            so batch size and workers do not matter. None draws the key from torch's default
+            generator, which a DataLoader seeds for each worker and epoch.
 
     Raises:
         ConfigError: a number is negative or not whole.
@@ -25,11 +26,20 @@ def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
     """
     numbers = (int(torch.randint(2**62, ()).item()),) if key is None else key
     if any(isinstance(n, bool) or int(n) != n or n < 0 for n in (seed, *numbers)):
-        raise ConfigError(f"seed and sample_key must be whole numbers >= 0, got seed {seed!r} and sample_key {key!r}")
+        raise ConfigError(
+            f"seed and sample_key must be whole numbers >= 0, got seed {seed!r} and sample_key"
+            f" {key!r}"
+        )
     return np.random.default_rng([int(n) for n in (seed, *numbers)])
 
 
-def check_range(name: str, value: float | Sequence[float], *, about: float | None = 0.0, least: float | None = None) -> tuple[float, float]:
+def check_range(
+    name: str,
+    value: float | Sequence[float],
+    *,
+    about: float | None = 0.0,
+    least: float | None = None,
+) -> tuple[float, float]:
     """A range of draws: a number x means [about - x, about + x]; without about it must be a pair.
 
     Raises:
@@ -37,13 +47,22 @@ def check_range(name: str, value: float | Sequence[float], *, about: float | Non
 
     """
     pair = tuple(value) if isinstance(value, tuple | list) else None
-    if (pair is None and (about is None or isinstance(value, str | bool))) or (pair is not None and len(pair) != 2):
-        raise ConfigError(f"{name} must be a (low, high) pair{'' if about is None else ' or a number'}, got {value!r}")
+    if (pair is None and (about is None or isinstance(value, str | bool))) or (
+        pair is not None and len(pair) != 2
+    ):
+        raise ConfigError(
+            f"{name} must be a (low, high) pair{'' if about is None else ' or a number'}, got"
+            f" {value!r}"
+        )
     middle, reach = about or 0.0, float(value) if pair is None else 0.0  # type: ignore[arg-type]
     low, high = pair or (middle - reach, middle + reach)
     if pair is None and least is not None:
         low = max(low, least)
-    if not (np.isfinite(low) and np.isfinite(high)) or low > high or (least is not None and low < least):
+    if (
+        not (np.isfinite(low) and np.isfinite(high))
+        or low > high
+        or (least is not None and low < least)
+    ):
         wanted = "finite and in order" + (f", not below {least}" if least is not None else "")
         raise ConfigError(f"{name} must be a number or a (low, high) pair, {wanted}, got {value!r}")
     return float(low), float(high)

@@ -1,6 +1,9 @@
-"""What a transform draws: steps. A pipeline fuses neighbouring steps, so that the pixels are read once.
+"""What a transform draws: steps.
 
-A step holds the drawn values and no randomness, so the same steps give the same result on any image of the same size.
+A pipeline fuses neighbouring steps, so that the pixels are read once.
+
+A step holds the drawn values and no randomness, so the same steps give the same result on any image
+of the same size.
 """
 
 from collections.abc import Iterable
@@ -32,7 +35,8 @@ class Colour:
     """An affine map of colours in [0, 1].
 
     Attributes:
-        matrix: (3, 4) float64: rgb' = matrix[:, :3] rgb + matrix[:, 3], clipped to [0, 1] once at the end.
+        matrix: (3, 4) float64: rgb' = matrix[:, :3] rgb + matrix[:, 3], clipped to [0, 1] once at
+            the end.
     """
 
     matrix: np.ndarray
@@ -57,7 +61,8 @@ class Keep:
 
     Attributes:
         indices: into the animals of the target that came in.
-        min_visible: the part that decided; Compose asks again of the final picture, since a later map may show more.
+        min_visible: the part that decided; Compose asks again of the final picture, since a later
+            map may show more.
     """
 
     indices: tuple[int, ...]
@@ -160,9 +165,12 @@ class Plan:
 
 
 def fused(steps: Iterable[Step], image_hw: tuple[int, int]) -> list[Pass | Local]:
-    """Multiply neighbouring maps and colour matrices; blur, noise, erasing and kornia's pixel operations stay where they are.
+    """Multiply neighbouring maps and colour matrices.
 
-    Maps of pixels and affine maps of colours commute, but for the border: the fused pass colours the fill as well.
+    Blur, noise, erasing and kornia's pixel operations stay where they are.
+
+    Maps of pixels and affine maps of colours commute, but for the border: the fused pass colours
+    the fill as well.
 
     Raises:
         ConfigError: a colour change comes after the standardisation, which has no [0, 1] any more.
@@ -180,7 +188,11 @@ def fused(steps: Iterable[Step], image_hw: tuple[int, int]) -> list[Pass | Local
             H = step.H_out_in if pending.H_out_in is None else step.H_out_in @ pending.H_out_in
             pending = Pass(H, step.image_hw, pending.colour, pending.standardise)
         elif isinstance(step, Colour):
-            matrix = step.matrix if pending.colour is None else compose_colours(step.matrix, pending.colour)
+            matrix = (
+                step.matrix
+                if pending.colour is None
+                else compose_colours(step.matrix, pending.colour)
+            )
             pending = Pass(pending.H_out_in, pending.image_hw, matrix)
         elif isinstance(step, Standardise):
             standardised = True
@@ -193,4 +205,6 @@ def fused(steps: Iterable[Step], image_hw: tuple[int, int]) -> list[Pass | Local
 
 def compose_colours(after: np.ndarray, before: np.ndarray) -> np.ndarray:
     """The (3, 4) colour map that does first before, then after."""
-    return np.concatenate((after[:, :3] @ before[:, :3], after[:, :3] @ before[:, 3:] + after[:, 3:]), axis=1)
+    return np.concatenate(
+        (after[:, :3] @ before[:, :3], after[:, :3] @ before[:, 3:] + after[:, 3:]), axis=1
+    )

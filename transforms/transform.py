@@ -14,8 +14,8 @@ from animal3dbox.transforms.view import View
 class Transform:
     """One augmentation.
 
-    A subclass draws in steps(); a pipeline (Compose) asks each of its transforms for steps, fuses them, and touches the pixels
-    once. Called on its own, a transform is a pipeline of one.
+    A subclass draws in steps(); a pipeline (Compose) asks each of its transforms for steps, fuses
+    them, and touches the pixels once. Called on its own, a transform is a pipeline of one.
 
     Attributes:
         p: probability of doing anything.
@@ -46,12 +46,16 @@ class Transform:
         """The steps, once it is decided that the transform happens."""
         raise NotImplementedError
 
-    def __call__(self, image: AnyImage, target: Mapping[str, Any]) -> tuple[AnyImage, dict[str, Any]]:
+    def __call__(
+        self, image: AnyImage, target: Mapping[str, Any]
+    ) -> tuple[AnyImage, dict[str, Any]]:
         """Transform one image and its target; see Compose."""
         from animal3dbox.transforms.compose import Compose  # Compose is itself made of transforms
 
         return Compose([self])(image, target)
 
     def __repr__(self) -> str:
-        options = ", ".join(f"{name}={value!r}" for name, value in vars(self).items() if not name.startswith("_"))
+        options = ", ".join(
+            f"{name}={value!r}" for name, value in vars(self).items() if not name.startswith("_")
+        )
         return f"{type(self).__name__}({options})"

@@ -1,4 +1,7 @@
-"""What a transform may look at when it draws: the picture's size, its camera and its boxes as they are by then."""
+"""What a transform may look at when it draws.
+
+The picture's size, its camera and its boxes as they are by then.
+"""
 
 import math
 from collections.abc import Mapping
@@ -8,7 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from animal3dbox.geometry.arrays import as_numpy
-from animal3dbox.geometry.face_visibility import near_depth_of_corners, projected_faces, visible_faces
+from animal3dbox.geometry.face_visibility import (
+    near_depth_of_corners,
+    projected_faces,
+    visible_faces,
+)
 from animal3dbox.geometry.homography import CameraUpdate, update_camera
 from animal3dbox.geometry.polygon import area_in_box, polygon_area
 from animal3dbox.transforms.camera_law.fields import Fields
@@ -64,15 +71,23 @@ class View:
         if "K" not in self.values:
             return None
         (a, b, _), (c, d, _), (e, f, _) = self.H_out_in.tolist()
-        if b == c == e == f == 0:  # flips, crops and resizes keep the camera's axes but for their signs
-            K: np.ndarray = self.H_out_in @ self.values["K"] * np.array([math.copysign(1, a), math.copysign(1, d), 1])
+        if (
+            b == c == e == f == 0
+        ):  # flips, crops and resizes keep the camera's axes but for their signs
+            K: np.ndarray = (
+                self.H_out_in
+                @ self.values["K"]
+                * np.array([math.copysign(1, a), math.copysign(1, d), 1])
+            )
             K /= K[2, 2]
             return K
         return None if self.camera is None else self.camera.K
 
     @cached_property
     def corners_cam(self) -> np.ndarray | None:
-        """Corners (N, 8, 3) in the camera frame by now, of the animals that are alive; None without boxes or camera.
+        """Corners (N, 8, 3) in the camera frame by now, of the animals that are alive.
+
+        None without boxes or camera.
 
         After a mirror they carry their old names, which no drawing depends on.
         """
@@ -86,13 +101,20 @@ class View:
         """Which animals lie entirely in front of the camera, (N,) bool; none without cuboids."""
         if self.corners_cam is None:
             return np.zeros(0, dtype=bool)
-        return np.asarray((self.corners_cam[..., 2] > near_depth_of_corners(self.corners_cam)[:, None]).all(-1))
+        return np.asarray(
+            (self.corners_cam[..., 2] > near_depth_of_corners(self.corners_cam)[:, None]).all(-1)
+        )
 
     @cached_property
     def _outlines(self) -> np.ndarray | None:
-        """The hidden faces of the boxes in px (N, 6, P, 2), the visible ones collapsed: together they tile the silhouettes."""
+        """The hidden faces of the boxes in px (N, 6, P, 2), the visible ones collapsed.
+
+        Together they tile the silhouettes.
+        """
         affine = not self.H_out_in[2, :2].any()  # such maps move outlines as they move pixels
-        corners = corners_of(dict(self.values)) if affine and "K" in self.values else self.corners_cam
+        corners = (
+            corners_of(dict(self.values)) if affine and "K" in self.values else self.corners_cam
+        )
         K = self.values.get("K") if affine or self.camera is None else self.camera.K
         if corners is None or K is None:
             return None
@@ -113,10 +135,16 @@ class View:
         return np.array([-0.5, -0.5, width - 0.5, height - 0.5])
 
     def parts_in_picture(self) -> np.ndarray | None:
-        """How much of each animal's silhouette lies in the picture, (N,) in [0, 1]; 0 without a silhouette; None without cuboids."""
+        """How much of each animal's silhouette lies in the picture, (N,) in [0, 1].
+
+        0 without a silhouette; None without cuboids.
+        """
         if self._outlines is None:
             return None
-        whole, left = polygon_area(self._outlines).sum(-1), area_in_box(self._outlines, self._frame).sum(-1)
+        whole, left = (
+            polygon_area(self._outlines).sum(-1),
+            area_in_box(self._outlines, self._frame).sum(-1),
+        )
         parts: np.ndarray = left / (whole + (whole <= 0))
         return parts
 
@@ -127,13 +155,18 @@ class View:
             boxes: (M, 4) px.
 
         Returns:
-            (M, N) in [0, 1], 1 for animals of which nothing is in the picture; None without cuboids.
+            (M, N) in [0, 1], 1 for animals of which nothing is in the picture; None without
+            cuboids.
 
         """
         if self._outlines is None:
             return None
         frame = self._frame
-        shown = np.concatenate((np.maximum(boxes[:, :2], frame[:2]), np.minimum(boxes[:, 2:], frame[2:])), axis=1)
-        areas = area_in_box(self._outlines, np.concatenate((frame[None], shown))[:, None, None]).sum(-1)
+        shown = np.concatenate(
+            (np.maximum(boxes[:, :2], frame[:2]), np.minimum(boxes[:, 2:], frame[2:])), axis=1
+        )
+        areas = area_in_box(
+            self._outlines, np.concatenate((frame[None], shown))[:, None, None]
+        ).sum(-1)
         parts: np.ndarray = np.where(areas[0] > 0, areas[1:] / (areas[0] + (areas[0] <= 0)), np.nan)
         return parts

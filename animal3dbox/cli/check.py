@@ -113,19 +113,30 @@ def checked(path: Path, images: Path | None = None) -> CheckReport:
                 continue
             sizes.append(row.image_hw)
             faults += [
-                CheckedFault(check=check, sample_id=row.sample_id, field=field, problem=problem) for check, field, problem in row_findings(row)
+                CheckedFault(check=check, sample_id=row.sample_id, field=field, problem=problem)
+                for check, field, problem in row_findings(row)
             ]
     else:
         cuboids = read_cuboids(path, images)
         notes = cuboids.notes
-        targets, sizes = [target_of_record(record) for record in cuboids.records], [record.image_hw for record in cuboids.records]
+        targets, sizes = (
+            [target_of_record(record) for record in cuboids.records],
+            [record.image_hw for record in cuboids.records],
+        )
         faults = [_unread(error) for error in cuboids.faults]
     found = _examined(targets, sizes)
     faults += [fault for fault in found if fault.check not in WARNINGS]
     warnings = Counter(fault.check for fault in found if fault.check in WARNINGS)
     counts = Counter(fault.check for fault in faults)
     animals = len(targets) + counts[READING]
-    return CheckReport(source=str(path), animals=animals, counts=counts, warnings=warnings, faults=faults, notes=list(notes))
+    return CheckReport(
+        source=str(path),
+        animals=animals,
+        counts=counts,
+        warnings=warnings,
+        faults=faults,
+        notes=list(notes),
+    )
 
 
 def checked_dataset(job: CheckJob) -> CheckReport:
@@ -144,27 +155,59 @@ def checked_dataset(job: CheckJob) -> CheckReport:
     loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
     found: list[CheckedFault] = []
     animals = 0
-    for step, (images, targets) in enumerate(tqdm(loader, desc="checking", unit="batch", disable=job.json or None)):
-        findings, count = examined(targets, [(image.shape[1], image.shape[2]) for image in images], step)
+    for step, (images, targets) in enumerate(
+        tqdm(loader, desc="checking", unit="batch", disable=job.json or None)
+    ):
+        findings, count = examined(
+            targets, [(image.shape[1], image.shape[2]) for image in images], step
+        )
         animals += count
         for finding in findings:
-            found.append(CheckedFault(check=finding.check, sample_id=sample_of(finding, targets), field=finding.field, problem=finding.problem))
+            found.append(
+                CheckedFault(
+                    check=finding.check,
+                    sample_id=sample_of(finding, targets),
+                    field=finding.field,
+                    problem=finding.problem,
+                )
+            )
     report = dataset.report()
-    faults = [CheckedFault(check=READING, sample_id=case.sample_id, field=case.field, problem=case.problem) for case in report.of("fault")]
+    faults = [
+        CheckedFault(
+            check=READING, sample_id=case.sample_id, field=case.field, problem=case.problem
+        )
+        for case in report.of("fault")
+    ]
     faults += [fault for fault in found if fault.check not in WARNINGS]
-    warnings = Counter(fault.check for fault in found if fault.check in WARNINGS) + Counter(case.field for case in report.of("rejected"))
-    notes = [*dataset.source.notes, *(f"{case.kind}: {case}" for case in report.cases if case.kind != "fault")]
+    warnings = Counter(fault.check for fault in found if fault.check in WARNINGS) + Counter(
+        case.field for case in report.of("rejected")
+    )
+    notes = [
+        *dataset.source.notes,
+        *(f"{case.kind}: {case}" for case in report.cases if case.kind != "fault"),
+    ]
     counts = Counter(fault.check for fault in faults)
     animals += counts[READING] + len(report.of("rejected"))
-    return CheckReport(source=str(job.path), animals=animals, counts=counts, warnings=warnings, faults=faults, notes=notes)
+    return CheckReport(
+        source=str(job.path),
+        animals=animals,
+        counts=counts,
+        warnings=warnings,
+        faults=faults,
+        notes=notes,
+    )
 
 
 def _unread(error: SampleError) -> CheckedFault:
     """The fault of an element that cannot be read."""
-    return CheckedFault(check=READING, sample_id=error.sample_id, field=error.field, problem=error.problem)
+    return CheckedFault(
+        check=READING, sample_id=error.sample_id, field=error.field, problem=error.problem
+    )
 
 
-def _examined(targets: Sequence[dict[str, Any]], sizes: Sequence[tuple[int, int]]) -> list[CheckedFault]:
+def _examined(
+    targets: Sequence[dict[str, Any]], sizes: Sequence[tuple[int, int]]
+) -> list[CheckedFault]:
     """The findings in targets of one animal each, under their samples' own names."""
     found = []
     for start in range(0, len(targets), AT_ONCE):
@@ -172,5 +215,12 @@ def _examined(targets: Sequence[dict[str, Any]], sizes: Sequence[tuple[int, int]
         findings, _ = examined(some, sizes[start : start + AT_ONCE], start)
         for finding in findings:
             name = some[finding.target]["image_id"]
-            found.append(CheckedFault(check=finding.check, sample_id=name, field=finding.field, problem=finding.problem))
+            found.append(
+                CheckedFault(
+                    check=finding.check,
+                    sample_id=name,
+                    field=finding.field,
+                    problem=finding.problem,
+                )
+            )
     return found

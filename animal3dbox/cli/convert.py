@@ -1,4 +1,7 @@
-"""The command `convert-model`: a SMAL pickle as a safetensors file that loads at once and cannot hold code."""
+"""The command `convert-model`.
+
+A SMAL pickle as a safetensors file that loads at once and cannot hold code.
+"""
 
 import sys
 from pathlib import Path
@@ -10,7 +13,9 @@ from animal3dbox.smal.keypoints.smal_landmarks import misplaced_sides
 
 
 def convert_model(source: Path, target: Path) -> int:
-    """Write the body model of one file into another and say in a line what it is; returns the exit code 0.
+    """Write the body model of one file into another and say in a line what it is.
+
+    Returns the exit code 0.
 
     Raises:
         ConfigError: a file has a suffix that is not known (2).
@@ -28,5 +33,9 @@ def convert_model(source: Path, target: Path) -> int:
     print(f"{source} -> {target}: {counts}, {target.stat().st_size / 1e6:.1f} MB")
     misplaced = misplaced_sides(model.v_template, model.landmarks)
     if misplaced:
-        print(f"animal3dbox: warning: {', '.join(misplaced)} lie on the animal's other side: are these SMAL's vertices?", file=sys.stderr)
+        print(
+            f"animal3dbox: warning: {', '.join(misplaced)} lie on the animal's other side: are"
+            " these SMAL's vertices?",
+            file=sys.stderr,
+        )
     return 0

@@ -1,4 +1,7 @@
-"""``animal3dbox demo``: posed quadrupeds under known cameras, labelled from noisy keypoints and compared with the truth."""
+"""``animal3dbox demo``.
+
+Posed quadrupeds under known cameras, labelled from noisy keypoints and compared with the truth.
+"""
 
 import sys
 from dataclasses import dataclass
@@ -45,7 +48,8 @@ class Score(msgspec.Struct, kw_only=True):
 
     Attributes:
         keypoint_px: mean distance of the projected landmarks from the clean keypoints.
-        corner_percent: mean distance of the corners from the true ones, in % of the box diagonal, camera frame.
+        corner_percent: mean distance of the corners from the true ones, in % of the box diagonal,
+            camera frame.
         axes_deg: angle between the box's axes and the true trunk's, camera frame.
         side: the side with the largest share is the true one.
     """
@@ -84,8 +88,12 @@ def score(label: CuboidLabel, animal: SyntheticAnimal, landmarks: Tensor) -> Sco
     )
 
 
-def label_synthetic(animal: SyntheticAnimal, keypoints: Tensor, config: LabelConfig, rigid: bool = False) -> CuboidLabel | Rejection:
-    """Label a synthetic animal from keypoints, its mask and its intrinsics; the camera pose is not given.
+def label_synthetic(
+    animal: SyntheticAnimal, keypoints: Tensor, config: LabelConfig, rigid: bool = False
+) -> CuboidLabel | Rejection:
+    """Label a synthetic animal from keypoints, its mask and its intrinsics.
+
+    The camera pose is not given.
 
     Args:
         animal: whom.
@@ -97,7 +105,10 @@ def label_synthetic(animal: SyntheticAnimal, keypoints: Tensor, config: LabelCon
     vertices, sigma = animal.vertices, None
     if rigid:
         betas = tuple(preset_betas(animal.preset).tolist())
-        vertices, sigma = standing_vertices(animal.model, betas), model_mobility(animal.model, betas, VOCABULARIES["animal3d26"])
+        vertices, sigma = (
+            standing_vertices(animal.model, betas),
+            model_mobility(animal.model, betas, VOCABULARIES["animal3d26"]),
+        )
     return label_animal(
         animal.image_hw,
         keypoints,
@@ -116,7 +127,10 @@ def label_synthetic(animal: SyntheticAnimal, keypoints: Tensor, config: LabelCon
 def run_demo(job: DemoJob) -> int:
     """Render, label, compare; returns the exit code."""
     if job.n < 1 or not job.noise_px >= 0 or not 0 <= job.outliers <= 1:
-        raise ConfigError(f"--n must be at least 1, --noise-px not negative, --outliers from 0 to 1; got {job.n}, {job.noise_px} and {job.outliers}")
+        raise ConfigError(
+            f"--n must be at least 1, --noise-px not negative, --outliers from 0 to 1; got {job.n},"
+            f" {job.noise_px} and {job.outliers}"
+        )
     faults = FaultConfig(noise_px=job.noise_px, outliers=job.outliers)
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     scores: dict[str, list[Score]] = {method: [] for method in METHODS}
@@ -124,16 +138,31 @@ def run_demo(job: DemoJob) -> int:
     for index in tqdm(range(job.n), desc="demo", unit="animal", disable=job.json or None):
         animal = synthetic_animal(job.seed, index)
         keypoints = faulty(annotate(animal, hidden="marked"), faults, job.seed).keypoints_2d
-        body = standing_vertices(animal.model, tuple(preset_betas(animal.preset).tolist())) if job.rigid else animal.vertices
+        body = (
+            standing_vertices(animal.model, tuple(preset_betas(animal.preset).tolist()))
+            if job.rigid
+            else animal.vertices
+        )
         landmarks = VOCABULARIES["animal3d26"].on_body(animal.model.landmarks, body)
         for method, config in METHODS.items():
             outcome = label_synthetic(animal, keypoints, config, job.rigid)
             if isinstance(outcome, CuboidLabel):
                 scores[method].append(score(outcome, animal, landmarks))
             if method == "default":
-                kept.append(Labelled(outcome, animal.sample_id, animal.preset, animal.image.numpy()))
-    title = f"{job.n} synthetic animals, seed {job.seed}, {job.noise_px:g} px noise, {job.outliers:.0%} outliers"
-    write_run(job.out, title, "quadruped, standing" if job.rigid else "quadruped, true shape and pose", METHODS["default"], kept)
+                kept.append(
+                    Labelled(outcome, animal.sample_id, animal.preset, animal.image.numpy())
+                )
+    title = (
+        f"{job.n} synthetic animals, seed {job.seed}, {job.noise_px:g} px noise, {job.outliers:.0%}"
+        " outliers"
+    )
+    write_run(
+        job.out,
+        title,
+        "quadruped, standing" if job.rigid else "quadruped, true shape and pose",
+        METHODS["default"],
+        kept,
+    )
     results = [_result(method, found, job.n) for method, found in scores.items()]
     write_whole(job.out / "demo.json", msgspec.json.format(msgspec.json.encode(results), indent=1))
     _print(results, job)
@@ -144,7 +173,10 @@ def _result(method: str, found: list[Score], n: int) -> MethodResult:
     def quantile(values: list[float], q: float) -> float | None:
         return float(torch.tensor(values, dtype=torch.float64).quantile(q)) if values else None
 
-    px, corners, axes = ([getattr(s, field) for s in found] for field in ("keypoint_px", "corner_percent", "axes_deg"))
+    px, corners, axes = (
+        [getattr(s, field) for s in found]
+        for field in ("keypoint_px", "corner_percent", "axes_deg")
+    )
     return MethodResult(
         method=method,
         labelled=len(found),
@@ -164,10 +196,23 @@ def _print(results: list[MethodResult], job: DemoJob) -> None:
         sys.stdout.write(msgspec.json.encode(results).decode() + "\n")
         return
     print(f"body: {'the species, standing' if job.rigid else 'true shape and pose'}")
-    print(f"keypoints with {job.noise_px:g} px noise, {job.outliers:.0%} outliers; errors are median / 95th percentile against the truth")
-    print(f"{'method':16} {'labelled':>9} {'keypoints px':>14} {'corners % diag':>15} {'axes deg':>14} {'right side':>11}")
+    print(
+        f"keypoints with {job.noise_px:g} px noise, {job.outliers:.0%} outliers; errors are median"
+        " / 95th percentile against the truth"
+    )
+    print(
+        f"{'method':16} {'labelled':>9} {'keypoints px':>14} {'corners % diag':>15}"
+        f" {'axes deg':>14} {'right side':>11}"
+    )
     for r in results:
-        pairs = [(r.keypoint_px_median, r.keypoint_px_p95), (r.corner_percent_median, r.corner_percent_p95), (r.axes_deg_median, r.axes_deg_p95)]
+        pairs = [
+            (r.keypoint_px_median, r.keypoint_px_p95),
+            (r.corner_percent_median, r.corner_percent_p95),
+            (r.axes_deg_median, r.axes_deg_p95),
+        ]
         cells = ["-" if a is None or b is None else f"{a:.2f} / {b:.2f}" for a, b in pairs]
-        print(f"{r.method:16} {r.labelled:>5}/{r.animals:<3} {cells[0]:>14} {cells[1]:>15} {cells[2]:>14} {r.sides_right:>7}/{r.labelled}")
+        print(
+            f"{r.method:16} {r.labelled:>5}/{r.animals:<3} {cells[0]:>14} {cells[1]:>15}"
+            f" {cells[2]:>14} {r.sides_right:>7}/{r.labelled}"
+        )
     print(f"look at {job.out / 'gallery.html'}")

@@ -1,4 +1,7 @@
-"""``animal3dbox evaluate``: the paper's evaluation on the synthetic world, and what of it any dataset allows."""
+"""``animal3dbox evaluate``.
+
+The paper's evaluation on the synthetic world, and what of it any dataset allows.
+"""
 
 import sys
 from dataclasses import dataclass
@@ -44,8 +47,15 @@ def run_evaluate(job: EvaluateJob) -> int:
         raise ConfigError(f"--workers must be at least 1, got {job.workers}")
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
-    if job.path is None and (job.model is not None or job.body is not None or job.landmarks is not None or job.images is not None):
-        raise ConfigError("--model, --body, --landmarks and --images belong to a dataset: give its PATH")
+    if job.path is None and (
+        job.model is not None
+        or job.body is not None
+        or job.landmarks is not None
+        or job.images is not None
+    ):
+        raise ConfigError(
+            "--model, --body, --landmarks and --images belong to a dataset: give its PATH"
+        )
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     evaluation = _world(job) if job.path is None else _dataset(job, job.path)
     write_json(job.out / "evaluation.json", evaluation)
@@ -61,21 +71,50 @@ def run_evaluate(job: EvaluateJob) -> int:
 
 def _world(job: EvaluateJob) -> Evaluation:
     config = EvaluateConfig(animals=job.n, seed=job.seed)
-    rows = evaluate_world(config, job.workers, lambda each: tqdm(each, desc="evaluating", unit="animal", total=job.n, disable=None))
-    about = {"animals": config.animals, "seed": config.seed, "every": config.every, "image_hw": list(config.world.image_hw)}
-    return Evaluation(f"animal3dbox on {job.n} synthetic animals, seed {job.seed}", about, world_tables(rows))
+    rows = evaluate_world(
+        config,
+        job.workers,
+        lambda each: tqdm(each, desc="evaluating", unit="animal", total=job.n, disable=None),
+    )
+    about = {
+        "animals": config.animals,
+        "seed": config.seed,
+        "every": config.every,
+        "image_hw": list(config.world.image_hw),
+    }
+    return Evaluation(
+        f"animal3dbox on {job.n} synthetic animals, seed {job.seed}", about, world_tables(rows)
+    )
 
 
 def _dataset(job: EvaluateJob, path: Path) -> Evaluation:
-    own_body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    own_body = (
+        None
+        if job.body is None and job.landmarks is None
+        else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    )
     if own_body is not None and job.model is not None:
-        raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
+        raise ConfigError(
+            "--model takes each animal's own body from the dataset's parameters, --body one for"
+            " all: give one of them"
+        )
     dataset = read_dataset(path, job.format, ReadOptions(job.images, job.model))
     bodies = bodies_for(dataset, own_body)
     for note in dataset.records.notes:
         print(note, file=sys.stderr)
     truths = true_boxes(path)
-    rows = dataset_rows(dataset.records, bodies, truths, lambda each: tqdm(each, desc="evaluating", unit="animal", disable=None))
+    rows = dataset_rows(
+        dataset.records,
+        bodies,
+        truths,
+        lambda each: tqdm(each, desc="evaluating", unit="animal", disable=None),
+    )
     faulty = len({row.sample_id for row in rows if row.reason == "faulty"})
-    about = {"dataset": path.name, "format": dataset.records.name, "body": bodies.name, "truth": truths is not None, "faulty": faulty}
+    about = {
+        "dataset": path.name,
+        "format": dataset.records.name,
+        "body": bodies.name,
+        "truth": truths is not None,
+        "faulty": faulty,
+    }
     return Evaluation(f"animal3dbox on {path.name}", about, (dataset_table(rows),))

@@ -1,4 +1,7 @@
-"""``animal3dbox export``: labels, or any cuboids in Omni3D's format, written for other people's tools."""
+"""``animal3dbox export``.
+
+Labels, or any cuboids in Omni3D's format, written for other people's tools.
+"""
 
 import sys
 from dataclasses import dataclass
@@ -35,15 +38,24 @@ class ExportJob:
 def run_export(job: ExportJob) -> int:
     """Read cuboids, write them in another format, and say what was lost; returns the exit code."""
     if job.metres_per_unit is not None and job.scale_free:
-        raise ConfigError("--metres-per-unit says the scale, --scale-free that there is none: give one of them")
+        raise ConfigError(
+            "--metres-per-unit says the scale, --scale-free that there is none: give one of them"
+        )
     cuboids = read_cuboids(job.path, job.images)
     if not cuboids.records and not cuboids.images:
-        raise DatasetFormatError(f"{job.path} holds no box that could be written ({len(cuboids.faults)} faulty)")
+        raise DatasetFormatError(
+            f"{job.path} holds no box that could be written ({len(cuboids.faults)} faulty)"
+        )
     for note in cuboids.notes:
         print(note, file=sys.stderr)
-    exported = _written(cuboids if job.metres_per_unit is None else in_metres(cuboids, job.metres_per_unit), job)
+    exported = _written(
+        cuboids if job.metres_per_unit is None else in_metres(cuboids, job.metres_per_unit), job
+    )
     faults = (*cuboids.faults, *exported.faults)
-    print(f"{exported.boxes} boxes in {exported.images} images written as {job.to}: {', '.join(map(str, exported.files))}")
+    print(
+        f"{exported.boxes} boxes in {exported.images} images written as {job.to}:"
+        f" {', '.join(map(str, exported.files))}"
+    )
     for note in exported.notes:
         print(f"warning: {note}", file=sys.stderr)
     for fault in faults:
@@ -62,14 +74,20 @@ def read_cuboids(path: Path, images: Path | None = None) -> CuboidSet:
     """
     if is_labels(path):
         if images is not None:
-            raise ConfigError("--images is for Omni3D files: image paths of labels are written as they stand")
+            raise ConfigError(
+                "--images is for Omni3D files: image paths of labels are written as they stand"
+            )
         return read_label_cuboids(path)
     keys = peeked(path).keys
     if keys is not None and {"images", "annotations"} <= keys:
         return read_omni3d(path, images)
     if path.is_dir():
-        raise DatasetNotFoundError(f"{path} holds no labels.json; give the folder that animal3dbox label wrote, or a JSON")
-    raise DatasetFormatError(f"{path} is neither labels.json nor in Omni3D's format (images, categories, annotations)")
+        raise DatasetNotFoundError(
+            f"{path} holds no labels.json; give the folder that animal3dbox label wrote, or a JSON"
+        )
+    raise DatasetFormatError(
+        f"{path} is neither labels.json nor in Omni3D's format (images, categories, annotations)"
+    )
 
 
 def is_labels(path: Path) -> bool:
@@ -81,7 +99,11 @@ def is_labels(path: Path) -> bool:
 
     """
     keys = peeked(path).keys
-    return labels_file(path).is_file() if path.is_dir() else keys is not None and "animals" in keys and "body" in keys
+    return (
+        labels_file(path).is_file()
+        if path.is_dir()
+        else keys is not None and "animals" in keys and "body" in keys
+    )
 
 
 def _written(cuboids: CuboidSet, job: ExportJob) -> Exported:
@@ -89,7 +111,11 @@ def _written(cuboids: CuboidSet, job: ExportJob) -> Exported:
         if job.out.is_file():
             raise ConfigError(f"--out {job.out} is a file: KITTI is a folder")
         return write_kitti(cuboids, job.out, scale_free=job.scale_free)
-    path = job.out if job.out.suffix.lower() == ".json" and not job.out.is_dir() else job.out / FILE_NAME
+    path = (
+        job.out
+        if job.out.suffix.lower() == ".json" and not job.out.is_dir()
+        else job.out / FILE_NAME
+    )
     if job.to == "coco":
         return write_coco(cuboids, path)
     return write_omni3d(cuboids, path, scale_free=job.scale_free)

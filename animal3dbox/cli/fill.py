@@ -1,4 +1,7 @@
-"""``animal3dbox label --cache``: fill a Dataset's label cache offline, on one machine or in shards on many."""
+"""``animal3dbox label --cache``.
+
+Fill a Dataset's label cache offline, on one machine or in shards on many.
+"""
 
 import re
 import sys
@@ -24,7 +27,10 @@ AT_ONCE = 64
 
 
 class Warmed(Dataset[tuple[Case, ...]]):
-    """The samples of a shard, some at a time: asking for them stores their labels and gives what was left out."""
+    """The samples of a shard, some at a time.
+
+    Asking for them stores their labels and gives what was left out.
+    """
 
     def __init__(self, dataset: LabelDataset, indices: Sequence[int]) -> None:
         self.dataset, self.indices = dataset, indices
@@ -39,14 +45,26 @@ class Warmed(Dataset[tuple[Case, ...]]):
 def run_fill(job: LabelJob) -> int:
     """Fill the cache; returns the exit code."""
     if job.out is not None:
-        raise ConfigError("give --out for labels and pictures, or --cache to fill a Dataset's label cache, not both")
+        raise ConfigError(
+            "give --out for labels and pictures, or --cache to fill a Dataset's label cache, not"
+            " both"
+        )
     if job.workers < 0:
         raise ConfigError(f"--workers must not be negative, got {job.workers}")
     if job.model is not None and not (job.body is None and job.landmarks is None):
-        raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
+        raise ConfigError(
+            "--model takes each animal's own body from the dataset's parameters, --body one for"
+            " all: give one of them"
+        )
     torch.set_num_threads(1)
-    body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
-    config = replace(job.config, surface_share=False, mask_iou=job.mask_iou or job.stored_pose == "hypothesis")
+    body = (
+        None
+        if job.body is None and job.landmarks is None
+        else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    )
+    config = replace(
+        job.config, surface_share=False, mask_iou=job.mask_iou or job.stored_pose == "hypothesis"
+    )
     dataset = AnnotatedDataset(
         job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=body, on_bad="skip",
         focal_px=job.focal_px, config=config, scale=job.scale, pose=job.stored_pose, cache=job.cache, reuse=job.resume,
@@ -77,11 +95,23 @@ def _told(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> in
     lost = {case.sample_id for case in report.of("cache") if case.problem.startswith(NOT_STORED)}
     stored = animals - len(({case.sample_id for case in report.of("fault")} - unread) | lost)
     if job.json:
-        told = {"images": images, "animals": animals, "stored": stored, "counts": counts, "cases": report.cases}
+        told = {
+            "images": images,
+            "animals": animals,
+            "stored": stored,
+            "counts": counts,
+            "cases": report.cases,
+        }
         sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
     else:
-        print(f"{images} images, {animals} animals: {stored} in the cache {job.cache} (rejections are kept too)")
+        print(
+            f"{images} images, {animals} animals: {stored} in the cache {job.cache} (rejections are"
+            " kept too)"
+        )
         for case in report.cases:
             print(f"  {case.kind}: {case}")
-        print(f"use them: AnnotatedDataset({str(job.path)!r}, cache={str(job.cache)!r}, ...) with the same options")
+        print(
+            f"use them: AnnotatedDataset({str(job.path)!r}, cache={str(job.cache)!r}, ...) with the"
+            " same options"
+        )
     return EXIT_FAULTY if counts["fault"] or lost else EXIT_OK

@@ -13,8 +13,18 @@ from animal3dbox.datasets.bodies.options import DEFAULT_BODY, bodies_for, body_s
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.images.photos import read_photo
-from animal3dbox.datasets.labelling.label_records import PosePolicy, check_pose_policy, label_record, posed_as_stored
-from animal3dbox.datasets.labelling.scale import AltitudeScale, KnownScale, ScaleSource, SpeciesScale
+from animal3dbox.datasets.labelling.label_records import (
+    PosePolicy,
+    check_pose_policy,
+    label_record,
+    posed_as_stored,
+)
+from animal3dbox.datasets.labelling.scale import (
+    AltitudeScale,
+    KnownScale,
+    ScaleSource,
+    SpeciesScale,
+)
 from animal3dbox.datasets.labelling.sources import has_camera
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
@@ -50,7 +60,9 @@ class LabelJob:
     focal_px: float | None = None
 
 
-def scale_of(metres_per_unit: float | None, species_scale: bool, altitude_m: float | None) -> ScaleSource | None:
+def scale_of(
+    metres_per_unit: float | None, species_scale: bool, altitude_m: float | None
+) -> ScaleSource | None:
     """The scale that the options ask for; raises ConfigError if they ask for two."""
     asked: list[ScaleSource] = []
     if metres_per_unit is not None:
@@ -60,35 +72,59 @@ def scale_of(metres_per_unit: float | None, species_scale: bool, altitude_m: flo
     if altitude_m is not None:
         asked.append(AltitudeScale(altitude_m))
     if len(asked) > 1:
-        raise ConfigError("give one of --metres-per-unit, --species-scale and --altitude-m: they may disagree")
+        raise ConfigError(
+            "give one of --metres-per-unit, --species-scale and --altitude-m: they may disagree"
+        )
     return asked[0] if asked else None
 
 
 def run_label(job: LabelJob) -> int:
     """Label a dataset; returns the exit code."""
     if job.out is None:
-        raise ConfigError("give --out for labels, pictures and a report, or --cache to fill a Dataset's label cache")
-    for name, value in (("--shard", job.shard), ("--resume", job.resume), ("--workers", job.workers)):
+        raise ConfigError(
+            "give --out for labels, pictures and a report, or --cache to fill a Dataset's label"
+            " cache"
+        )
+    for name, value in (
+        ("--shard", job.shard),
+        ("--resume", job.resume),
+        ("--workers", job.workers),
+    ):
         if value:
             raise ConfigError(f"{name} is for filling a label cache: give --cache, or leave it out")
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
-    own_body = None if job.body is None and job.landmarks is None else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    own_body = (
+        None
+        if job.body is None and job.landmarks is None
+        else body_source(job.body or DEFAULT_BODY, job.landmarks)
+    )
     if own_body is not None and job.model is not None:
-        raise ConfigError("--model takes each animal's own body from the dataset's parameters, --body one for all: give one of them")
+        raise ConfigError(
+            "--model takes each animal's own body from the dataset's parameters, --body one for"
+            " all: give one of them"
+        )
     vocabulary = None if job.vocabulary is None else vocabulary_of_option(job.vocabulary)
-    dataset = read_dataset(job.path, job.format, ReadOptions(job.images, job.model, vocabulary, job.focal_px))
+    dataset = read_dataset(
+        job.path, job.format, ReadOptions(job.images, job.model, vocabulary, job.focal_px)
+    )
     bodies, records = bodies_for(dataset, own_body), dataset.records
     for note in records.notes:
         print(note, file=sys.stderr)
-    check_pose_policy(job.stored_pose, any(has_camera(record) for record in records.records), records.notes)
+    check_pose_policy(
+        job.stored_pose, any(has_camera(record) for record in records.records), records.notes
+    )
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
-    summary = write_run(job.out, str(job.path), bodies.name, job.config, _results(records, bodies, job))
+    summary = write_run(
+        job.out, str(job.path), bodies.name, job.config, _results(records, bodies, job)
+    )
     _print(summary, job, job.out)
     return EXIT_FAULTY if summary.faulty else EXIT_OK
 
 
-def _results(records: RecordSet, bodies: BodySource, job: LabelJob) -> Iterator[Labelled | SampleError]:
+def _results(
+    records: RecordSet, bodies: BodySource, job: LabelJob
+) -> Iterator[Labelled | SampleError]:
     yield from records.faults
     for record in tqdm(records.records, desc="labelling", unit="animal", disable=job.json or None):
         yield _one(record, bodies, job)
@@ -97,9 +133,15 @@ def _results(records: RecordSet, bodies: BodySource, job: LabelJob) -> Iterator[
 def _one(record: AnimalRecord, bodies: BodySource, job: LabelJob) -> Labelled | SampleError:
     try:
         if record.image_path is None:
-            raise SampleError(record.sample_id, "image", "is only in memory: write the dataset first (animal3dbox synth)")
+            raise SampleError(
+                record.sample_id,
+                "image",
+                "is only in memory: write the dataset first (animal3dbox synth)",
+            )
         photo = read_photo(record.image_path, record.sample_id, record.image_hw)
-        outcome = label_record(posed_as_stored(record, job.stored_pose), bodies, job.config, photo.facts, job.scale)
+        outcome = label_record(
+            posed_as_stored(record, job.stored_pose), bodies, job.config, photo.facts, job.scale
+        )
         return Labelled(outcome, record.image_id, record.category, photo.pixels)
     except SampleError as error:
         return error
@@ -109,13 +151,19 @@ def _print(summary: Summary, job: LabelJob, out: Path) -> None:
     if job.json:
         sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
         return
-    print(f"{summary.animals} animals: {summary.kept} kept, {summary.flagged} flagged, {summary.rejected} rejected, {summary.faulty} faulty")
+    print(
+        f"{summary.animals} animals: {summary.kept} kept, {summary.flagged} flagged,"
+        f" {summary.rejected} rejected, {summary.faulty} faulty"
+    )
     for reason, count in {**summary.flags, **summary.reasons}.items():
         print(f"  {count} x {reason}")
     for fault in summary.faults:
         print(f"  faulty: {fault.sample_id}: {fault.field}: {fault.problem}")
     if summary.median_reprojection_error_px is not None:
-        print(f"median keypoint error {summary.median_reprojection_error_px:.2f} px (fit, not accuracy)")
+        print(
+            f"median keypoint error {summary.median_reprojection_error_px:.2f} px (fit, not"
+            " accuracy)"
+        )
     if summary.median_mask_iou is not None:
         print(f"median mask IoU {summary.median_mask_iou:.3f}")
     print(f"look at {out / 'gallery.html'}")

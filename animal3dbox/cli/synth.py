@@ -31,14 +31,23 @@ class SynthJob:
 def run_synth(job: SynthJob) -> int:
     """Write the dataset; returns the exit code."""
     if job.out.exists() and (not job.out.is_dir() or any(job.out.iterdir())):
-        raise ConfigError(f"--out {job.out} must be a new or an empty folder: files of another dataset would stay among its own")
+        raise ConfigError(
+            f"--out {job.out} must be a new or an empty folder: files of another dataset would stay"
+            " among its own"
+        )
     if job.format != "animal3d" and job.model is not None:
         raise ConfigError(f"--model is for the parameters of animal3d, and {job.format} has none")
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     world = replace(WorldConfig(), image_hw=job.image_hw)
     is_animal3d = job.format == "animal3d"
-    world = animal3d_world(world) if is_animal3d else replace(world, vocabulary=VOCABULARIES["stanfordextra24"])
-    made = SyntheticSet(job.seed, job.n, world, job.faults, "marked" if job.mark_hidden else "unmarked")
+    world = (
+        animal3d_world(world)
+        if is_animal3d
+        else replace(world, vocabulary=VOCABULARIES["stanfordextra24"])
+    )
+    made = SyntheticSet(
+        job.seed, job.n, world, job.faults, "marked" if job.mark_hidden else "unmarked"
+    )
     if is_animal3d:
         model = job.model or job.out.parent / f"{job.out.name}-model.pkl"
         count = write_animal3d(made, job.out, model, progress=True)

@@ -1,4 +1,7 @@
-"""Accuracy of body axes: their angle to the true trunk, per pose, which noise studies do not tell."""
+"""Accuracy of body axes.
+
+Their angle to the true trunk, per pose, which noise studies do not tell.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,9 +22,13 @@ from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel
 
 CELL = 0.03
-"""Side of the cells, as a part of the body's diagonal, in which a re-meshed body's vertices are merged."""
+"""Side of the cells, as a part of the body's diagonal, in which a re-meshed body's vertices are
+merged."""
 NAMED = "pca of mesh, named by the truth"
-"""The best of the 24 ways to name principal components forward, left and up: what PCA could be if it were told."""
+"""The best of the 24 ways to name principal components forward, left and up.
+
+What PCA could be if it were told.
+"""
 REMESHED = {
     "ours, re-meshed": LabelConfig(),
     "landmarks (paper), re-meshed": LabelConfig(axes="landmarks"),
@@ -49,7 +56,9 @@ class AccuracyRow:
 
 
 def remeshed(vertices: Tensor, faces: Tensor, landmarks: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Another mesh of the same body, in no correspondence with its template: vertices that share a cell become one.
+    """Another mesh of the same body, in no correspondence with its template.
+
+    Vertices that share a cell become one.
 
     Args:
         vertices: (V, 3).
@@ -57,7 +66,8 @@ def remeshed(vertices: Tensor, faces: Tensor, landmarks: Tensor) -> tuple[Tensor
         landmarks: (J, 3), NaN where there is none.
 
     Returns:
-        vertices (V', 3), faces (F', 3), and as landmarks (J, 3) the new vertices nearest to the old ones.
+        vertices (V', 3), faces (F', 3), and as landmarks (J, 3) the new vertices nearest to the old
+        ones.
 
     """
     side = CELL * torch.linalg.vector_norm(vertices.amax(0) - vertices.amin(0))
@@ -84,7 +94,14 @@ def accuracy_rows(subject: Subject) -> list[AccuracyRow]:
             continue
         rows.append(AccuracyRow(subject.index, pose, rule, _angle(R_box, truth)))
         if rule == "pca of mesh":
-            rows.append(AccuracyRow(subject.index, pose, NAMED, float(torch.rad2deg(rotation_angle(R_box @ _namings(), truth)).amin())))
+            rows.append(
+                AccuracyRow(
+                    subject.index,
+                    pose,
+                    NAMED,
+                    float(torch.rad2deg(rotation_angle(R_box @ _namings(), truth)).amin()),
+                )
+            )
     return rows + _remeshed_rows(subject.index, given)
 
 
@@ -106,8 +123,14 @@ def _remeshed_rows(index: int, given: Annotated) -> list[AccuracyRow]:
             config=config,
         )
         if isinstance(label, CuboidLabel):
-            shared = box_iou(label.center, label.rotation, label.size, truth.center, truth.rotation, truth.size)
-            rows.append(AccuracyRow(index, animal.pose, rule, _angle(label.rotation, truth.rotation), float(shared)))
+            shared = box_iou(
+                label.center, label.rotation, label.size, truth.center, truth.rotation, truth.size
+            )
+            rows.append(
+                AccuracyRow(
+                    index, animal.pose, rule, _angle(label.rotation, truth.rotation), float(shared)
+                )
+            )
     return rows
 
 
@@ -118,15 +141,37 @@ def accuracy_table(rows: Sequence[AccuracyRow]) -> Table:
     for rule in (*RULES, NAMED, *REMESHED):
         found = [row for row in rows if row.rule == rule]
         angles = [row.angle_deg for row in found]
-        per_pose = [quantile((row.angle_deg for row in found if row.pose == pose), 0.5) for pose in poses]
-        lines.append((rule, len(found), quantile(angles, 0.5), quantile(angles, 0.95), quantile((r.iou3d for r in found), 0.5), *per_pose))
+        per_pose = [
+            quantile((row.angle_deg for row in found if row.pose == pose), 0.5) for pose in poses
+        ]
+        lines.append(
+            (
+                rule,
+                len(found),
+                quantile(angles, 0.5),
+                quantile(angles, 0.95),
+                quantile((r.iou3d for r in found), 0.5),
+                *per_pose,
+            )
+        )
     notes = (
-        "Angle to the chordal mean of the true spine's rotations; the bodies are the true ones. Per pose: medians, in degrees.",
-        "landmarks (paper) takes visible landmarks first, as published; the others use all that the body has.",
-        f"re-meshed: vertices merged in cells of {CELL:.0%} of the body, landmarks moved to the nearest new vertex, no template.",
+        (
+            "Angle to the chordal mean of the true spine's rotations; the bodies are the true ones."
+            " Per pose: medians, in degrees."
+        ),
+        (
+            "landmarks (paper) takes visible landmarks first, as published; the others use all that"
+            " the body has."
+        ),
+        (
+            f"re-meshed: vertices merged in cells of {CELL:.0%} of the body, landmarks moved to the"
+            " nearest new vertex, no template."
+        ),
     )
     columns = ("rule", "animals", "median deg", "p95 deg", "IoU3D median", *poses)
-    return Table("accuracy", "Orientation accuracy against the true trunk", notes, columns, tuple(lines))
+    return Table(
+        "accuracy", "Orientation accuracy against the true trunk", notes, columns, tuple(lines)
+    )
 
 
 @cache

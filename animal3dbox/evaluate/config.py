@@ -12,17 +12,24 @@ METHODS = {
     "paper (literal)": LabelConfig(method="paper", residual="literal"),
     "default": LabelConfig(),
 }
-"""Camera poses that are compared: the baseline, the paper's in both readings of its E_total, ours."""
+"""Camera poses that are compared.
+
+The baseline, the paper's in both readings of its E_total, ours.
+"""
 
 
 @dataclass(frozen=True)
 class EvaluateConfig:
-    """How much is evaluated; the protocols themselves are fixed in their modules, so that results can be compared.
+    """How much is evaluated.
+
+    The protocols themselves are fixed in their modules, so that results can be compared.
 
     Attributes:
-        animals: how many; each is the one that a scene's camera aims at, with its neighbours and occluders.
+        animals: how many; each is the one that a scene's camera aims at, with its neighbours and
+            occluders.
         seed: of the world, of its faults and of all noise.
-        every: each so many-th animal goes through the costly parts too: the whole dial of faults, and noise through the whole pipeline.
+        every: each so many-th animal goes through the costly parts too: the whole dial of faults,
+            and noise through the whole pipeline.
         world: what the scenes are like.
     """
 
@@ -33,4 +40,7 @@ class EvaluateConfig:
 
     def __post_init__(self) -> None:
         if self.animals < 1 or self.every < 1 or self.seed < 0:
-            raise ConfigError(f"animals and every must be at least 1 and seed not negative, got {self.animals}, {self.every} and {self.seed}")
+            raise ConfigError(
+                f"animals and every must be at least 1 and seed not negative, got {self.animals},"
+                f" {self.every} and {self.seed}"
+            )

@@ -1,4 +1,7 @@
-"""Any dataset: how well labels fit what is annotated, which needs no truth; and against the truth where it lies beside."""
+"""Any dataset: how well labels fit what is annotated, which needs no truth.
+
+And against the truth where it lies beside.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +30,9 @@ class TrueBox(msgspec.Struct):
 
     sample_id: str
     center: tuple[float, float, float]
-    rotation: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+    rotation: tuple[
+        tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]
+    ]
     size: tuple[float, float, float]
 
 
@@ -48,7 +53,8 @@ class DatasetRow:
         annotated_px: mean distance of the projected landmarks from the annotated keypoints.
         mask_iou: of the projected body with the mask.
         rotation_deg: of the box from the true one; None without truth.
-        corner_percent: mean distance of corners from the true ones, in % of the true diagonal; None without truth.
+        corner_percent: mean distance of corners from the true ones, in % of the true diagonal; None
+            without truth.
         iou3d: with the true box; None without truth.
     """
 
@@ -63,7 +69,9 @@ class DatasetRow:
 
 
 def true_boxes(path: Path) -> dict[str, Cuboid] | None:
-    """sample_id -> the true box, of truth.json in a dataset's folder or beside its file; None if there is none.
+    """sample_id -> the true box, of truth.json in a dataset's folder or beside its file.
+
+    None if there is none.
 
     Raises:
         DatasetFormatError: it is not as docs/formats.md says.
@@ -74,7 +82,10 @@ def true_boxes(path: Path) -> dict[str, Cuboid] | None:
         return None
     found = {}
     for animal in decode_json(file, TruthFile).animals:
-        center, rotation, size = (torch.tensor(value, dtype=torch.float64) for value in (animal.center, animal.rotation, animal.size))
+        center, rotation, size = (
+            torch.tensor(value, dtype=torch.float64)
+            for value in (animal.center, animal.rotation, animal.size)
+        )
         try:
             found[animal.sample_id] = Cuboid(center, rotation, size)
         except ValueError as error:
@@ -88,8 +99,15 @@ def dataset_rows(
     truths: Mapping[str, Cuboid] | None,
     progress: Callable[[Iterable[AnimalRecord]], Iterable[AnimalRecord]] = iter,
 ) -> list[DatasetRow]:
-    """Every record by every method. Poses that come with the dataset are not given to any method."""
-    rows = [DatasetRow(fault.sample_id or "", method, "faulty") for fault in records.faults for method in METHODS]
+    """Every record by every method.
+
+    Poses that come with the dataset are not given to any method.
+    """
+    rows = [
+        DatasetRow(fault.sample_id or "", method, "faulty")
+        for fault in records.faults
+        for method in METHODS
+    ]
     for record in progress(records.records):
         for method, config in METHODS.items():
             try:
@@ -97,22 +115,40 @@ def dataset_rows(
             except SampleError:
                 rows.append(DatasetRow(record.sample_id, method, "faulty"))
                 continue
-            rows.append(_row(record.sample_id, method, outcome, (truths or {}).get(record.sample_id)))
+            rows.append(
+                _row(record.sample_id, method, outcome, (truths or {}).get(record.sample_id))
+            )
     return rows
 
 
-def _row(sample_id: str, method: str, outcome: CuboidLabel | Rejection, truth: Cuboid | None) -> DatasetRow:
+def _row(
+    sample_id: str, method: str, outcome: CuboidLabel | Rejection, truth: Cuboid | None
+) -> DatasetRow:
     if isinstance(outcome, Rejection):
         return DatasetRow(sample_id, method, outcome.reason)
-    row = DatasetRow(sample_id, method, None, outcome.quality.reprojection_error_px, outcome.quality.mask_iou)
+    row = DatasetRow(
+        sample_id, method, None, outcome.quality.reprojection_error_px, outcome.quality.mask_iou
+    )
     if truth is None:
         return row
-    apart = torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean() / truth.diagonal
+    apart = (
+        torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean()
+        / truth.diagonal
+    )
     return replace(
         row,
         rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
         corner_percent=100 * float(apart),
-        iou3d=float(box_iou(outcome.center, outcome.rotation, outcome.size, truth.center, truth.rotation, truth.size)),
+        iou3d=float(
+            box_iou(
+                outcome.center,
+                outcome.rotation,
+                outcome.size,
+                truth.center,
+                truth.rotation,
+                truth.size,
+            )
+        ),
     )
 
 
@@ -134,8 +170,17 @@ def dataset_table(rows: Sequence[DatasetRow]) -> Table:
         "rejected %", "degenerate %", "behind camera %", "faulty", "rotation median deg", "corners median % diag", "IoU3D median",
     )  # fmt: skip
     notes = (
-        "annotated: distance to the keypoints given: a fit, not an accuracy. mask IoU: of the projected body with the dataset's mask.",
-        "degenerate: the projected box has less than 1 % of the mask's area. faulty: records that cannot be used.",
-        f"rotation, corners, IoU3D: against {TRUTH} beside the annotations, where there is one. Stored poses are given to no method.",
+        (
+            "annotated: distance to the keypoints given: a fit, not an accuracy. mask IoU: of the"
+            " projected body with the dataset's mask."
+        ),
+        (
+            "degenerate: the projected box has less than 1 % of the mask's area. faulty: records"
+            " that cannot be used."
+        ),
+        (
+            f"rotation, corners, IoU3D: against {TRUTH} beside the annotations, where there is one."
+            " Stored poses are given to no method."
+        ),
     )
     return Table("dataset", "Labels against what is annotated", notes, columns, tuple(lines))

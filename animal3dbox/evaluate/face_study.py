@@ -1,4 +1,5 @@
-"""Faces of the box against ray-casting, and shares of the box against shares of the animal's own surface (section 3.3)."""
+"""Faces of the box against ray-casting, and shares of the box against shares of the animal's own
+surface (section 3.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +17,10 @@ from animal3dbox.geometry.rigid import transform_points
 from animal3dbox.labels.visibility.visible_surface import surface_share
 
 RAYS = 256
-"""Rays along each side of the part of the picture that the box's faces fill: RAYS squared of them, evenly spread."""
+"""Rays along each side of the part of the picture that the box's faces fill.
+
+RAYS squared of them, evenly spread.
+"""
 ON_FACE = (-0.8, 0.0, 0.8)
 """Where on a face, from its centre to its border, rays are aimed that tell whether it is seen."""
 
@@ -29,10 +33,13 @@ class FaceRow:
         index: of the animal.
         view: of CLASSES.
         booleans_right: how many of the six faces are seen or hidden as the rays say.
-        share_error: greatest difference of a face's share from the rays', of the whole box; None if corners are behind the camera.
+        share_error: greatest difference of a face's share from the rays', of the whole box; None if
+            corners are behind the camera.
         share_in_image_error: the same within the frame.
-        surface_difference: greatest difference of a face's share in the frame from the part of the animal's visible surface that faces there.
-        same_side: the largest share is of the side that most of the surface faces; None if no surface is seen.
+        surface_difference: greatest difference of a face's share in the frame from the part of the
+            animal's visible surface that faces there.
+        same_side: the largest share is of the side that most of the surface faces; None if no
+            surface is seen.
     """
 
     index: int
@@ -45,14 +52,17 @@ class FaceRow:
 
 
 def seen_by_rays(box: Cuboid) -> Tensor:
-    """Which faces (6,) of a box in the camera frame are met first by the rays aimed at most of nine points on them."""
+    """Which faces (6,) of a box in the camera frame are met first by the rays aimed at most of nine
+    points on them."""
     grid = torch.tensor([[1.0, a, b] for a in ON_FACE for b in ON_FACE], dtype=torch.float64)
     eye = -box.center @ box.rotation
     half = box.size / 2
     seen = []
     for face in range(len(FACES)):
         axis, sign = face // 2, (1.0 if face in (0, 2, 4) else -1.0)
-        points = torch.roll(grid, axis, dims=1) * torch.where(torch.arange(3) == axis, sign, 1.0) * half
+        points = (
+            torch.roll(grid, axis, dims=1) * torch.where(torch.arange(3) == axis, sign, 1.0) * half
+        )
         rays = points - eye
         to_low, to_high = (-half - eye) / rays, (half - eye) / rays
         enter, by = torch.minimum(to_low, to_high).max(dim=1)
@@ -75,7 +85,10 @@ def window_shares(box: Cuboid, K: Tensor, image_hw: tuple[int, int], within_fram
     low, high = px.amin(0), px.amax(0)
     if within_frame:
         beyond = torch.tensor([image_hw[1] - 0.5, image_hw[0] - 0.5], dtype=px.dtype)
-        low, high = torch.minimum(low.clamp_min(-0.5), beyond), torch.minimum(high.clamp_min(-0.5), beyond)
+        low, high = (
+            torch.minimum(low.clamp_min(-0.5), beyond),
+            torch.minimum(high.clamp_min(-0.5), beyond),
+        )
     size = high - low
     if not bool((size > 0).all()):
         return torch.zeros(6, dtype=px.dtype)
@@ -94,10 +107,24 @@ def face_rows(subject: Subject) -> list[FaceRow]:
             continue
         box = animal.cuboid_world.transformed(camera.T_cam_world)
         seen = face_visibility(box, camera.K, camera.image_hw)
-        whole = None if view == BEHIND else float((window_shares(box, camera.K, camera.image_hw, False) - seen.share).abs().amax())
-        inside = float((window_shares(box, camera.K, camera.image_hw, True) - seen.share_in_image).abs().amax())
+        whole = (
+            None
+            if view == BEHIND
+            else float(
+                (window_shares(box, camera.K, camera.image_hw, False) - seen.share).abs().amax()
+            )
+        )
+        inside = float(
+            (window_shares(box, camera.K, camera.image_hw, True) - seen.share_in_image).abs().amax()
+        )
         right = int((seen_by_rays(box) == seen.visible).sum())
-        surface = surface_share(transform_points(camera.T_cam_world, animal.vertices), animal.model.faces, box.rotation, camera.K, camera.image_hw)
+        surface = surface_share(
+            transform_points(camera.T_cam_world, animal.vertices),
+            animal.model.faces,
+            box.rotation,
+            camera.K,
+            camera.image_hw,
+        )
         shown = bool(surface.any())
         apart = float((surface - seen.share_in_image).abs().amax()) if shown else None
         same = bool(surface.argmax() == seen.share_in_image.argmax()) if shown else None
@@ -110,7 +137,10 @@ def face_table(rows: Sequence[FaceRow]) -> Table:
     lines: list[tuple[Cell, ...]] = []
     for view in CLASSES:
         found = [row for row in rows if row.view == view]
-        whole, inside = [row.share_error for row in found], [row.share_in_image_error for row in found]
+        whole, inside = (
+            [row.share_error for row in found],
+            [row.share_in_image_error for row in found],
+        )
         lines.append((
             view, len(found), 100 * sum(r.booleans_right for r in found) / (6 * len(found)) if found else None,
             quantile(whole, 1.0), mean(inside), quantile(inside, 1.0),
@@ -119,9 +149,16 @@ def face_table(rows: Sequence[FaceRow]) -> Table:
     columns = ("view", "views", "booleans right %", "share max error", "in-frame share mean error", "in-frame share max error",
                "box to surface mean", "other side %")  # fmt: skip
     notes = (
-        f"{RAYS} x {RAYS} rays, evenly spread over the part of the picture that the box fills, count by which face each enters; for the booleans,"
-        f" {len(ON_FACE) ** 2} rays to each face. share: of the whole box, where it is all before the camera; in-frame: clipped by the frame.",
-        "box to surface: greatest difference, over the faces, of the box's in-frame share from the part of the animal's own visible surface facing"
-        " that side. other side: the largest share and most of the surface name different sides.",
+        (
+            f"{RAYS} x {RAYS} rays, evenly spread over the part of the picture that the box fills,"
+            f" count by which face each enters; for the booleans, {len(ON_FACE) ** 2} rays to each"
+            " face. share: of the whole box, where it is all before the camera; in-frame: clipped"
+            " by the frame."
+        ),
+        (
+            "box to surface: greatest difference, over the faces, of the box's in-frame share from"
+            " the part of the animal's own visible surface facing that side. other side: the"
+            " largest share and most of the surface name different sides."
+        ),
     )
     return Table("faces", "Faces against ray-casting", notes, columns, tuple(lines))

@@ -17,15 +17,26 @@ _ANY = WorldConfig(truncated=0.0, uav=0.35)
 _DRAWN = {
     "in frame": replace(_ANY, fill=(0.08, 0.7)),
     "truncated": replace(_ANY, truncated=1.0),
-    "UAV nadir": replace(CLEAR, uav=1.0, elevation_deg=(80.0, 85.0), roll_deg=180.0, focal_px=(500.0, 5000.0), fill=(0.08, 0.8)),
+    "UAV nadir": replace(
+        CLEAR,
+        uav=1.0,
+        elevation_deg=(80.0, 85.0),
+        roll_deg=180.0,
+        focal_px=(500.0, 5000.0),
+        fill=(0.08, 0.8),
+    ),
 }
 BEHIND = "corners behind the camera"
 CLASSES = ("in frame", "truncated", BEHIND, "UAV nadir")
 _TRIES = 50
 
 
-def draw_view(view: str, cuboid_world: Cuboid, vertices: Tensor, seed: int, index: int) -> PinholeCamera | None:
-    """A camera of a class of view, always the same for the same seed and index; None if none was found.
+def draw_view(
+    view: str, cuboid_world: Cuboid, vertices: Tensor, seed: int, index: int
+) -> PinholeCamera | None:
+    """A camera of a class of view, always the same for the same seed and index.
+
+    None if none was found.
 
     Args:
         view: of CLASSES.
@@ -37,7 +48,11 @@ def draw_view(view: str, cuboid_world: Cuboid, vertices: Tensor, seed: int, inde
     """
     rng = world_generator(seed, index, f"evaluate-view-{view}")
     for _ in range(_TRIES):
-        camera = _close_camera(rng, cuboid_world) if view == BEHIND else draw_camera(rng, vertices, _DRAWN[view])
+        camera = (
+            _close_camera(rng, cuboid_world)
+            if view == BEHIND
+            else draw_camera(rng, vertices, _DRAWN[view])
+        )
         if _is(view, camera, cuboid_world):
             return camera
     return None
@@ -55,7 +70,8 @@ def _is(view: str, camera: PinholeCamera, cuboid_world: Cuboid) -> bool:
 
 
 def _close_camera(rng: np.random.Generator, cuboid_world: Cuboid) -> PinholeCamera:
-    """A camera just outside a box that looks past its middle, so that some corners come to lie behind it."""
+    """A camera just outside a box that looks past its middle, so that some corners come to lie
+    behind it."""
     half = cuboid_world.size / 2
     axis, sign = int(rng.integers(3)), 1.0 if rng.random() < 0.5 else -1.0
     place = half * torch.from_numpy(rng.uniform(-1.1, 1.1, 3))
@@ -64,4 +80,6 @@ def _close_camera(rng: np.random.Generator, cuboid_world: Cuboid) -> PinholeCame
     image_hw = _ANY.image_hw
     eye, target = (cuboid_world.center + cuboid_world.rotation @ point for point in (place, goal))
     up = torch.tensor([math.sin(0.3), 0.1, 1.0], dtype=torch.float64)
-    return PinholeCamera(intrinsics(float(rng.uniform(300, 900)), image_hw), look_at(eye, target, up), image_hw)
+    return PinholeCamera(
+        intrinsics(float(rng.uniform(300, 900)), image_hw), look_at(eye, target, up), image_hw
+    )

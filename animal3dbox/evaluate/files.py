@@ -30,8 +30,17 @@ class Evaluation:
 
 def write_json(path: Path, evaluation: Evaluation) -> None:
     """Everything as JSON; the same bytes for the same evaluation."""
-    tables = {table.name: {"title": table.title, "notes": table.notes, "rows": table.records()} for table in evaluation.tables}
-    content = {"schema": SCHEMA, "version": VERSION, "title": evaluation.title, "about": evaluation.about, "tables": tables}
+    tables = {
+        table.name: {"title": table.title, "notes": table.notes, "rows": table.records()}
+        for table in evaluation.tables
+    }
+    content = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "title": evaluation.title,
+        "about": evaluation.about,
+        "tables": tables,
+    }
     write_whole(path, msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n")
 
 

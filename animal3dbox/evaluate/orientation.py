@@ -16,7 +16,10 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.observation import observe
 from animal3dbox.labels.types import CuboidLabel
 
-_LENGTHS = (0.7, 0.3)  # of the landmarks' directions, before they are made unit long: about a trunk's and a chest's
+_LENGTHS = (
+    0.7,
+    0.3,
+)  # of the landmarks' directions, before they are made unit long: about a trunk's and a chest's
 SIGMAS = (0.5, 1.0, 2.0, 3.0, 4.0)
 RULES = {
     "landmarks (paper)": ("landmarks", False),
@@ -25,12 +28,20 @@ RULES = {
     "ours, landmarks": ("default", False),
     "ours, mesh": ("default", True),
 }
-"""Rule -> LabelConfig.axes, and whether it sees the mesh (with its template) or the landmarks alone."""
+"""Rule -> LabelConfig.axes, and whether it sees the mesh (with its template) or the landmarks
+alone."""
 PROTOCOLS = {
     "image": "noise of sigma px on the image keypoints; axes in the body's own frame",
-    "pixel-equivalent": "noise on landmarks and vertices in 3D of the size that is sigma px at the animal's depth",
-    "camera": "noise of sigma px on the image keypoints; axes in the camera frame, through the default camera pose",
-    "model units": "noise of sigma model units (the animal is about one long) on landmarks and vertices in 3D",
+    "pixel-equivalent": (
+        "noise on landmarks and vertices in 3D of the size that is sigma px at the animal's depth"
+    ),
+    "camera": (
+        "noise of sigma px on the image keypoints; axes in the camera frame, through the default"
+        " camera pose"
+    ),
+    "model units": (
+        "noise of sigma model units (the animal is about one long) on landmarks and vertices in 3D"
+    ),
 }
 PUBLISHED: tuple[tuple[Cell, ...], ...] = (
     (f"({PAPER})", "pca", *(None,) * 5, 120.68, None, None, None, None, None, 0.5034, None),
@@ -40,7 +51,9 @@ PUBLISHED: tuple[tuple[Cell, ...], ...] = (
 
 @dataclass(frozen=True)
 class StabilityRow:
-    """One animal under one noise by one rule; axes in the order anterior-posterior, left-right, dorsal-ventral.
+    """One animal under one noise by one rule.
+
+    Axes in the order anterior-posterior, left-right, dorsal-ventral.
 
     Attributes:
         index: of the animal.
@@ -50,7 +63,8 @@ class StabilityRow:
         theta_deg: rotation from the rule's own axes without noise.
         theta_float32_deg: the same angle by the paper's formula in float32, arccos of a trace.
         delta_own: 1 - cos of each axis from the rule's own axis without noise.
-        delta_ideal: 1 - cos of each axis from the paper's ideal one, of the landmarks without noise.
+        delta_ideal: 1 - cos of each axis from the paper's ideal one, of the landmarks without
+            noise.
     """
 
     index: int
@@ -63,21 +77,45 @@ class StabilityRow:
     delta_ideal: tuple[float, float, float]
 
 
-def axes_of(given: Annotated, rule: str, keypoints: Tensor, landmarks: Tensor, vertices: Tensor) -> Tensor | None:
-    """R_box (3, 3) by a rule of RULES, from keypoints (J, 3), landmarks (J, 3) and vertices (V, 3); None if it has none."""
+def axes_of(
+    given: Annotated, rule: str, keypoints: Tensor, landmarks: Tensor, vertices: Tensor
+) -> Tensor | None:
+    """R_box (3, 3) by a rule of RULES, from keypoints (J, 3), landmarks (J, 3) and vertices (V, 3).
+
+    None if it has none.
+    """
     axes, with_mesh = RULES[rule]
     said = given.said
     mesh, template = (vertices, given.animal.model) if with_mesh else (None, None)
     seen = observe(
-        said.image_hw, keypoints, landmarks, None, mesh, None, template, said.K, None, (), None, said.vocabulary, said.sample_id, LabelConfig()
+        said.image_hw,
+        keypoints,
+        landmarks,
+        None,
+        mesh,
+        None,
+        template,
+        said.K,
+        None,
+        (),
+        None,
+        said.vocabulary,
+        said.sample_id,
+        LabelConfig(),
     )
     found = body_axes(seen, axes)
     return None if found is None else found.R_box
 
 
 def float32_angle_deg(R_a: Tensor, R_b: Tensor) -> float:
-    """The angle between two frames (3, 3) by arccos of a trace, the frames too built in float32: the paper's formula as it is often run."""
-    made = [axes_from_directions(_LENGTHS[0] * R[:, 0].float(), _LENGTHS[1] * R[:, 1].float()) for R in (R_a, R_b)]
+    """The angle between two frames (3, 3) by arccos of a trace, the frames too built in float32.
+
+    The paper's formula as it is often run.
+    """
+    made = [
+        axes_from_directions(_LENGTHS[0] * R[:, 0].float(), _LENGTHS[1] * R[:, 1].float())
+        for R in (R_a, R_b)
+    ]
     difference = torch.stack([R if R is not None else torch.eye(3) for R in made])
     trace = (difference[0] @ difference[1].mT).trace()
     return float(torch.rad2deg(torch.arccos(((trace - 1) / 2).clamp(-1, 1))))
@@ -93,31 +131,53 @@ def stability_rows(subject: Subject) -> list[StabilityRow]:
     rows = []
     for sigma in SIGMAS:
         noise_2d = subject.normal(f"image-{sigma}", (len(keypoints), 2))
-        moved = torch.cat((keypoints[:, :2] + sigma * noise_2d * (keypoints[:, 2:] > 0), keypoints[:, 2:]), dim=1)
-        noise = subject.normal(f"landmarks-{sigma}", tuple(landmarks.shape)), subject.normal(f"vertices-{sigma}", tuple(vertices.shape))
+        moved = torch.cat(
+            (keypoints[:, :2] + sigma * noise_2d * (keypoints[:, 2:] > 0), keypoints[:, 2:]), dim=1
+        )
+        noise = (
+            subject.normal(f"landmarks-{sigma}", tuple(landmarks.shape)),
+            subject.normal(f"vertices-{sigma}", tuple(vertices.shape)),
+        )
         end = replace(given, said=replace(given.said, keypoints_2d=moved)).labelled(LabelConfig())
         for rule in RULES:
             before, ideal = still[rule], still["landmarks (paper)"]
             after = axes_of(given, rule, moved, landmarks, vertices)
             rows += _compared(subject.index, "image", rule, sigma, before, after, ideal)
             for protocol, size in (("pixel-equivalent", per_px * sigma), ("model units", sigma)):
-                after_3d = axes_of(given, rule, keypoints, landmarks + size * noise[0], vertices + size * noise[1])
+                after_3d = axes_of(
+                    given, rule, keypoints, landmarks + size * noise[0], vertices + size * noise[1]
+                )
                 rows += _compared(subject.index, protocol, rule, sigma, before, after_3d, ideal)
             if isinstance(start, CuboidLabel) and isinstance(end, CuboidLabel):
-                turned = [None if axes is None else pose.R @ axes for pose, axes in ((start, before), (end, after), (start, ideal))]
+                turned = [
+                    None if axes is None else pose.R @ axes
+                    for pose, axes in ((start, before), (end, after), (start, ideal))
+                ]
                 rows += _compared(subject.index, "camera", rule, sigma, *turned)
     return rows
 
 
 def _compared(
-    index: int, protocol: str, rule: str, sigma: float, before: Tensor | None, after: Tensor | None, ideal: Tensor | None
+    index: int,
+    protocol: str,
+    rule: str,
+    sigma: float,
+    before: Tensor | None,
+    after: Tensor | None,
+    ideal: Tensor | None,
 ) -> list[StabilityRow]:
     """The row of two sets of axes; none if one is missing."""
     if before is None or after is None or ideal is None:
         return []
     theta = float(torch.rad2deg(rotation_angle(after, before)))
-    own, off = (tuple(alignment_variation(reference.mT, after.mT).tolist()) for reference in (before, ideal))
-    return [StabilityRow(index, protocol, rule, sigma, theta, float32_angle_deg(after, before), own, off)]
+    own, off = (
+        tuple(alignment_variation(reference.mT, after.mT).tolist()) for reference in (before, ideal)
+    )
+    return [
+        StabilityRow(
+            index, protocol, rule, sigma, theta, float32_angle_deg(after, before), own, off
+        )
+    ]
 
 
 def stability_table(rows: Sequence[StabilityRow]) -> Table:
@@ -130,16 +190,40 @@ def stability_table(rows: Sequence[StabilityRow]) -> Table:
             own = [mean(r.delta_own[axis] for r in found) for axis in range(3)]
             ideal = mean(d for r in found for d in r.delta_ideal)
             forward = mean(r.delta_ideal[0] for r in found)
-            all_own, by_formula = mean(d for r in found for d in r.delta_own), mean(r.theta_float32_deg for r in found)
-            lines.append((protocol, rule, *by_sigma, mean(r.theta_deg for r in found), *own, all_own, forward, ideal, by_formula))
+            all_own, by_formula = (
+                mean(d for r in found for d in r.delta_own),
+                mean(r.theta_float32_deg for r in found),
+            )
+            lines.append(
+                (
+                    protocol,
+                    rule,
+                    *by_sigma,
+                    mean(r.theta_deg for r in found),
+                    *own,
+                    all_own,
+                    forward,
+                    ideal,
+                    by_formula,
+                )
+            )
     columns = ("protocol", "rule", *(f"sigma {s:g}" for s in SIGMAS), "theta_R deg", "delta AP", "delta LR", "delta DV", "delta_a", "ideal AP",
                "delta_a ideal", "theta_R float32")  # fmt: skip
     animals = len({row.index for row in rows})
     notes = (
-        f"theta_R: mean angle to the rule's own axes without noise, per sigma and over all, of {animals} animals. delta: 1 - cos per axis, "
-        "anterior-posterior, left-right, dorsal-ventral, and their mean; ideal: against the landmark axes without noise, as the paper defines it.",
-        "theta_R float32: the same with axes built in float32 and by arccos of a trace: thousandths of a degree for no rotation at all.",
+        (
+            "theta_R: mean angle to the rule's own axes without noise, per sigma and over all, of"
+            f" {animals} animals. delta: 1 - cos per axis, anterior-posterior, left-right,"
+            " dorsal-ventral, and their mean; ideal: against the landmark axes without noise, as"
+            " the paper defines it."
+        ),
+        (
+            "theta_R float32: the same with axes built in float32 and by arccos of a trace:"
+            " thousandths of a degree for no rotation at all."
+        ),
         *(f"{name}: {meaning}." for name, meaning in PROTOCOLS.items()),
         f"{PAPER}: published figures, not computed here.",
     )
-    return Table("stability", "Orientation stability under noise", notes, columns, (*lines, *PUBLISHED))
+    return Table(
+        "stability", "Orientation stability under noise", notes, columns, (*lines, *PUBLISHED)
+    )

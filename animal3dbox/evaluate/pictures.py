@@ -1,4 +1,7 @@
-"""The paper's figures on the synthetic world: the ablation, boxes on the mesh, UAV cameras round one animal."""
+"""The paper's figures on the synthetic world.
+
+The ablation, boxes on the mesh, UAV cameras round one animal.
+"""
 
 import math
 from collections.abc import Sequence
@@ -39,7 +42,10 @@ ROWS = {
     "PCA": LabelConfig(method="paper", residual="literal", axes="pca"),
     "ours": LabelConfig(),
 }
-"""The ablation's rows, as in the paper: the pose of the baseline, principal components, and everything."""
+"""The ablation's rows, as in the paper.
+
+The pose of the baseline, principal components, and everything.
+"""
 COLUMNS = 5
 UAV_ELEVATION_DEG, UAV_DISTANCE, UAV_FOCAL_PX, UAV_HW = 40.0, 3.2, 560.0, (240, 320)
 UAV_VIEWS = 8
@@ -50,12 +56,17 @@ def pictures_of(seed: int) -> dict[str, bytes] | None:
     """Caption -> PNG; None without matplotlib."""
     if not has_matplotlib():
         return None
-    who = [subject(EvaluateConfig(animals=COLUMNS, seed=seed, world=CLEAR), index) for index in range(COLUMNS)]
+    who = [
+        subject(EvaluateConfig(animals=COLUMNS, seed=seed, world=CLEAR), index)
+        for index in range(COLUMNS)
+    ]
     return {
         f"The same images with {FAULTS.noise_px:g} px of noise and {FAULTS.outliers:.0%} outliers: basic, PCA, ours (front green, back blue)": png_of(
             ablation(who)
         ),
-        "Boxes on the mesh, by principal components and by ours, and their projections": png_of(boxes_on_meshes(who[:3])),
+        "Boxes on the mesh, by principal components and by ours, and their projections": png_of(
+            boxes_on_meshes(who[:3])
+        ),
         "UAV cameras round one animal, and the shares of its sides": png_of(uav_views(seed)),
     }
 
@@ -85,8 +96,15 @@ def boxes_on_meshes(who: Sequence[Subject]) -> "Figure":
     for row, one in enumerate(who):
         animal = one.animal
         label = one.annotated(FaultConfig()).labelled(LabelConfig())
-        ours = animal.cuboid_world if not isinstance(label, CuboidLabel) else tight_cuboid(animal.vertices, animal.R.mT @ label.cuboid_mesh.rotation)
-        by_name = {"principal components": tight_cuboid(animal.vertices, pca_axes(animal.vertices)), "ours": ours}
+        ours = (
+            animal.cuboid_world
+            if not isinstance(label, CuboidLabel)
+            else tight_cuboid(animal.vertices, animal.R.mT @ label.cuboid_mesh.rotation)
+        )
+        by_name = {
+            "principal components": tight_cuboid(animal.vertices, pca_axes(animal.vertices)),
+            "ours": ours,
+        }
         for column, (name, box) in enumerate(by_name.items()):
             flat, spatial = panels[4 * row + 2 + column], _as_3d(figure, panels[4 * row + column])
             _draw_mesh(spatial, animal.vertices, box)
@@ -100,25 +118,38 @@ def boxes_on_meshes(who: Sequence[Subject]) -> "Figure":
 
 
 def uav_views(seed: int) -> "Figure":
-    """One zebra under cameras on a circle round it: where they are, and what each sees with the shares of the sides."""
+    """One zebra under cameras on a circle round it.
+
+    Where they are, and what each sees with the shares of the sides.
+    """
     plan = plan_scene(seed, 0, replace(CLEAR, presets=("zebra",), poses=("walk",)))
     vertices = plan.animals[0].vertices
     middle = (vertices.amax(0) + vertices.amin(0)) / 2
     cameras = [_uav_camera(middle, number) for number in range(UAV_VIEWS)]
-    box = subject(EvaluateConfig(animals=1, seed=seed, world=replace(CLEAR, presets=("zebra",), poses=("walk",))), 0).animal.cuboid_world
+    box = subject(
+        EvaluateConfig(
+            animals=1, seed=seed, world=replace(CLEAR, presets=("zebra",), poses=("walk",))
+        ),
+        0,
+    ).animal.cuboid_world
     figure, panels = new_figure(12, 6.6, 3, 4)
     stage = _as_3d(figure, panels[0])
     _draw_mesh(stage, vertices, box, around=[camera.center_world for camera in cameras])
     stage.set_title("where the cameras are", fontsize=9)
     for number, camera in enumerate(cameras):
         panel = panels[4 + number]
-        picture = render_scene(replace(plan, camera=camera, things=(), ground_z=0.0)).image.numpy().copy()
+        picture = (
+            render_scene(replace(plan, camera=camera, things=(), ground_z=0.0)).image.numpy().copy()
+        )
         seen_box = box.transformed(camera.T_cam_world)
         draw_cuboid(picture, seen_box, camera.K)
         _show(panel, picture)
         panel.set_title(f"{number + 1}", fontsize=9, loc="left")
         panel.set_xlabel(_shares(seen_box, camera), fontsize=8)
-    _draw_shares(panels[1:4], [face_visibility(box.transformed(c.T_cam_world), c.K, c.image_hw).share for c in cameras])
+    _draw_shares(
+        panels[1:4],
+        [face_visibility(box.transformed(c.T_cam_world), c.K, c.image_hw).share for c in cameras],
+    )
     return figure
 
 
@@ -134,21 +165,34 @@ def _draw_shares(panels: Sequence[Any], shares: Sequence[Tensor]) -> None:
         part = np.array([float(share[face]) for share in shares])
         bars.bar(range(1, len(shares) + 1), 100 * part, bottom=below, label=name, width=0.7)
         below += 100 * part
-    bars.set(ylabel="share of the visible area, %", xticks=range(1, len(shares) + 1), xlim=(0.4, len(shares) + 1.9))
+    bars.set(
+        ylabel="share of the visible area, %",
+        xticks=range(1, len(shares) + 1),
+        xlim=(0.4, len(shares) + 1.9),
+    )
     bars.set_title("shares by camera", fontsize=9)
     bars.legend(fontsize=8, loc="center right")
 
 
 def _uav_camera(middle: Tensor, number: int) -> PinholeCamera:
     turn, rise = 2 * math.pi * number / UAV_VIEWS, math.radians(UAV_ELEVATION_DEG)
-    away = torch.tensor([math.cos(rise) * math.cos(turn), math.cos(rise) * math.sin(turn), math.sin(rise)], dtype=torch.float64)
+    away = torch.tensor(
+        [math.cos(rise) * math.cos(turn), math.cos(rise) * math.sin(turn), math.sin(rise)],
+        dtype=torch.float64,
+    )
     up = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
-    return PinholeCamera(intrinsics(UAV_FOCAL_PX, UAV_HW), look_at(middle + UAV_DISTANCE * away, middle, up), UAV_HW)
+    return PinholeCamera(
+        intrinsics(UAV_FOCAL_PX, UAV_HW), look_at(middle + UAV_DISTANCE * away, middle, up), UAV_HW
+    )
 
 
 def _shares(box: Cuboid, camera: PinholeCamera) -> str:
     share = face_visibility(box, camera.K, camera.image_hw).share.tolist()
-    return "  ".join(f"{name} {100 * part:.0f} %" for part, name in sorted(zip(share, FACE_NAMES, strict=True), reverse=True) if part > 0)
+    return "  ".join(
+        f"{name} {100 * part:.0f} %"
+        for part, name in sorted(zip(share, FACE_NAMES, strict=True), reverse=True)
+        if part > 0
+    )
 
 
 def _as_3d(figure: "Figure", panel: Any) -> Any:
@@ -166,10 +210,18 @@ def _draw_mesh(axes: Any, vertices: Tensor, box: Cuboid, around: Sequence[Tensor
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     light = 0.55 + 0.45 * (normals @ np.array([0.3, -0.5, 0.81])).clip(0)
-    axes.add_collection3d(Poly3DCollection(corners, facecolors=light[:, None] * np.array(ANIMAL_GREY), linewidths=0))
+    axes.add_collection3d(
+        Poly3DCollection(corners, facecolors=light[:, None] * np.array(ANIMAL_GREY), linewidths=0)
+    )
     points = box.corners().numpy()
     for name, color in (("front", FRONT), ("back", BACK)):
-        axes.add_collection3d(Poly3DCollection([points[list(FACES[name])]], facecolors=[(*(np.array(color) / 255), 0.35)], linewidths=0))
+        axes.add_collection3d(
+            Poly3DCollection(
+                [points[list(FACES[name])]],
+                facecolors=[(*(np.array(color) / 255), 0.35)],
+                linewidths=0,
+            )
+        )
     for a, b in EDGES:
         axes.plot(*points[[a, b]].T, color="tab:orange", linewidth=1)
     for number, place in enumerate(around):
@@ -178,7 +230,11 @@ def _draw_mesh(axes: Any, vertices: Tensor, box: Cuboid, around: Sequence[Tensor
     every = np.concatenate([points, *(place.numpy()[None] for place in around)])
     low, high = every.min(0), every.max(0)
     middle, half = (low + high) / 2, (high - low).max() / 2
-    axes.set(xlim=middle[0] + [-half, half], ylim=middle[1] + [-half, half], zlim=middle[2] + [-half, half])
+    axes.set(
+        xlim=middle[0] + [-half, half],
+        ylim=middle[1] + [-half, half],
+        zlim=middle[2] + [-half, half],
+    )
     axes.set_box_aspect((1, 1, 1), zoom=1.5)
     axes.view_init(elev=22, azim=-58)
     axes.set_axis_off()

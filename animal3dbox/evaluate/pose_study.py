@@ -1,4 +1,5 @@
-"""Camera poses over the dial of annotation faults, against the annotated keypoints and against the truth (section 3.2)."""
+"""Camera poses over the dial of annotation faults, against the annotated keypoints and against the
+truth (section 3.2)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,10 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.rigid import rotation_angle
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
-EVERYWHERE = {"2 px": FaultConfig(noise_px=2), "2 px, 10 % outliers": FaultConfig(noise_px=2, outliers=0.1)}
+EVERYWHERE = {
+    "2 px": FaultConfig(noise_px=2),
+    "2 px, 10 % outliers": FaultConfig(noise_px=2, outliers=0.1),
+}
 """Settings that every animal goes through."""
 DIAL = {
     "no fault": FaultConfig(),
@@ -33,8 +37,34 @@ DIAL = {
 }
 """Settings that each so many-th animal goes through."""
 PUBLISHED: tuple[tuple[Cell, ...], ...] = (
-    ("(Animal3D)", f"basic, {PAPER}", None, None, 75.28, None, None, None, None, None, 13.81, *(None,) * 7),
-    ("(Animal3D)", f"theirs, {PAPER}", None, None, 7.56, None, None, None, None, None, 0.0, *(None,) * 7),
+    (
+        "(Animal3D)",
+        f"basic, {PAPER}",
+        None,
+        None,
+        75.28,
+        None,
+        None,
+        None,
+        None,
+        None,
+        13.81,
+        *(None,) * 7,
+    ),
+    (
+        "(Animal3D)",
+        f"theirs, {PAPER}",
+        None,
+        None,
+        7.56,
+        None,
+        None,
+        None,
+        None,
+        None,
+        0.0,
+        *(None,) * 7,
+    ),
 )
 COLUMNS = (
     "setting", "method", "animals", "labelled", "annotated mean px", "median px", "p95 px", "clean mean px", "clean median px", "clean p95 px",
@@ -52,7 +82,8 @@ class PoseRow:
         setting: of EVERYWHERE or DIAL.
         method: of METHODS.
         reason: why there is no label, or None.
-        annotated_px: mean distance of the projected landmarks from the keypoints that the method was given.
+        annotated_px: mean distance of the projected landmarks from the keypoints that the method
+            was given.
         clean_px: from the true keypoints, all those inside the frame.
         rotation_deg: of the box from the true box, in the camera frame.
         corner_percent: mean distance of corners from the true ones, in % of the true diagonal.
@@ -79,18 +110,25 @@ def pose_rows(subject: Subject, settings: dict[str, FaultConfig]) -> list[PoseRo
     rows = []
     for setting, faults in settings.items():
         given = subject.annotated(faults)
-        rows += [_row(subject.index, setting, method, given, given.labelled(config)) for method, config in METHODS.items()]
+        rows += [
+            _row(subject.index, setting, method, given, given.labelled(config))
+            for method, config in METHODS.items()
+        ]
     return rows
 
 
 def depth_flip(rotation: Tensor, truth: Tensor) -> bool:
-    """Whether the body axis that truly points most along the line of sight points the other way, R_cam_box (3, 3) both."""
+    """Whether the body axis that truly points most along the line of sight points the other way,
+    R_cam_box (3, 3) both."""
     axis = int(truth[2].abs().argmax())
     return bool(rotation[2, axis] * truth[2, axis] < 0)
 
 
 def clean_error(label: CuboidLabel, given: Annotated) -> float | None:
-    """Mean distance in px of the label's landmarks from the true keypoints inside the frame; None if there are none."""
+    """Mean distance in px of the label's landmarks from the true keypoints inside the frame.
+
+    None if there are none.
+    """
     truth = given.animal.keypoints_2d
     in_frame = truth[:, 2] > 0
     if not bool(in_frame.any()):
@@ -99,12 +137,21 @@ def clean_error(label: CuboidLabel, given: Annotated) -> float | None:
     return float(torch.linalg.vector_norm(px - truth[in_frame, :2], dim=-1).mean())
 
 
-def _row(index: int, setting: str, method: str, given: Annotated, outcome: CuboidLabel | Rejection) -> PoseRow:
+def _row(
+    index: int, setting: str, method: str, given: Annotated, outcome: CuboidLabel | Rejection
+) -> PoseRow:
     if isinstance(outcome, Rejection):
-        return PoseRow(index, setting, method, outcome.reason, behind=outcome.reason == "behind_camera")
+        return PoseRow(
+            index, setting, method, outcome.reason, behind=outcome.reason == "behind_camera"
+        )
     truth = given.animal.cuboid
-    apart = torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean() / truth.diagonal
-    shared = box_iou(outcome.center, outcome.rotation, outcome.size, truth.center, truth.rotation, truth.size)
+    apart = (
+        torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean()
+        / truth.diagonal
+    )
+    shared = box_iou(
+        outcome.center, outcome.rotation, outcome.size, truth.center, truth.rotation, truth.size
+    )
     return PoseRow(
         index,
         setting,
@@ -129,14 +176,32 @@ def pose_table(rows: Sequence[PoseRow]) -> Table:
             if found:
                 lines.append((setting, method, *_cells(found)))
     notes = (
-        "annotated: against the keypoints given, all that real data has; clean: against the true ones inside the frame, hidden ones too.",
-        "degenerate: the projected box has less than 1 % of the mask's area (the paper prints 0.01 %, i.e. 1 %). Of all animals, in %.",
-        "behind camera: the animal or a corner is put at or behind the camera. depth flip: the body axis nearest the line of sight points the "
-        "other way. Both of all animals, in %; errors are over the animals labelled.",
-        "Keypoints at (0, 0) are taken as missing by every method here; see reproduction for what happens otherwise.",
+        (
+            "annotated: against the keypoints given, all that real data has; clean: against the"
+            " true ones inside the frame, hidden ones too."
+        ),
+        (
+            "degenerate: the projected box has less than 1 % of the mask's area (the paper prints"
+            " 0.01 %, i.e. 1 %). Of all animals, in %."
+        ),
+        (
+            "behind camera: the animal or a corner is put at or behind the camera. depth flip: the"
+            " body axis nearest the line of sight points the other way. Both of all animals, in %;"
+            " errors are over the animals labelled."
+        ),
+        (
+            "Keypoints at (0, 0) are taken as missing by every method here; see reproduction for"
+            " what happens otherwise."
+        ),
         f"{PAPER}: published figures, not computed here.",
     )
-    return Table("pose", "Camera pose over the dial of annotation faults", notes, COLUMNS, (*lines, *PUBLISHED))
+    return Table(
+        "pose",
+        "Camera pose over the dial of annotation faults",
+        notes,
+        COLUMNS,
+        (*lines, *PUBLISHED),
+    )
 
 
 def _cells(found: Sequence[PoseRow]) -> tuple[Cell, ...]:

@@ -1,6 +1,7 @@
 """The paper's baseline as it fails: keypoints left at (0, 0) are fed to RANSAC (section 3.2).
 
-label_animal takes such keypoints for missing, so this goes to labels/pose/epnp_ransac.py and labels/pose/paper_refinement.py directly.
+label_animal takes such keypoints for missing, so this goes to labels/pose/epnp_ransac.py and
+labels/pose/paper_refinement.py directly.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,14 @@ from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.pose.epnp_ransac import basic_pose
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma
 from animal3dbox.labels.pose.paper_refinement import refined_pose
-from animal3dbox.labels.pose.problem import PoseEstimate, PoseFailure, PoseProblem, degenerate_points, in_unit_scale, reprojection_errors
+from animal3dbox.labels.pose.problem import (
+    PoseEstimate,
+    PoseFailure,
+    PoseProblem,
+    degenerate_points,
+    in_unit_scale,
+    reprojection_errors,
+)
 from animal3dbox.labels.types import CuboidLabel
 
 PARTS = (0.1, 0.2, 0.3)
@@ -30,7 +38,10 @@ FED = ("basic", "paper (vector)", "paper (literal)")
 DROPPED = ("basic", "default")
 """Methods through the door, which drops those keypoints."""
 DEGENERATE = 0.01
-"""A projected box with less than this part of the mask's area is degenerate; so is an animal without any pose."""
+"""A projected box with less than this part of the mask's area is degenerate.
+
+So is an animal without any pose.
+"""
 PUBLISHED: tuple[tuple[Cell, ...], ...] = (
     (f"({PAPER}, Animal3D)", "basic", None, 75.28, None, None, None, 13.81),
     (f"({PAPER}, Animal3D)", "theirs", None, 7.56, None, None, None, 0.0),
@@ -80,15 +91,30 @@ def _problem_with_zeros(given: Annotated) -> PoseProblem:
     keypoints = said.keypoints_2d[used]
     sigma = keypoint_sigma(keypoints, said.image_hw, METHODS["basic"])
     R_box = given.animal.cuboid.rotation
-    return PoseProblem(landmarks[used], keypoints[:, :2], sigma, said.K, said.image_hw, R_box, given.vertices, mask_box(said.mask))
+    return PoseProblem(
+        landmarks[used],
+        keypoints[:, :2],
+        sigma,
+        said.K,
+        said.image_hw,
+        R_box,
+        given.vertices,
+        mask_box(said.mask),
+    )
 
 
-def _fed(index: int, part: float, method: str, given: Annotated, problem: PoseProblem) -> ReproductionRow:
+def _fed(
+    index: int, part: float, method: str, given: Annotated, problem: PoseProblem
+) -> ReproductionRow:
     config = METHODS[method]
 
     def solve(scaled: PoseProblem) -> PoseEstimate | PoseFailure:
         start = basic_pose(scaled, config)
-        return start if method == "basic" or isinstance(start, PoseFailure) else refined_pose(scaled, start, config)
+        return (
+            start
+            if method == "basic" or isinstance(start, PoseFailure)
+            else refined_pose(scaled, start, config)
+        )
 
     found = in_unit_scale(problem, solve)
     if isinstance(found, PoseFailure):
@@ -105,7 +131,9 @@ def _fed(index: int, part: float, method: str, given: Annotated, problem: PosePr
 def _dropped(index: int, part: float, method: str, given: Annotated) -> ReproductionRow:
     label = given.labelled(METHODS[method])
     if not isinstance(label, CuboidLabel):
-        return ReproductionRow(index, part, method, False, None, None, label.reason != "too_few_keypoints")
+        return ReproductionRow(
+            index, part, method, False, None, None, label.reason != "too_few_keypoints"
+        )
     error = label.quality.reprojection_error_px
     return ReproductionRow(index, part, method, False, error, error, False)
 
@@ -116,18 +144,48 @@ def reproduction_table(rows: Sequence[ReproductionRow]) -> Table:
     for part in PARTS:
         for fed, methods in ((True, FED), (False, DROPPED)):
             for method in methods:
-                found = [row for row in rows if (row.part, row.method, row.fed) == (part, method, fed)]
+                found = [
+                    row for row in rows if (row.part, row.method, row.fed) == (part, method, fed)
+                ]
                 errors, placed = [r.error_px for r in found], mean(r.placed_px for r in found)
                 name = method if fed else f"{method}, (0, 0) dropped"
                 degenerate = percent([r.degenerate for r in found])
                 lines.append(
-                    (f"{part:.0%} at (0, 0)", name, len(found), mean(errors), quantile(errors, 0.5), quantile(errors, 0.95), placed, degenerate)
+                    (
+                        f"{part:.0%} at (0, 0)",
+                        name,
+                        len(found),
+                        mean(errors),
+                        quantile(errors, 0.5),
+                        quantile(errors, 0.95),
+                        placed,
+                        degenerate,
+                    )
                 )
-    columns = ("keypoints", "method", "animals", "mean px", "median px", "p95 px", "mean px of placed ones", "degenerate %")
+    columns = (
+        "keypoints",
+        "method",
+        "animals",
+        "mean px",
+        "median px",
+        "p95 px",
+        "mean px of placed ones",
+        "degenerate %",
+    )
     notes = (
-        f"Keypoints with {NOISE_PX:g} px of noise, part of them left at (0, 0) and marked as visible. mean px is over all keypoints that the method"
-        " was given, those at (0, 0) too; placed ones are the others. Animals with too few keypoints for a pose are left out of the errors.",
+        (
+            f"Keypoints with {NOISE_PX:g} px of noise, part of them left at (0, 0) and marked as"
+            " visible. mean px is over all keypoints that the method was given, those at (0, 0)"
+            " too; placed ones are the others. Animals with too few keypoints for a pose are left"
+            " out of the errors."
+        ),
         "degenerate: no pose is found, or the projected box has less than 1 % of the mask's area.",
         f"{PAPER}: published figures, not computed here.",
     )
-    return Table("reproduction", "The paper's camera-pose figures: keypoints at (0, 0) fed to RANSAC", notes, columns, (*lines, *PUBLISHED))
+    return Table(
+        "reproduction",
+        "The paper's camera-pose figures: keypoints at (0, 0) fed to RANSAC",
+        notes,
+        columns,
+        (*lines, *PUBLISHED),
+    )

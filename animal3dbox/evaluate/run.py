@@ -49,7 +49,11 @@ def animal_rows(config: EvaluateConfig, index: int) -> Rows:
     )
 
 
-def evaluate_world(config: EvaluateConfig, workers: int = 1, progress: Callable[[Iterable[Rows]], Iterable[Rows]] = iter) -> Rows:
+def evaluate_world(
+    config: EvaluateConfig,
+    workers: int = 1,
+    progress: Callable[[Iterable[Rows]], Iterable[Rows]] = iter,
+) -> Rows:
     """Everything about all animals, in their order whatever the number of workers.
 
     Args:

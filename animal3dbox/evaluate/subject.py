@@ -34,11 +34,15 @@ class Subject:
     def annotated(self, faults: FaultConfig) -> "Annotated":
         """What a dataset with such faults would say of it, and the body it would give."""
         said = faulty(annotate(self.animal), faults, self.seed)
-        return Annotated(said, posed_body(self.animal.model, said.parameters).vertices[0], self.animal)
+        return Annotated(
+            said, posed_body(self.animal.model, said.parameters).vertices[0], self.animal
+        )
 
     def normal(self, purpose: str, shape: tuple[int, ...]) -> Tensor:
         """Standard normal numbers of this animal for one purpose."""
-        return torch.from_numpy(world_generator(self.seed, self.index, f"evaluate-{purpose}").standard_normal(shape))
+        return torch.from_numpy(
+            world_generator(self.seed, self.index, f"evaluate-{purpose}").standard_normal(shape)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +65,10 @@ class Annotated:
         return self.said.vocabulary.on_body(self.animal.model.landmark_groups, self.vertices)
 
     def labelled(self, config: LabelConfig) -> CuboidLabel | Rejection:
-        """The label by the one door, from keypoints, mask, K and body. No method is given a camera pose."""
+        """The label by the one door, from keypoints, mask, K and body.
+
+        No method is given a camera pose.
+        """
         said = self.said
         return label_animal(
             said.image_hw,

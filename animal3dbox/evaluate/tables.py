@@ -32,18 +32,29 @@ class Table:
 
     def records(self) -> list[dict[str, Any]]:
         """A dictionary a row, numbers rounded to ten digits; anything not finite is None."""
-        return [{column: _plain(cell) for column, cell in zip(self.columns, row, strict=True)} for row in self.rows]
+        return [
+            {column: _plain(cell) for column, cell in zip(self.columns, row, strict=True)}
+            for row in self.rows
+        ]
 
     def text(self) -> str:
         """The table as aligned text."""
         lines = [self.columns, *(tuple(shown(cell) for cell in row) for row in self.rows)]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
-        words = [all(isinstance(row[i], str | None) for row in self.rows) for i in range(len(self.columns))]
+        words = [
+            all(isinstance(row[i], str | None) for row in self.rows)
+            for i in range(len(self.columns))
+        ]
         drawn = [
-            "  ".join(cell.ljust(width) if word else cell.rjust(width) for cell, width, word in zip(line, widths, words, strict=True)).rstrip()
+            "  ".join(
+                cell.ljust(width) if word else cell.rjust(width)
+                for cell, width, word in zip(line, widths, words, strict=True)
+            ).rstrip()
             for line in lines
         ]
-        return "\n".join([self.title, "=" * len(self.title), *drawn, *(f"  {note}" for note in self.notes)])
+        return "\n".join(
+            [self.title, "=" * len(self.title), *drawn, *(f"  {note}" for note in self.notes)]
+        )
 
 
 def shown(cell: Cell) -> str:

@@ -1,8 +1,9 @@
 """One formula, two kinds of arrays.
 
-Labels and training need the geometry in torch: batched, on any device, differentiable. A DataLoader's worker needs the same
-formulas for the few numbers of one image, where NumPy costs a third of torch a call. Functions over AnyArray do both: they
-return what they are given, and use only what both libraries spell alike.
+Labels and training need the geometry in torch: batched, on any device, differentiable. A
+DataLoader's worker needs the same formulas for the few numbers of one image, where NumPy costs a
+third of torch a call. Functions over AnyArray do both: they return what they are given, and use
+only what both libraries spell alike.
 """
 
 from typing import Any, TypeVar
@@ -24,7 +25,10 @@ def namespace(array: Tensor | np.ndarray) -> Any:
 
 
 def as_numpy(array: Tensor | np.ndarray) -> np.ndarray:
-    """The array itself, or a tensor's values on the host without its gradients; shares memory where it can."""
+    """The array itself, or a tensor's values on the host without its gradients.
+
+    Shares memory where it can.
+    """
     return array.numpy(force=True) if isinstance(array, Tensor) else array
 
 
@@ -46,7 +50,10 @@ def like(array: AnyArray, values: Any) -> AnyArray:
 
 
 def rows_at(points: AnyArray, ids: np.ndarray) -> AnyArray:
-    """Rows of points (..., N, D) by their numbers, an array of whole numbers of any shape (I, ...): (..., I, ..., D)."""
+    """Rows of points (..., N, D) by their numbers, an array of whole numbers of any shape (I, ...).
+
+    (..., I, ..., D).
+    """
     if isinstance(points, Tensor):
         return points[..., torch.from_numpy(ids).to(points.device), :]
     return points.take(ids, -2)
@@ -94,7 +101,8 @@ def at_least(array: AnyArray, least: float) -> AnyArray:
 
 
 def transposed(matrix: np.ndarray) -> np.ndarray:
-    """The transpose (N, M) of a matrix (M, N) of floating-point numbers, in memory as it is counted."""
+    """The transpose (N, M) of a matrix (M, N) of floating-point numbers, in memory as it is
+    counted."""
     if not matrix.size:
         return matrix.T.copy()
     turned: np.ndarray = cv2.transpose(matrix)  # in blocks: half the time of a copy along columns
@@ -102,8 +110,13 @@ def transposed(matrix: np.ndarray) -> np.ndarray:
 
 
 def take(array: AnyArray, index: AnyArray) -> AnyArray:
-    """Elements (N,) of an array (M,) by their indices (N,); in both libraries faster than array[index]."""
-    taken: AnyArray = array.index_select(0, index) if isinstance(array, Tensor) else array.take(index)
+    """Elements (N,) of an array (M,) by their indices (N,).
+
+    In both libraries faster than array[index].
+    """
+    taken: AnyArray = (
+        array.index_select(0, index) if isinstance(array, Tensor) else array.take(index)
+    )
     return taken
 
 

@@ -11,7 +11,9 @@ from animal3dbox.geometry.distortion import distort
 from animal3dbox.geometry.rigid import transform_points
 
 
-def intrinsics(focal_px: float | tuple[float, float], image_hw: tuple[int, int], skew: float = 0.0) -> Tensor:
+def intrinsics(
+    focal_px: float | tuple[float, float], image_hw: tuple[int, int], skew: float = 0.0
+) -> Tensor:
     """Intrinsics with the principal point at the centre of the image.
 
     Args:
@@ -26,10 +28,15 @@ def intrinsics(focal_px: float | tuple[float, float], image_hw: tuple[int, int],
     check_image_hw("image_hw", image_hw)
     fx, fy = focal_px if isinstance(focal_px, tuple) else (focal_px, focal_px)
     height, width = image_hw
-    return torch.tensor([[fx, skew, (width - 1) / 2], [0.0, fy, (height - 1) / 2], [0.0, 0.0, 1.0]], dtype=torch.float64)
+    return torch.tensor(
+        [[fx, skew, (width - 1) / 2], [0.0, fy, (height - 1) / 2], [0.0, 0.0, 1.0]],
+        dtype=torch.float64,
+    )
 
 
-def project(K: AnyArray, points_cam: AnyArray, distortion: AnyArray | None = None) -> tuple[AnyArray, AnyArray]:
+def project(
+    K: AnyArray, points_cam: AnyArray, distortion: AnyArray | None = None
+) -> tuple[AnyArray, AnyArray]:
     """Project points of the camera frame to pixels (section 2.2, P).
 
     Args:
@@ -38,7 +45,8 @@ def project(K: AnyArray, points_cam: AnyArray, distortion: AnyArray | None = Non
         distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens; None for a pinhole.
 
     Returns:
-        points_px: (..., N, 2); meaningless where depth is not positive (finite all the same), see project_in_front.
+        points_px: (..., N, 2); meaningless where depth is not positive (finite all the same), see
+            project_in_front.
         depth: (..., N) along the optical axis, positive in front of the camera.
 
     """
@@ -51,13 +59,18 @@ def project(K: AnyArray, points_cam: AnyArray, distortion: AnyArray | None = Non
     return bent @ K[..., :2, :2].mT + K[..., None, :2, 2], depth
 
 
-def project_in_front(K: Tensor, points_cam: Tensor, near: float | Tensor = 0.0, distortion: Tensor | None = None) -> tuple[Tensor, Tensor]:
-    """Project points of the camera frame to pixels; a point behind the camera never comes back as one that is seen.
+def project_in_front(
+    K: Tensor, points_cam: Tensor, near: float | Tensor = 0.0, distortion: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
+    """Project points of the camera frame to pixels.
+
+    A point behind the camera never comes back as one that is seen.
 
     Args:
         K: (..., 3, 3).
         points_cam: (..., N, 3).
-        near: a point counts as in front if its depth exceeds this; a number, or a tensor that broadcasts to (..., N).
+        near: a point counts as in front if its depth exceeds this; a number, or a tensor that
+            broadcasts to (..., N).
         distortion: coefficients of OpenCV's lens, see project.
 
     Returns:
@@ -109,7 +122,10 @@ class PinholeCamera:
         return project(self.K, transform_points(self.T_cam_world, points_world))
 
     def resized(self, H_out_in: Tensor, image_hw: tuple[int, int]) -> "PinholeCamera":
-        """The camera of the cropped and resized image; H_out_in only scales and shifts (any other map turns the camera: update_camera)."""
+        """The camera of the cropped and resized image.
+
+        H_out_in only scales and shifts (any other map turns the camera: update_camera).
+        """
         return replace(self, K=H_out_in @ self.K, image_hw=image_hw)
 
 
@@ -126,8 +142,12 @@ def look_at(eye: Tensor, target: Tensor, up: Tensor) -> Tensor:
 
     """
     forward = torch.nn.functional.normalize(target - eye, dim=-1)
-    right = torch.nn.functional.normalize(torch.linalg.cross(forward, up.expand_as(forward)), dim=-1)
+    right = torch.nn.functional.normalize(
+        torch.linalg.cross(forward, up.expand_as(forward)), dim=-1
+    )
     R = torch.stack((right, torch.linalg.cross(forward, right), forward), dim=-2)
     t = -(R @ eye[..., None])
-    bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=eye.dtype, device=eye.device).expand(*R.shape[:-2], 1, 4)
+    bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=eye.dtype, device=eye.device).expand(
+        *R.shape[:-2], 1, 4
+    )
     return torch.cat((torch.cat((R, t), dim=-1), bottom), dim=-2)

@@ -21,8 +21,8 @@ def check_shape(name: str, tensor: Tensor | np.ndarray, spec: str) -> None:
     Args:
         name: the argument's name, for the message.
         tensor: any tensor.
-        spec: one word a dimension: a number is that size, a word any size, a leading ``...`` any number of batch
-            dimensions; ``"... 3 3"``, ``"N 3"``.
+        spec: one word a dimension: a number is that size, a word any size, a leading ``...`` any
+            number of batch dimensions; ``"... 3 3"``, ``"N 3"``.
 
     Raises:
         ShapeError: naming the argument, the shape expected and the shape that came.
@@ -39,11 +39,18 @@ def check_shape(name: str, tensor: Tensor | np.ndarray, spec: str) -> None:
 
 @lru_cache
 def _parsed(spec: str) -> tuple[bool, int, tuple[tuple[int, int], ...]]:
-    """Whether batch dimensions may lead, how many others there are, and the sizes asked for by their places counted from the last."""
+    """Whether batch dimensions may lead, how many others there are, and the sizes asked for by
+    their places counted from the last."""
     words = spec.split()
     batched = words[0] == "..."
     words = words[batched:]
-    return batched, len(words), tuple((place - len(words), int(word)) for place, word in enumerate(words) if word.isdigit())
+    return (
+        batched,
+        len(words),
+        tuple(
+            (place - len(words), int(word)) for place, word in enumerate(words) if word.isdigit()
+        ),
+    )
 
 
 def check_finite(name: str, tensor: Tensor | np.ndarray) -> None:
@@ -58,7 +65,10 @@ def check_finite(name: str, tensor: Tensor | np.ndarray) -> None:
                 return
     finite = np.isfinite(values)
     if not finite.all():
-        raise ShapeError(f"{name} must be finite, but {int((~finite).sum())} of its {math.prod(tensor.shape)} values are NaN or infinite")
+        raise ShapeError(
+            f"{name} must be finite, but {int((~finite).sum())} of its {math.prod(tensor.shape)}"
+            " values are NaN or infinite"
+        )
 
 
 def check_rotation(name: str, tensor: Tensor | np.ndarray, tolerance: float = 1e-5) -> None:
@@ -68,11 +78,19 @@ def check_rotation(name: str, tensor: Tensor | np.ndarray, tolerance: float = 1e
     R = as_numpy(tensor)
     if not R.size:
         return
-    off, least = _off_rotations(R) if R.size > 9 * FEW else _off_few_rotations(R.reshape(-1, 3, 3).tolist())
+    off, least = (
+        _off_rotations(R) if R.size > 9 * FEW else _off_few_rotations(R.reshape(-1, 3, 3).tolist())
+    )
     if off > tolerance:
-        raise ShapeError(f"{name} must hold rotation matrices, but R @ R.T differs from the identity by {off:.2g}")
+        raise ShapeError(
+            f"{name} must hold rotation matrices, but R @ R.T differs from the identity by"
+            f" {off:.2g}"
+        )
     if least < 0:
-        raise ShapeError(f"{name} must have determinant +1; a determinant of -1 is a mirrored frame: negate one axis")
+        raise ShapeError(
+            f"{name} must have determinant +1; a determinant of -1 is a mirrored frame: negate one"
+            " axis"
+        )
 
 
 def _off_rotations(R: np.ndarray) -> tuple[float, float]:
@@ -93,12 +111,15 @@ def _off_few_rotations(matrices: list[list[list[float]]]) -> tuple[float, float]
 
 
 def check_intrinsics(name: str, K: Tensor | np.ndarray) -> None:
-    """Raise a ShapeError unless K is (..., 3, 3), upper triangular, with positive focal lengths and K[2, 2] = 1."""
+    """Raise a ShapeError unless K is (..., 3, 3), upper triangular, with positive focal lengths and
+    K[2, 2] = 1."""
     check_shape(name, K, "... 3 3")
     check_finite(name, K)
     for (fx, _, _), (skewed, fy, _), (low, lower, one) in as_numpy(K).reshape(-1, 3, 3).tolist():
         if max(abs(skewed), abs(low), abs(lower), abs(one - 1)) > 1e-9:
-            raise ShapeError(f"{name} must be upper triangular with {name}[2, 2] = 1, got {K.tolist()}")
+            raise ShapeError(
+                f"{name} must be upper triangular with {name}[2, 2] = 1, got {K.tolist()}"
+            )
         if min(fx, fy) <= 0:
             raise ShapeError(f"{name} must have positive focal lengths, got {K.tolist()}")
 
@@ -106,7 +127,9 @@ def check_intrinsics(name: str, K: Tensor | np.ndarray) -> None:
 def check_image_hw(name: str, image_hw: tuple[int, int]) -> None:
     """Raise a ShapeError unless the pair is (height, width) in whole, positive pixels."""
     if len(image_hw) != 2 or any(not float(side).is_integer() or side <= 0 for side in image_hw):
-        raise ShapeError(f"{name} must be (height, width) in whole pixels > 0, got {tuple(image_hw)}")
+        raise ShapeError(
+            f"{name} must be (height, width) in whole pixels > 0, got {tuple(image_hw)}"
+        )
 
 
 def check_known(name: str, value: str, known: Mapping[str, object] | tuple[str, ...]) -> None:

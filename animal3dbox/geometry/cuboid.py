@@ -1,7 +1,7 @@
 """Oriented boxes with named faces.
 
-The one place that fixes the order of corners, faces and edges; everything else imports it. A box's own frame is x
-forward, y to ITS left, z up.
+The one place that fixes the order of corners, faces and edges; everything else imports it. A box's
+own frame is x forward, y to ITS left, z up.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,16 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.checks import check_finite, check_rotation, check_shape
 
-CORNER_SIGNS = ((-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1))
+CORNER_SIGNS = (
+    (-1, -1, -1),
+    (1, -1, -1),
+    (1, 1, -1),
+    (-1, 1, -1),
+    (-1, -1, 1),
+    (1, -1, 1),
+    (1, 1, 1),
+    (-1, 1, 1),
+)
 """Signs of (x, y, z) of the eight corners: round the bottom, then round the top."""
 
 FACES = {
@@ -25,7 +34,20 @@ FACES = {
 
 FACE_NAMES = tuple(FACES)
 OPPOSITE_FACES = (1, 0, 3, 2, 5, 4)
-EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+EDGES = (
+    (0, 1),
+    (1, 2),
+    (2, 3),
+    (3, 0),
+    (4, 5),
+    (5, 6),
+    (6, 7),
+    (7, 4),
+    (0, 4),
+    (1, 5),
+    (2, 6),
+    (3, 7),
+)
 MIRRORED_CORNERS = (3, 2, 1, 0, 7, 6, 5, 4)
 """corners' = (Q corners)[MIRRORED_CORNERS] under a mirror Q."""
 MIRRORED_FACES = (0, 1, 3, 2, 4, 5)
@@ -55,13 +77,20 @@ class Cuboid:
             raise ShapeError(f"size must not be negative, got {self.size.tolist()}")
 
     def __getitem__(self, index: int) -> "Cuboid":
-        """One box of a batch, in memory of its own; checked already. Raises TypeError if this is one box, and IndexError."""
+        """One box of a batch, in memory of its own; checked already.
+
+        Raises TypeError if this is one box, and IndexError.
+        """
         if self.center.ndim == 1:
             raise TypeError("this is one box, not a batch of them")
         box = object.__new__(Cuboid)
         for name in ("center", "rotation", "size"):
             held = getattr(self, name)
-            one = torch.from_numpy(held.numpy()[index].copy()) if held.is_cpu and not held.requires_grad else held[index].clone()
+            one = (
+                torch.from_numpy(held.numpy()[index].copy())
+                if held.is_cpu and not held.requires_grad
+                else held[index].clone()
+            )
             object.__setattr__(box, name, one)
         return box
 
@@ -108,6 +137,8 @@ class Cuboid:
         """
         check_shape("Q", Q, "... 3 3")
         if not bool((torch.linalg.det(Q) < 0).all()):
-            raise ShapeError("Q must have determinant -1 to mirror; a rotation goes through transformed")
+            raise ShapeError(
+                "Q must have determinant -1 to mirror; a rotation goes through transformed"
+            )
         flip_y = torch.diag(torch.tensor([1.0, -1.0, 1.0], dtype=Q.dtype, device=Q.device))
         return Cuboid((Q @ self.center[..., None])[..., 0], Q @ self.rotation @ flip_y, self.size)

@@ -24,8 +24,9 @@ def check_distortion(name: str, coefficients: Tensor | np.ndarray) -> None:
     """Raise a ShapeError unless these are 4, 5, 8 or 12 finite coefficients."""
     if coefficients.ndim != 1 or coefficients.shape[0] not in COUNTS:
         raise ShapeError(
-            f"{name} must have shape (4,), (5,), (8,) or (12,) in OpenCV's order, got {tuple(coefficients.shape)}; "
-            "tilted sensors (14 coefficients) are not supported: undistort the image first"
+            f"{name} must have shape (4,), (5,), (8,) or (12,) in OpenCV's order, got"
+            f" {tuple(coefficients.shape)}; tilted sensors (14 coefficients) are not supported:"
+            " undistort the image first"
         )
     if not bool(namespace(coefficients).isfinite(coefficients).all()):
         raise ShapeError(f"{name} must be finite, got {coefficients.tolist()}")
@@ -49,7 +50,9 @@ def distort(points: AnyArray, coefficients: AnyArray) -> AnyArray:
     radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     tangent = xp.stack((p2, p1))
     along = 2 * (points * tangent).sum(-1)[..., None]
-    bent: AnyArray = points * (radial + along) + r2 * (tangent + xp.stack((s1, s3)) + r2 * xp.stack((s2, s4)))
+    bent: AnyArray = points * (radial + along) + r2 * (
+        tangent + xp.stack((s1, s3)) + r2 * xp.stack((s2, s4))
+    )
     return bent
 
 
@@ -61,16 +64,24 @@ def _twelve(coefficients: AnyArray) -> AnyArray:
 
 
 def distortion_slope(points: AnyArray, coefficients: AnyArray) -> AnyArray:
-    """The derivative (..., 2, 2) of distort at points (..., 2) of the plane at depth 1: how a lens stretches what is there."""
+    """The derivative (..., 2, 2) of distort at points (..., 2) of the plane at depth 1.
+
+    How a lens stretches what is there.
+    """
     xp = namespace(points)
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = _twelve(coefficients)
     r2 = (points * points).sum(-1)[..., None]
     above, below = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    by_r2 = ((k1 + r2 * (2 * k2 + 3 * r2 * k3)) * below - above * (k4 + r2 * (2 * k5 + 3 * r2 * k6))) / below**2
+    by_r2 = (
+        (k1 + r2 * (2 * k2 + 3 * r2 * k3)) * below - above * (k4 + r2 * (2 * k5 + 3 * r2 * k6))
+    ) / below**2
     tangent = xp.stack((p2, p1))
     scale = above / below + 2 * (points * tangent).sum(-1)[..., None]
     along_r2 = tangent + xp.stack((s1, s3)) + 2 * r2 * xp.stack((s2, s4))
-    slope: Any = 2 * (points[..., :, None] * (by_r2 * points + tangent)[..., None, :] + along_r2[..., :, None] * points[..., None, :])
+    slope: Any = 2 * (
+        points[..., :, None] * (by_r2 * points + tangent)[..., None, :]
+        + along_r2[..., :, None] * points[..., None, :]
+    )
     whole: AnyArray = slope + scale[..., None] * like(points, [[1.0, 0.0], [0.0, 1.0]])
     return whole
 
@@ -91,7 +102,9 @@ def undistort(bent: AnyArray, coefficients: AnyArray) -> tuple[AnyArray, AnyArra
 
     def held(points: AnyArray) -> AnyArray:
         radius = norm(points)[..., None]
-        inside: AnyArray = namespace(points).where(radius > limit, points * (limit / (radius + (radius == 0))), points)
+        inside: AnyArray = namespace(points).where(
+            radius > limit, points * (limit / (radius + (radius == 0))), points
+        )
         return inside
 
     points = held(bent)
@@ -103,13 +116,20 @@ def undistort(bent: AnyArray, coefficients: AnyArray) -> tuple[AnyArray, AnyArra
         (a, b), (c, d) = (slope[..., 0, 0], slope[..., 0, 1]), (slope[..., 1, 0], slope[..., 1, 1])
         determinant = a * d - b * c
         determinant = determinant + (abs(determinant) < 1e-12)
-        step = namespace(points).stack((d * off[..., 0] - b * off[..., 1], a * off[..., 1] - c * off[..., 0]), -1) / determinant[..., None]
+        step = (
+            namespace(points).stack(
+                (d * off[..., 0] - b * off[..., 1], a * off[..., 1] - c * off[..., 0]), -1
+            )
+            / determinant[..., None]
+        )
         points = held(points - step)
     return points, (abs(distort(points, coefficients) - bent) <= NEWTON_OFF).all(-1)
 
 
 def field_of_view(coefficients: Tensor | np.ndarray) -> float:
-    """The radius x / z up to which the radial polynomial grows: beyond it the lens would fold the scene back into the picture.
+    """The radius x / z up to which the radial polynomial grows.
+
+    Beyond it the lens would fold the scene back into the picture.
 
     Args:
         coefficients: (4,), (5,), (8,) or (12,).
@@ -133,18 +153,26 @@ def _field_of_view(coefficients: tuple[float, ...]) -> float:
 
 
 def bent_points(points_cam: AnyArray, coefficients: AnyArray | None) -> AnyArray:
-    """Points (..., 3) of the camera frame, in front of it, moved at their depth to where a pinhole would show them in the lens's picture."""
+    """Points (..., 3) of the camera frame, in front of it, moved at their depth to where a pinhole
+    would show them in the lens's picture."""
     if coefficients is None:
         return points_cam
     depth = points_cam[..., 2:]
-    moved: AnyArray = namespace(depth).concatenate((distort(points_cam[..., :2] / depth, coefficients) * depth, depth), -1)
+    moved: AnyArray = namespace(depth).concatenate(
+        (distort(points_cam[..., :2] / depth, coefficients) * depth, depth), -1
+    )
     return moved
 
 
 def beyond_lens(coefficients: AnyArray, points_cam: AnyArray) -> AnyArray:
-    """Which bodies (..., N, 3) reach behind the camera or to where the lens folds: their projection means nothing there, (...,) bool."""
+    """Which bodies (..., N, 3) reach behind the camera or to where the lens folds.
+
+    Their projection means nothing there, (...,) bool.
+    """
     depth = points_cam[..., 2]
-    outside: Any = ((depth <= 0) | (norm(points_cam[..., :2]) > field_of_view(coefficients) * depth)).any(-1)
+    outside: Any = (
+        (depth <= 0) | (norm(points_cam[..., :2]) > field_of_view(coefficients) * depth)
+    ).any(-1)
     beyond: AnyArray = outside
     return beyond
 
@@ -155,15 +183,19 @@ def check_field_of_view(coefficients: AnyArray, corners_cam: AnyArray) -> None:
     beyond = [bool(outside[animal]) for animal in range(corners_cam.shape[0])]
     if any(beyond):
         raise ShapeError(
-            f"animal {beyond.index(True)} reaches beyond the lens's field of view, where its polynomial folds: "
-            "undistort the image first and drop the field, or leave the animal out"
+            f"animal {beyond.index(True)} reaches beyond the lens's field of view, where its"
+            " polynomial folds: undistort the image first and drop the field, or leave the"
+            " animal out"
         )
 
 
 def turned_distortion(coefficients: AnyArray, Q: AnyArray) -> AnyArray:
-    """The lens of the mapped image: its tangential and prism terms are vectors in the picture's plane and turn with it.
+    """The lens of the mapped image.
 
-    A flip negates p2, a vertical one p1, a roll rotates (p2, p1), a crop or a resize changes nothing.
+    Its tangential and prism terms are vectors in the picture's plane and turn with it.
+
+    A flip negates p2, a vertical one p1, a roll rotates (p2, p1), a crop or a resize changes
+    nothing.
 
     Args:
         coefficients: (4,), (5,), (8,) or (12,).
@@ -173,14 +205,16 @@ def turned_distortion(coefficients: AnyArray, Q: AnyArray) -> AnyArray:
         The coefficients after the map, in the same order.
 
     Raises:
-        ShapeError: Q turns the optical axis: no coefficients describe the lens then; undistort the image first.
+        ShapeError: Q turns the optical axis: no coefficients describe the lens then; undistort the
+            image first.
 
     """
     check_distortion("distortion", coefficients)
     if float(abs(Q[2, :2]).sum() + abs(Q[2, 2] - 1)) > 1e-6:
         raise ShapeError(
-            "distortion cannot be carried through a map that turns the optical axis (yaw, pitch, perspective): "
-            "undistort the image first and drop the field, or use crops, flips, resizes and rolls only"
+            "distortion cannot be carried through a map that turns the optical axis (yaw, pitch,"
+            " perspective): undistort the image first and drop the field, or use crops, flips,"
+            " resizes and rolls only"
         )
     xp = namespace(coefficients)
     order = [3, 2, *((8, 10, 9, 11) if coefficients.shape[0] == 12 else ())]

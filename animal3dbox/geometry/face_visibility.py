@@ -1,7 +1,7 @@
 """Which faces of a box are seen, and how much of the picture each fills.
 
-The visible faces of a convex box tile its silhouette, and so do the hidden ones: the area of the silhouette is the sum
-over the hidden faces, which stays true when the box is cut by the near plane.
+The visible faces of a convex box tile its silhouette, and so do the hidden ones: the area of the
+silhouette is the sum over the hidden faces, which stays true when the box is cut by the near plane.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, as_type_of, at_least, clip, cross, like, namespace, norm, rows_at
+from animal3dbox.geometry.arrays import (
+    AnyArray,
+    as_type_of,
+    at_least,
+    clip,
+    cross,
+    like,
+    namespace,
+    norm,
+    rows_at,
+)
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_image_hw, check_shape
 from animal3dbox.geometry.cuboid import FACES, Cuboid
@@ -19,7 +29,10 @@ from animal3dbox.geometry.polygon import area_in_frame, clip_to_near, polygon_ar
 
 QUADS = np.array(list(FACES.values()))
 NEAR_PER_DIAGONAL = 1e-2
-"""The near plane stands at this fraction of the box diagonal: nearer things have no useful projection."""
+"""The near plane stands at this fraction of the box diagonal.
+
+Nearer things have no useful projection.
+"""
 
 
 @dataclass(frozen=True)
@@ -28,10 +41,12 @@ class FaceVisibility(Generic[AnyArray]):
 
     Attributes:
         visible: (..., 6) bool, n . v > 0 of the paper; nothing is visible from inside the box.
-        area: (..., 6) projected area in px^2, 0 for hidden faces, clipped at the near plane but not by the frame.
+        area: (..., 6) projected area in px^2, 0 for hidden faces, clipped at the near plane but not
+            by the frame.
         share: (..., 6) area over its sum; all 0 if nothing is seen.
         share_in_image: (..., 6) the same of the areas clipped by the frame.
-        truncation: (...,) 1 - (silhouette inside the frame) / silhouette; 0 if there is no silhouette.
+        truncation: (...,) 1 - (silhouette inside the frame) / silhouette; 0 if there is no
+            silhouette.
     """
 
     visible: AnyArray
@@ -58,17 +73,22 @@ def face_normals(corners: AnyArray) -> AnyArray:
 
 
 def _outward(corners: AnyArray, quads: AnyArray) -> AnyArray:
-    """Outward normals (..., 6, 3) of the faces (..., 6, 4, 3) of boxes (..., 8, 3), as long as their faces are large."""
+    """Outward normals (..., 6, 3) of the faces (..., 6, 4, 3) of boxes (..., 8, 3), as long as
+    their faces are large."""
     first = quads[..., 0, :]
     normals = cross(quads[..., 1, :] - first, quads[..., 3, :] - first)
-    outward = quads.sum(-2) - corners.sum(-2)[..., None, :] / 2  # four times the way from the box's middle to the face's
+    outward = (
+        quads.sum(-2) - corners.sum(-2)[..., None, :] / 2
+    )  # four times the way from the box's middle to the face's
     inwards = (normals * outward).sum(-1)[..., None] < 0
     turned: AnyArray = normals * (1 - 2 * as_type_of(inwards, normals))
     return turned
 
 
 def visible_faces(corners: AnyArray, camera_center: AnyArray) -> AnyArray:
-    """Which faces turn towards the camera: n . v > 0 with v from the face's centre to the camera (section 2.3.2, visibility and v).
+    """Which faces turn towards the camera: n .
+
+    V > 0 with v from the face's centre to the camera (section 2.3.2, visibility and v).
 
     Args:
         corners: (..., 8, 3) in any frame.
@@ -106,17 +126,21 @@ def near_depth(cuboid: Cuboid) -> Tensor:
 
 
 def near_depth_of_corners(corners: AnyArray) -> AnyArray:
-    """The near plane's depth for boxes given by their corners (..., 8, 3) in any frame, (...,), in their unit."""
+    """The near plane's depth for boxes given by their corners (..., 8, 3) in any frame, (...,), in
+    their unit."""
     near: AnyArray = NEAR_PER_DIAGONAL * norm(corners[..., 6, :] - corners[..., 0, :])
     return near
 
 
 def corners_in_front(cuboid_cam: Cuboid) -> Tensor:
-    """Which corners lie beyond the near plane, so that their projection means something, (..., 8) bool."""
+    """Which corners lie beyond the near plane, so that their projection means something, (..., 8)
+    bool."""
     return cuboid_cam.corners()[..., 2] > near_depth(cuboid_cam)[..., None]
 
 
-def face_visibility(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]) -> FaceVisibility[Tensor]:
+def face_visibility(
+    cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]
+) -> FaceVisibility[Tensor]:
     """What a camera sees of boxes given in its frame.
 
     Args:
@@ -129,16 +153,21 @@ def face_visibility(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]) ->
 
     """
     corners_cam = cuboid_cam.corners()
-    return corners_visibility(corners_cam, K, image_hw, visible_faces(corners_cam, torch.zeros_like(cuboid_cam.center)))
+    return corners_visibility(
+        corners_cam, K, image_hw, visible_faces(corners_cam, torch.zeros_like(cuboid_cam.center))
+    )
 
 
-def projected_faces(corners_cam: AnyArray, K: AnyArray, distortion: AnyArray | None = None) -> AnyArray:
+def projected_faces(
+    corners_cam: AnyArray, K: AnyArray, distortion: AnyArray | None = None
+) -> AnyArray:
     """The faces of boxes in the picture, clipped at the near plane.
 
     Args:
         corners_cam: (..., 8, 3).
         K: (..., 3, 3) in pixels.
-        distortion: coefficients of OpenCV's lens (edges stay straight between the bent corners); None for a pinhole.
+        distortion: coefficients of OpenCV's lens (edges stay straight between the bent corners);
+            None for a pinhole.
 
     Returns:
         (..., 6, P, 2) px, P = 4 if every corner lies in front of its near plane, else 5.
@@ -149,13 +178,19 @@ def projected_faces(corners_cam: AnyArray, K: AnyArray, distortion: AnyArray | N
         return rows_at(project(K, corners_cam, distortion)[0], QUADS)
     quads = rows_at(corners_cam, QUADS)
     if isinstance(quads, Tensor):
-        return project(K[..., None, :, :], clip_to_near(quads, near[..., None, None]), distortion)[0]
+        return project(K[..., None, :, :], clip_to_near(quads, near[..., None, None]), distortion)[
+            0
+        ]
     clipped = clip_to_near(torch.from_numpy(quads), torch.from_numpy(near)[..., None, None]).numpy()
     return project(K[..., None, :, :], clipped, distortion)[0]
 
 
 def corners_visibility(
-    corners_cam: AnyArray, K: AnyArray, image_hw: tuple[int, int], visible: AnyArray, distortion: AnyArray | None = None
+    corners_cam: AnyArray,
+    K: AnyArray,
+    image_hw: tuple[int, int],
+    visible: AnyArray,
+    distortion: AnyArray | None = None,
 ) -> FaceVisibility[AnyArray]:
     """What a camera sees of boxes whose visible faces are known already, such as after a map of pixels, which changes none.
 
@@ -174,10 +209,22 @@ def corners_visibility(
     check_image_hw("image_hw", image_hw)
     quads_px = projected_faces(corners_cam, K, distortion)
     beyond = like(quads_px, [image_hw[1] - 0.5, image_hw[0] - 0.5])
-    inside: Any = ((quads_px >= -0.5) & (quads_px <= beyond)).all(-1).all(-1)  # (..., 6): each face by itself, whatever else is in the batch
+    inside: Any = (
+        ((quads_px >= -0.5) & (quads_px <= beyond)).all(-1).all(-1)
+    )  # (..., 6): each face by itself, whatever else is in the batch
     area = polygon_area(quads_px)
-    area_in_image = area if bool(inside.all()) else namespace(area).where(inside, area, area_in_frame(quads_px, image_hw))
+    area_in_image = (
+        area
+        if bool(inside.all())
+        else namespace(area).where(inside, area, area_in_frame(quads_px, image_hw))
+    )
     silhouette, silhouette_in_image = ((a * ~visible).sum(-1) for a in (area, area_in_image))
     truncation = (1 - silhouette_in_image / (silhouette + (silhouette <= 0))) * (silhouette > 0)
     area, area_in_image = area * visible, area_in_image * visible
-    return FaceVisibility(visible, area, visible_face_shares(area), visible_face_shares(area_in_image), clip(truncation, 0, 1))
+    return FaceVisibility(
+        visible,
+        area,
+        visible_face_shares(area),
+        visible_face_shares(area_in_image),
+        clip(truncation, 0, 1),
+    )

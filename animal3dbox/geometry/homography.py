@@ -1,8 +1,9 @@
 """What a map of pixels does to the camera that took them.
 
-For any invertible H there is exactly one camera whose picture is the mapped picture: with H K = k K' Q, K' upper
-triangular with a positive diagonal and K'[2, 2] = 1, and Q orthogonal, a point seen at x through K [R | t] is seen at
-H x through K' [Q R | Q t]. det Q = sign det H: a mirrored picture is the picture of the mirrored scene.
+For any invertible H there is exactly one camera whose picture is the mapped picture: with H K = k
+K' Q, K' upper triangular with a positive diagonal and K'[2, 2] = 1, and Q orthogonal, a point seen
+at x through K [R | t] is seen at H x through K' [Q R | Q t]. det Q = sign det H: a mirrored picture
+is the picture of the mirrored scene.
 """
 
 from dataclasses import dataclass
@@ -77,7 +78,10 @@ def rq(A: AnyArray) -> tuple[AnyArray, AnyArray]:
 
 
 def handedness(A: AnyArray) -> AnyArray:
-    """Determinants (...,) of matrices (..., 3, 3) as triple products of their rows: for what only asks for the sign, without LAPACK."""
+    """Determinants (...,) of matrices (..., 3, 3) as triple products of their rows.
+
+    For what only asks for the sign, without LAPACK.
+    """
     triple: AnyArray = (A[..., 0, :] * cross(A[..., 1, :], A[..., 2, :])).sum(-1)
     return triple
 
@@ -89,7 +93,8 @@ class CameraUpdate(Generic[AnyArray]):
     Attributes:
         K: (..., 3, 3) the new intrinsics.
         Q: (..., 3, 3) orthogonal: points_cam' = Q points_cam; det -1 under a mirror.
-        k: (...,) the scale in H K = k K' Q; depth maps update as depth' = w depth / k, w being the map's denominator.
+        k: (...,) the scale in H K = k K' Q; depth maps update as depth' = w depth / k, w being the
+            map's denominator.
         R: (..., 3, 3) the new R_cam_world, det +1; None if none was given.
         t: (..., 3) the new t_cam_world; None if none was given.
     """
@@ -106,16 +111,19 @@ class CameraUpdate(Generic[AnyArray]):
         return handedness(self.Q) < 0
 
 
-def update_camera(H_out_in: AnyArray, K: AnyArray, R: AnyArray | None = None, t: AnyArray | None = None) -> CameraUpdate[AnyArray]:
+def update_camera(
+    H_out_in: AnyArray, K: AnyArray, R: AnyArray | None = None, t: AnyArray | None = None
+) -> CameraUpdate[AnyArray]:
     """The camera of the mapped image, exactly, for any invertible map of pixels.
 
-    A mirror mirrors the world as well, by S = diag(1, -1, 1) fixed in world coordinates (points_world' = S points_world), so
-    that R' = Q R S stays a rotation.
+    A mirror mirrors the world as well, by S = diag(1, -1, 1) fixed in world coordinates
+    (points_world' = S points_world), so that R' = Q R S stays a rotation.
 
     Args:
         H_out_in: (..., 3, 3) with w > 0 at the object (see oriented_homography).
         K: (..., 3, 3) intrinsics of the image before.
-        R: R_cam_world before, of a shape that multiplies with (..., 3, 3); (N, 3, 3) for one map and the worlds of N animals.
+        R: R_cam_world before, of a shape that multiplies with (..., 3, 3); (N, 3, 3) for one map
+            and the worlds of N animals.
         t: t_cam_world before, likewise (..., 3).
 
     Returns:
@@ -132,11 +140,15 @@ def update_camera(H_out_in: AnyArray, K: AnyArray, R: AnyArray | None = None, t:
     HK = H_out_in @ K
     lengths = norm(HK)
     if bool((abs(handedness(HK / at_least(lengths, 1e-300)[..., None])) < 1e-14).any()):
-        raise ShapeError("H_out_in must be invertible, but its determinant is zero: it flattens the image")
+        raise ShapeError(
+            "H_out_in must be invertible, but its determinant is zero: it flattens the image"
+        )
     U, Q = rq(HK)
     k = U[..., 2, 2]
     if R is not None:
         side = xp.ones_like(Q[..., 0, :])
         side[..., 1] = xp.sign(handedness(Q))
         R = Q @ R * side[..., None, :]
-    return CameraUpdate(U / k[..., None, None], Q, k, R, None if t is None else (Q @ t[..., None])[..., 0])
+    return CameraUpdate(
+        U / k[..., None, None], Q, k, R, None if t is None else (Q @ t[..., None])[..., 0]
+    )

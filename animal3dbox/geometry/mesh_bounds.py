@@ -21,8 +21,8 @@ def frame_box(image_hw: tuple[int, int]) -> Array:
 def bounds_in_frame(px: Array, faces: Tensor, frame: Array) -> Array | None:
     """The bounds (4,) xyxy of the part of a projected mesh inside the frame; None if there is none.
 
-    The corners of a triangle cut by a rectangle are those of its own inside, the places where its edges cross the
-    rectangle's sides, and the rectangle's corners inside it.
+    The corners of a triangle cut by a rectangle are those of its own inside, the places where its
+    edges cross the rectangle's sides, and the rectangle's corners inside it.
 
     Args:
         px: (2, V) all vertices, none of them behind the camera.
@@ -30,13 +30,20 @@ def bounds_in_frame(px: Array, faces: Tensor, frame: Array) -> Array | None:
         frame: (4,) xyxy px.
 
     """
-    codes = (px[0] < frame[0]) * LEFT + (px[1] < frame[1]) * TOP + (px[0] > frame[2]) * RIGHT + (px[1] > frame[3]) * BOTTOM
+    codes = (
+        (px[0] < frame[0]) * LEFT
+        + (px[1] < frame[1]) * TOP
+        + (px[0] > frame[2]) * RIGHT
+        + (px[1] > frame[3]) * BOTTOM
+    )
     edges = mesh_edges(faces)
     columns, used = edges.columns, edges.used
     a, b, c = (codes.take(column) for column in columns)
     cut = np.flatnonzero(((a | b | c) != 0) & ((a & b & c) == 0))
     corners = px.take(columns.take(cut, 1).T, 1)  # (2, T, 3)
-    passed = [side for side in range(4) if np.bitwise_or.reduce(codes, initial=0) & SIDES[side]]  # only by these does anything leave the frame
+    passed = [
+        side for side in range(4) if np.bitwise_or.reduce(codes, initial=0) & SIDES[side]
+    ]  # only by these does anything leave the frame
     found = [_crossing(corners, frame, side) for side in passed]
     found += [_covered(corners, frame[[x, y]]) for x, y in CORNERS if x in passed and y in passed]
     shown = np.concatenate((px.take(used[codes.take(used) == 0], 1), *found), 1)
@@ -50,7 +57,13 @@ def _crossing(corners: Array, frame: Array, side: int) -> Array:
     along = here.take(NEXT, 1) - here
     part = (frame[side] - here) / np.where(along == 0, np.inf, along)
     other = there + part * (there.take(NEXT, 1) - there)
-    crosses = (part >= 0) & (part <= 1) & (along != 0) & (other >= frame[1 - axis]) & (other <= frame[3 - axis])
+    crosses = (
+        (part >= 0)
+        & (part <= 1)
+        & (along != 0)
+        & (other >= frame[1 - axis])
+        & (other <= frame[3 - axis])
+    )
     at = np.empty((2, np.count_nonzero(crosses)))
     at[axis], at[1 - axis] = frame[side], other[crosses]
     return at
@@ -60,5 +73,7 @@ def _covered(corners: Array, point: Array) -> Array:
     """A point (2,) if it lies in some of the triangles (2, T, 3): (2, 1), else (2, 0)."""
     x, y = corners
     turn = (x.take(NEXT, 1) - x) * (point[1] - y) - (y.take(NEXT, 1) - y) * (point[0] - x)  # (T, 3)
-    inside = ((turn >= 0).all(1) | (turn <= 0).all(1)) & (turn.sum(1) != 0)  # one without area covers nothing
+    inside = ((turn >= 0).all(1) | (turn <= 0).all(1)) & (
+        turn.sum(1) != 0
+    )  # one without area covers nothing
     return point[:, None] if inside.any() else np.empty((2, 0))

@@ -1,4 +1,7 @@
-"""The edges of a mesh, and those of them that bound what is seen of it; worked out once for all poses of one mesh."""
+"""The edges of a mesh, and those of them that bound what is seen of it.
+
+Worked out once for all poses of one mesh.
+"""
 
 from collections import deque
 from dataclasses import dataclass
@@ -20,13 +23,15 @@ KNOWN_MESHES = 8
 
 @dataclass(frozen=True)
 class MeshEdges:
-    """The edges between the triangles of a mesh; where more than two triangles meet, an edge is there several times.
+    """The edges between the triangles of a mesh.
+
+    Where more than two triangles meet, an edge is there several times.
 
     Attributes:
         faces: (F, 3) int64, a copy on their own device.
         ends: (2, E) int64, the edges' first and second points.
-        sides: (2, E) int64, the face whose corners run from the first point to the second, and the one where they run back;
-            F where there is none.
+        sides: (2, E) int64, the face whose corners run from the first point to the second, and the
+            one where they run back; F where there is none.
     """
 
     faces: Tensor
@@ -48,7 +53,10 @@ _known: deque[MeshEdges] = deque(maxlen=KNOWN_MESHES)
 
 
 def mesh_edges(faces: Tensor) -> MeshEdges:
-    """The edges of faces (F, 3) int64; those of the last few meshes are remembered, by what is in them."""
+    """The edges of faces (F, 3) int64.
+
+    Those of the last few meshes are remembered, by what is in them.
+    """
     for known in tuple(_known):
         if known.faces.device == faces.device and torch.equal(known.faces, faces):
             return known
@@ -62,7 +70,9 @@ def _edges_of(faces: Tensor) -> MeshEdges:
     start, end = faces.T.flatten(), faces.T.roll(-1, 0).flatten()
     runs_back = (start > end).to(torch.int64)
     first, second = torch.minimum(start, end), torch.maximum(start, end)
-    _, edge = torch.unique(first * (int(second.max()) + 1 if count else 1) + second, return_inverse=True)
+    _, edge = torch.unique(
+        first * (int(second.max()) + 1 if count else 1) + second, return_inverse=True
+    )
     # The n-th face along an edge is paired with the n-th that runs back
     alike, order = (2 * edge + runs_back).sort(stable=True)
     turn = torch.empty_like(edge)
@@ -75,15 +85,19 @@ def _edges_of(faces: Tensor) -> MeshEdges:
     return MeshEdges(faces, as_numpy(ends), as_numpy(sides))
 
 
-def contour_edges(edges: MeshEdges, triangles: ProjectedTriangles[np.ndarray]) -> tuple[Indices, Indices, Steps]:
+def contour_edges(
+    edges: MeshEdges, triangles: ProjectedTriangles[np.ndarray]
+) -> tuple[Indices, Indices, Steps]:
     """The edges that bound what is seen: not those between two triangles that face the same way.
 
     Args:
         edges: of the mesh.
-        triangles: its parts in front of the near plane; all edges of those that the plane cut are taken.
+        triangles: its parts in front of the near plane; all edges of those that the plane cut are
+            taken.
 
     Returns:
-        Upper and lower ends, indices of points, (N,) each, and (N,) what crossing the edge from the left adds.
+        Upper and lower ends, indices of points, (N,) each, and (N,) what crossing the edge from the
+        left adds.
 
     """
     facing = np.zeros(len(edges.faces) + 1, dtype=np.int8)
@@ -96,12 +110,15 @@ def contour_edges(edges: MeshEdges, triangles: ProjectedTriangles[np.ndarray]) -
         pieces, turns = triangles.corners[:, ~whole], triangles.orientation[~whole].astype(np.int8)
         parts = _open_edges(edges, facing), *((pieces[k - 1], pieces[k], turns) for k in range(3))
         start, end, turn = (np.concatenate(part) for part in zip(*parts, strict=True))
-    rises = triangles.v.take(end) < triangles.v.take(start)  # as left sides do, if the area is positive: v is down
+    rises = triangles.v.take(end) < triangles.v.take(
+        start
+    )  # as left sides do, if the area is positive: v is down
     return np.where(rises, end, start), np.where(rises, start, end), np.where(rises, turn, -turn)
 
 
 def _open_edges(edges: MeshEdges, facing: Steps) -> tuple[Indices, Indices, Steps]:
-    """First and second points (N,) of edges whose faces do not cancel, and (N,) how often they run that way; facing is (F + 1,)."""
+    """First and second points (N,) of edges whose faces do not cancel, and (N,) how often they run
+    that way; facing is (F + 1,)."""
     ahead, behind = facing.take(edges.sides[0]), facing.take(edges.sides[1])
     kept = np.flatnonzero(ahead != behind)
     return edges.ends[0].take(kept), edges.ends[1].take(kept), ahead.take(kept) - behind.take(kept)

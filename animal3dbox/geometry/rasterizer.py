@@ -1,13 +1,17 @@
-"""Which pixels a mesh covers, and what it shows there: silhouettes in NumPy, z-buffers in plain torch.
+"""Which pixels a mesh covers, and what it shows there.
 
-Pixel centres sit at whole numbers. A triangle covers the centres (u, v) with v_least <= v < v_greatest that lie on or
-right of its left side and strictly left of its right side: of centres exactly on the boundary, those of top and left
-edges count, and those of bottom and right edges do not. The place where an edge crosses a row of pixel centres is
-computed from the upper to the lower end, whichever triangle asks, so neighbours leave no gap and share no pixel.
+Silhouettes in NumPy, z-buffers in plain torch.
 
-The silhouette uses that this place does not depend on the triangle: along each row, a triangle adds +1 where its left
-edge crosses and -1 at its right one, and pixels are covered where the running sum is positive. An edge between two
-triangles that face the same way adds nothing in all, so only the mesh's contours are ever drawn (mesh_edges.py).
+Pixel centres sit at whole numbers. A triangle covers the centres (u, v) with v_least <= v <
+v_greatest that lie on or right of its left side and strictly left of its right side: of centres
+exactly on the boundary, those of top and left edges count, and those of bottom and right edges do
+not. The place where an edge crosses a row of pixel centres is computed from the upper to the lower
+end, whichever triangle asks, so neighbours leave no gap and share no pixel.
+
+The silhouette uses that this place does not depend on the triangle: along each row, a triangle adds
++1 where its left edge crosses and -1 at its right one, and pixels are covered where the running sum
+is positive. An edge between two triangles that face the same way adds nothing in all, so only the
+mesh's contours are ever drawn (mesh_edges.py).
 """
 
 from collections.abc import Iterator
@@ -22,7 +26,13 @@ from torch import Tensor
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.mesh_edges import contour_edges, mesh_edges
 from animal3dbox.geometry.rasterizer_clip import ProjectedTriangles, check_mesh, project_triangles
-from animal3dbox.geometry.rasterizer_rows import ROWS_AT_ONCE, Sides, expand, runs_at_once, sides_between
+from animal3dbox.geometry.rasterizer_rows import (
+    ROWS_AT_ONCE,
+    Sides,
+    expand,
+    runs_at_once,
+    sides_between,
+)
 
 Array = NDArray[np.float64]
 
@@ -32,10 +42,11 @@ class Raster:
     """What is seen at each pixel centre.
 
     Attributes:
-        face_index: (H, W) int64, the nearest face (of equally near ones the lowest index), -1 for background.
+        face_index: (H, W) int64, the nearest face (of equally near ones the lowest index), -1 for
+            background.
         depth: (H, W) along the optical axis, inf for background.
-        barycentric: (H, W, 3) weights of that face's corners, of the point on the whole face in 3D, also if the near
-            plane cut it; 0 for background.
+        barycentric: (H, W, 3) weights of that face's corners, of the point on the whole face in 3D,
+            also if the near plane cut it; 0 for background.
 
     """
 
@@ -45,7 +56,12 @@ class Raster:
 
 
 def silhouette(
-    vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float | None = None, cull_backfaces: bool = False
+    vertices_cam: Tensor,
+    faces: Tensor,
+    K: Tensor,
+    image_hw: tuple[int, int],
+    near: float | None = None,
+    cull_backfaces: bool = False,
 ) -> Tensor:
     """Pixels whose centre any triangle covers.
 
@@ -73,11 +89,19 @@ def silhouette(
 
 
 def covered_part(
-    vertices_cam: Array, faces: Tensor, K: Array, image_hw: tuple[int, int], near: float | None = None, cull_backfaces: bool = False
+    vertices_cam: Array,
+    faces: Tensor,
+    K: Array,
+    image_hw: tuple[int, int],
+    near: float | None = None,
+    cull_backfaces: bool = False,
 ) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
-    """The part of a silhouette that holds all that is covered; arguments as silhouette's, float64, and not checked.
+    """The part of a silhouette that holds all that is covered.
 
-    On the host whatever the faces' device: the contour is about a thousand edges, too few for a GPU.
+    Arguments as silhouette's, float64, and not checked.
+
+    On the host whatever the faces' device: the contour is about a thousand edges, too few for a
+    GPU.
 
     Returns:
         covered: (h, w).
@@ -91,12 +115,20 @@ def covered_part(
         upper, lower, step = contour_edges(edges, triangles)
         sides = sides_between(triangles.u, triangles.v, upper, lower, height)
         crossing = np.flatnonzero(sides.rows)
-        sides = Sides(*(values.take(crossing) for values in (sides.first_row, sides.rows, sides.first_u, sides.slope)))
+        sides = Sides(
+            *(
+                values.take(crossing)
+                for values in (sides.first_row, sides.rows, sides.first_u, sides.slope)
+            )
+        )
     return _filled(sides, step.take(crossing), width)
 
 
-def _filled(sides: Sides[np.ndarray], step: NDArray[np.int8], width: int) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
-    """What lies between sides that each meet a row, where crossing them from the left adds (N,) steps; see covered_part."""
+def _filled(
+    sides: Sides[np.ndarray], step: NDArray[np.int8], width: int
+) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
+    """What lies between sides that each meet a row, where crossing them from the left adds (N,)
+    steps; see covered_part."""
     if not len(step):
         return np.zeros((0, 0), dtype=np.bool_), (slice(0), slice(0))
     last_u = sides.first_u + (sides.rows - 1) * sides.slope
@@ -109,16 +141,26 @@ def _filled(sides: Sides[np.ndarray], step: NDArray[np.int8], width: int) -> tup
         side, down = expand(sides.rows[first:last])
         side += first
         row = sides.first_row.take(side) + down
-        np.add.at(steps, (row - top) * across + (sides.columns(side, down, width) - left), step.take(side))
-    # A row's steps add up to nothing, so the sum need not start anew, and a step right of the part may stand in the next row
+        np.add.at(
+            steps, (row - top) * across + (sides.columns(side, down, width) - left), step.take(side)
+        )
+    # A row's steps add up to nothing, so the sum need not start anew, and a step right of the part
+    # may stand in the next row
     covered = np.cumsum(steps, dtype=np.int32, out=steps) > 0
     return covered[:-1].reshape(bottom - top, across), (slice(top, bottom), slice(left, right))
 
 
 def rasterize(
-    vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float | None = None, cull_backfaces: bool = False
+    vertices_cam: Tensor,
+    faces: Tensor,
+    K: Tensor,
+    image_hw: tuple[int, int],
+    near: float | None = None,
+    cull_backfaces: bool = False,
 ) -> Raster:
-    """The nearest face at every pixel centre, with its depth and the point hit; arguments and errors as in silhouette.
+    """The nearest face at every pixel centre, with its depth and the point hit.
+
+    Arguments and errors as in silhouette.
 
     Returns:
         A Raster in the dtype and unit of vertices_cam; computed in float64.
@@ -150,9 +192,12 @@ def rasterize(
 
 
 def _corner_weights(vertices_cam: Tensor, faces: Tensor, K: Tensor) -> Tensor:
-    """(F, 3, 3) W such that W[f] @ (u, v, 1) is proportional to the weights of the corners where that pixel's ray meets face f."""
+    """(F, 3, 3) W such that W[f] @ (u, v, 1) is proportional to the weights of the corners where
+    that pixel's ray meets face f."""
     a, b, c = vertices_cam[faces].unbind(dim=1)
-    normals = torch.stack((torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)), dim=1)
+    normals = torch.stack(
+        (torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)), dim=1
+    )
     inverse: Tensor = torch.linalg.inv(K)
     return normals @ inverse
 
@@ -177,44 +222,65 @@ class _FacePlanes:
         a, b, c = (plane.index_select(0, face) for plane in self.inverse_depth)
         z = 1.0 / (a * (pixel % width) + b * (pixel // width) + c)
         # Of a face seen edge-on the plane says little: its corners bound it
-        return torch.minimum(torch.maximum(z.nan_to_num(), self.least.index_select(0, face)), self.greatest.index_select(0, face))
+        return torch.minimum(
+            torch.maximum(z.nan_to_num(), self.least.index_select(0, face)),
+            self.greatest.index_select(0, face),
+        )
 
 
 def _face_planes(weights: Tensor, vertices_cam: Tensor, faces: Tensor) -> _FacePlanes:
     """The planes of (F, 3) faces with these _corner_weights."""
     corners = vertices_cam[faces]
-    volume = (corners[:, 0] * torch.linalg.cross(corners[:, 1], corners[:, 2])).sum(dim=1, keepdim=True)
+    volume = (corners[:, 0] * torch.linalg.cross(corners[:, 1], corners[:, 2])).sum(
+        dim=1, keepdim=True
+    )
     a, b, c = (weights.sum(dim=1) / volume).T.contiguous().unbind(dim=0)
-    return _FacePlanes((a, b, c), corners[..., 2].amin(dim=1).clamp(min=0.0), corners[..., 2].amax(dim=1))
+    return _FacePlanes(
+        (a, b, c), corners[..., 2].amin(dim=1).clamp(min=0.0), corners[..., 2].amax(dim=1)
+    )
 
 
 def _barycentric(weights: Tensor, pixel: Tensor, width: int) -> Tensor:
-    """Weights (N, 3), adding to 1, from N rows of _corner_weights and the (N,) flat indices of pixels those faces cover."""
+    """Weights (N, 3), adding to 1, from N rows of _corner_weights and the (N,) flat indices of
+    pixels those faces cover."""
     u, v = (pixel % width).double()[:, None], (pixel // width).double()[:, None]
     shares = weights[..., 0] * u + weights[..., 1] * v + weights[..., 2]
     total = shares.sum(dim=1, keepdim=True)
     # Rounding on a face seen edge-on must not put the point outside of the face
-    shares = torch.where(total == 0, 1.0, shares / torch.where(total == 0, 1.0, total)).clamp(min=0.0, max=1.0)
+    shares = torch.where(total == 0, 1.0, shares / torch.where(total == 0, 1.0, total)).clamp(
+        min=0.0, max=1.0
+    )
     return shares / shares.sum(dim=1, keepdim=True)
 
 
-def _fragments(triangles: ProjectedTriangles[Tensor], height: int, width: int) -> Iterator[tuple[Tensor, Tensor]]:
-    """The pixels that triangles cover, as (face, flat pixel index) pairs, (N,) each, at most about ROWS_AT_ONCE at a time."""
+def _fragments(
+    triangles: ProjectedTriangles[Tensor], height: int, width: int
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """The pixels that triangles cover, as (face, flat pixel index) pairs, (N,) each, at most about
+    ROWS_AT_ONCE at a time."""
     with_area = torch.nonzero(triangles.orientation)[:, 0]
     owner = with_area if triangles.owner is None else triangles.owner[with_area]
     corners = triangles.corners[:, with_area]
     corners = corners.gather(0, triangles.v[corners].argsort(dim=0))
     top, middle, bottom = corners.unbind(dim=0)
     long_sides, upper_sides, lower_sides = (
-        sides_between(triangles.u, triangles.v, a, b, height) for a, b in ((top, bottom), (top, middle), (middle, bottom))
+        sides_between(triangles.u, triangles.v, a, b, height)
+        for a, b in ((top, bottom), (top, middle), (middle, bottom))
     )
     for first, last in runs_at_once(long_sides.rows, ROWS_AT_ONCE):
         triangle, down = expand(long_sides.rows[first:last])
         triangle = triangle + first
         below = down - upper_sides.rows[triangle]
         long_column = long_sides.columns(triangle, down, width)
-        short_column = torch.where(below < 0, upper_sides.columns(triangle, down, width), lower_sides.columns(triangle, below, width))
-        column, length = torch.minimum(long_column, short_column), (long_column - short_column).abs()
+        short_column = torch.where(
+            below < 0,
+            upper_sides.columns(triangle, down, width),
+            lower_sides.columns(triangle, below, width),
+        )
+        column, length = (
+            torch.minimum(long_column, short_column),
+            (long_column - short_column).abs(),
+        )
         begin_px = (long_sides.first_row[triangle] + down) * width + column
         for begin, stop in runs_at_once(length, ROWS_AT_ONCE):
             span, right = expand(length[begin:stop])

@@ -22,9 +22,11 @@ class ProjectedTriangles(Generic[AnyArray]):
         u: (P,) float64, pixels.
         v: (P,) float64, pixels.
         corners: (3, T) int64, the points at the first, second and third corner of each triangle.
-        owner: (T,) int64, the face that each triangle is a part of, ascending; None: triangle t is face t.
-        orientation: (T,) float64, sign of the area with u right and v down: -1 where a face with its corners counter-clockwise
-            outside is seen from outside; 0 without area, and where culled.
+        owner: (T,) int64, the face that each triangle is a part of, ascending; None: triangle t is
+            face t.
+        orientation: (T,) float64, sign of the area with u right and v down: -1 where a face with
+            its corners counter-clockwise outside is seen from outside; 0 without area, and where
+            culled.
 
     """
 
@@ -35,7 +37,9 @@ class ProjectedTriangles(Generic[AnyArray]):
     orientation: AnyArray
 
 
-def check_mesh(vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float | None) -> None:
+def check_mesh(
+    vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float | None
+) -> None:
     """Raise a ShapeError naming the argument unless all of them can be rasterised."""
     check_shape("vertices_cam", vertices_cam, "V 3")
     check_shape("faces", faces, "F 3")
@@ -48,7 +52,10 @@ def check_mesh(vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[i
     if faces.numel():
         least, greatest = torch.aminmax(faces)
         if int(least) < 0 or int(greatest) >= len(vertices_cam):
-            raise ShapeError(f"faces must index {len(vertices_cam)} vertices, got indices from {int(least)} to {int(greatest)}")
+            raise ShapeError(
+                f"faces must index {len(vertices_cam)} vertices, got indices from {int(least)} to"
+                f" {int(greatest)}"
+            )
     if near is not None and not (near > 0 and isfinite(near)):
         raise ShapeError(f"near must be a depth > 0, got {near}")
 
@@ -60,7 +67,8 @@ def project_triangles(
 
     Args:
         vertices_cam: (V, 3) float64.
-        corners: (3, F) int64, the first, second and third corner of each face: columns are read much faster than rows.
+        corners: (3, F) int64, the first, second and third corner of each face: columns are read
+            much faster than rows.
         K: (3, 3) float64.
         near: depth of the near plane; None: NEAR_SHARE of the greatest depth.
         cull_backfaces: give triangles seen from behind the orientation 0.
@@ -69,7 +77,11 @@ def project_triangles(
         At most two triangles a face.
 
     """
-    least, greatest = (float(vertices_cam[:, 2].min()), float(vertices_cam[:, 2].max())) if len(vertices_cam) else (0.0, 0.0)
+    least, greatest = (
+        (float(vertices_cam[:, 2].min()), float(vertices_cam[:, 2].max()))
+        if len(vertices_cam)
+        else (0.0, 0.0)
+    )
     near = max(greatest, 0.0) * NEAR_SHARE if near is None else near
     owner = None
     if least < near or not least > 0:
@@ -82,7 +94,9 @@ def project_triangles(
     u_c *= v_b
     u_b -= u_c  # twice the area
     orientation = namespace(u).sign(u_b)
-    return ProjectedTriangles(u, v, corners, owner, orientation * (orientation < 0) if cull_backfaces else orientation)
+    return ProjectedTriangles(
+        u, v, corners, owner, orientation * (orientation < 0) if cull_backfaces else orientation
+    )
 
 
 def _projected(vertices_cam: AnyArray, K: AnyArray) -> tuple[AnyArray, AnyArray]:
@@ -97,12 +111,16 @@ def _projected(vertices_cam: AnyArray, K: AnyArray) -> tuple[AnyArray, AnyArray]
     return u, v
 
 
-def _cut(vertices_cam: AnyArray, corners: AnyArray, near: float) -> tuple[AnyArray, AnyArray, AnyArray]:
+def _cut(
+    vertices_cam: AnyArray, corners: AnyArray, near: float
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """_clip_near of faces by their corners (3, F), of either kind."""
     if isinstance(vertices_cam, Tensor):
         points, faces, owner = _clip_near(vertices_cam, corners.T, near)
         return points, faces.T.contiguous(), owner
-    points, faces, owner = _clip_near(torch.from_numpy(vertices_cam), torch.from_numpy(corners).T, near)
+    points, faces, owner = _clip_near(
+        torch.from_numpy(vertices_cam), torch.from_numpy(corners).T, near
+    )
     return points.numpy(), faces.T.contiguous().numpy(), owner.numpy()
 
 
@@ -115,7 +133,8 @@ def _clip_near(vertices_cam: Tensor, faces: Tensor, near: float) -> tuple[Tensor
         near: depth of the plane, positive unless nothing is in front of the camera.
 
     Returns:
-        vertices_cam: (V + N, 3), old and new; those behind the plane stand at (0, 0, 1) and are in no face.
+        vertices_cam: (V + N, 3), old and new; those behind the plane stand at (0, 0, 1) and are in
+            no face.
         faces: (T, 3) in front of the plane.
         owner: (T,) the face each is a part of, ascending.
 
@@ -136,7 +155,8 @@ def _clip_near(vertices_cam: Tensor, faces: Tensor, near: float) -> tuple[Tensor
     second = torch.stack((new_two[0], pair[:, 2], new_two[1]), dim=1)
     owner, order = torch.cat((whole, one, two, two)).sort(stable=True)
     clipped = torch.cat((faces[whole], tip, first, second))[order]
-    # From the corner in front to the one behind, whatever the face: neighbours cut their edge at the same bits
+    # From the corner in front to the one behind, whatever the face: neighbours cut their edge at
+    # the same bits
     a, b = vertices_cam[inside], vertices_cam[outside]
     share = (a[:, 2:] - near) / (a[:, 2:] - b[:, 2:])
     new = torch.cat(((a + share * (b - a))[:, :2], torch.full_like(share, near)), dim=1)

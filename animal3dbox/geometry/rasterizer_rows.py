@@ -1,4 +1,7 @@
-"""Edges as the rows of pixel centres meet them; one formula for torch and NumPy, so that all that is drawn agrees."""
+"""Edges as the rows of pixel centres meet them.
+
+One formula for torch and NumPy, so that all that is drawn agrees.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,14 +31,22 @@ class Sides(Generic[AnyArray]):
     slope: AnyArray
 
     def columns(self, side: AnyArray, down: AnyArray, width: int) -> AnyArray:
-        """The first columns (N,), 0 .. width, not left of these sides (N,) so many rows (N,) below their first."""
+        """The first columns (N,), 0 ..
+
+        Width, not left of these sides (N,) so many rows (N,) below their first.
+        """
         u = take(self.first_u, side) + down * take(self.slope, side)
         columns: AnyArray = whole(clip(namespace(u).ceil(u), 0, width))
         return columns
 
 
-def sides_between(u: AnyArray, v: AnyArray, upper: AnyArray, lower: AnyArray, height: int) -> Sides[AnyArray]:
-    """The edges between (N,) upper and (N,) lower ones of the points (P,); of one without height, or above or below the image, no rows."""
+def sides_between(
+    u: AnyArray, v: AnyArray, upper: AnyArray, lower: AnyArray, height: int
+) -> Sides[AnyArray]:
+    """The edges between (N,) upper and (N,) lower ones of the points (P,).
+
+    Of one without height, or above or below the image, no rows.
+    """
     v_upper, v_lower, u_upper = take(v, upper), take(v, lower), take(u, upper)
     ceil = namespace(v).ceil
     first_v = clip(ceil(v_upper), 0, height)
@@ -45,7 +56,8 @@ def sides_between(u: AnyArray, v: AnyArray, upper: AnyArray, lower: AnyArray, he
 
 
 def runs_at_once(counts: AnyArray, limit: int) -> Iterator[tuple[int, int]]:
-    """Split a list of (N,) counts into runs [first, last) whose sums stay under the limit, or of one each."""
+    """Split a list of (N,) counts into runs [first, last) whose sums stay under the limit, or of
+    one each."""
     total = counts.cumsum(0)
     if len(counts) == 0 or int(total[-1]) <= limit:
         yield 0, len(counts)
@@ -58,6 +70,9 @@ def runs_at_once(counts: AnyArray, limit: int) -> Iterator[tuple[int, int]]:
 
 
 def expand(counts: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """For (N,) counts: which of the N each unit belongs to, and its number within, both (sum of counts,)."""
+    """For (N,) counts.
+
+    Which of the N each unit belongs to, and its number within, both (sum of counts,).
+    """
     index = repeated(counting(counts, len(counts)), counts)
     return index, counting(counts, len(index)) - take(counts.cumsum(0) - counts, index)

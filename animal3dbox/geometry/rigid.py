@@ -7,7 +7,11 @@ from torch import Tensor
 from animal3dbox.geometry.arrays import AnyArray, like, namespace
 from animal3dbox.geometry.checks import check_shape
 
-CROSS = ((0.0, 0, 0, 0, 0, -1, 0, 1, 0), (0.0, 0, 1, 0, 0, 0, -1, 0, 0), (0.0, -1, 0, 1, 0, 0, 0, 0, 0))
+CROSS = (
+    (0.0, 0, 0, 0, 0, -1, 0, 1, 0),
+    (0.0, 0, 1, 0, 0, 0, -1, 0, 0),
+    (0.0, -1, 0, 1, 0, 0, 0, 0, 0),
+)
 """What each coordinate of v puts into the nine entries of v's cross-product matrix."""
 TINY = 1e-30
 """Added to angles, radians, that something is divided by."""
@@ -28,7 +32,9 @@ def rigid(R: Tensor, t: Tensor) -> Tensor:
     check_shape("R", R, "... 3 3")
     check_shape("t", t, "... 3")
     top = torch.cat((R, t[..., None]), dim=-1)
-    bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=R.dtype, device=R.device).expand(*top.shape[:-2], 1, 4)
+    bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=R.dtype, device=R.device).expand(
+        *top.shape[:-2], 1, 4
+    )
     return torch.cat((top, bottom), dim=-2)
 
 
@@ -81,14 +87,18 @@ def rotation_from_axis_angle(axis_angle: AnyArray) -> AnyArray:
 
 def _rodrigues_factors(square: AnyArray) -> tuple[AnyArray, AnyArray]:
     """sin(a) / a and (1 - cos(a)) / a^2 of squared angles a^2, of any shape."""
-    if not isinstance(square, Tensor):  # no derivatives to keep: the limits at zero come by themselves
+    if not isinstance(
+        square, Tensor
+    ):  # no derivatives to keep: the limits at zero come by themselves
         angle = np.sqrt(square) + TINY
         half = np.sin(angle / 2) / angle
         return np.sin(angle) / angle, 2 * half * half
     small = square < 1e-8
     safe = torch.where(small, 1.0, square)
     angle = torch.sqrt(safe)
-    return torch.where(small, 1 - square / 6, torch.sin(angle) / angle), torch.where(small, 0.5 - square / 24, (1 - torch.cos(angle)) / safe)
+    return torch.where(small, 1 - square / 6, torch.sin(angle) / angle), torch.where(
+        small, 0.5 - square / 24, (1 - torch.cos(angle)) / safe
+    )
 
 
 def axis_angle_from_rotation(R: Tensor) -> Tensor:
@@ -111,10 +121,14 @@ def axis_angle_from_rotation(R: Tensor) -> Tensor:
     )  # fmt: skip
     outer = torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)  # 4 q q^T
     best = outer.diagonal(dim1=-2, dim2=-1).argmax(-1)
-    q = torch.nn.functional.normalize(outer.gather(-2, best[..., None, None].expand(*best.shape, 1, 4))[..., 0, :], dim=-1)
+    q = torch.nn.functional.normalize(
+        outer.gather(-2, best[..., None, None].expand(*best.shape, 1, 4))[..., 0, :], dim=-1
+    )
     q = torch.where(q[..., :1] < 0, -q, q)
     sine = torch.linalg.vector_norm(q[..., 1:], dim=-1, keepdim=True)
-    factor = torch.where(sine > 0, 2 * torch.atan2(sine, q[..., :1]) / torch.where(sine > 0, sine, 1.0), 2.0)
+    factor = torch.where(
+        sine > 0, 2 * torch.atan2(sine, q[..., :1]) / torch.where(sine > 0, sine, 1.0), 2.0
+    )
     return factor * q[..., 1:]
 
 
@@ -133,22 +147,30 @@ def rotation_angle(R_a: Tensor, R_b: Tensor) -> Tensor:
 
     """
     D = R_a @ R_b.mT
-    axis = torch.stack((D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]), dim=-1)
+    axis = torch.stack(
+        (D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]),
+        dim=-1,
+    )
     return torch.atan2(axis.norm(dim=-1), D.diagonal(dim1=-2, dim2=-1).sum(-1) - 1)
 
 
 def alignment_variation(ideal: Tensor, actual: Tensor) -> Tensor:
-    """How far a direction strays from where it should point: 1 - cos of the angle between them (section 3.1, delta_a).
+    """How far a direction strays from where it should point.
+
+    1 - cos of the angle between them (section 3.1, delta_a).
 
     Args:
         ideal: (..., 3), any length but zero.
         actual: (..., 3), likewise.
 
     Returns:
-        (...,) from 0 to 2; half the squared distance of the unit vectors, which keeps its digits near 0.
+        (...,) from 0 to 2; half the squared distance of the unit vectors, which keeps its digits
+        near 0.
 
     """
-    apart = torch.nn.functional.normalize(ideal, dim=-1) - torch.nn.functional.normalize(actual, dim=-1)
+    apart = torch.nn.functional.normalize(ideal, dim=-1) - torch.nn.functional.normalize(
+        actual, dim=-1
+    )
     return 0.5 * (apart * apart).sum(-1)
 
 

@@ -1,1 +1,4 @@
-"""The method: from one animal in arrays to a cuboid with named faces, one step of the paper a file."""
+"""The method.
+
+From one animal in arrays to a cuboid with named faces, one step of the paper a file.
+"""

@@ -17,7 +17,10 @@ PAPER_MARGIN = 1e-5
 RELATIVE_MARGIN = 1e-6
 """Of the box diagonal, so that a scaled body gets the scaled box."""
 ROUNDING = 32 * torch.finfo(torch.float64).eps
-"""Of the greatest coordinate: what the way into the box frame and back may lose, for a body far from its origin or without extent."""
+"""Of the greatest coordinate.
+
+What the way into the box frame and back may lose, for a body far from its origin or without extent.
+"""
 
 
 def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array]:
@@ -27,7 +30,8 @@ def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array
 
     Args:
         vertices_world: (V, 3).
-        R_box: (3, 3), R_world_box; about a point of the body, what it lacks of a rotation counts by the body's size alone.
+        R_box: (3, 3), R_world_box; about a point of the body, what it lacks of a rotation counts by
+            the body's size alone.
 
     Returns:
         The least and the greatest corner in the box frame and the point in world, (3,) each.
@@ -35,7 +39,10 @@ def box_bounds(vertices_world: Array, R_box: Array) -> tuple[Array, Array, Array
     """
     check_shape("vertices_world", vertices_world, "V 3")
     point_world = vertices_world[0]
-    vertices_box, point_box = R_box.T @ vertices_world.T, R_box.T @ point_world  # their difference is R_boxᵀ (v - c)
+    vertices_box, point_box = (
+        R_box.T @ vertices_world.T,
+        R_box.T @ point_world,
+    )  # their difference is R_boxᵀ (v - c)
     return vertices_box.min(1) - point_box, vertices_box.max(1) - point_box, point_world
 
 
@@ -51,29 +58,40 @@ def tight_cuboids(bodies: Sequence[Array], R_box: Array, margin: float | None = 
         The boxes in world, a batch (B,).
 
     """
-    ordered = (np.asfortranarray(vertices) for vertices in bodies)  # what runs along memory is five times faster
+    ordered = (
+        np.asfortranarray(vertices) for vertices in bodies
+    )  # what runs along memory is five times faster
     bounds = [box_bounds(vertices, axes) for vertices, axes in zip(ordered, R_box, strict=True)]
-    grown = [_relative_margin(*(bound.tolist() for bound in one)) if margin is None else margin for one in bounds]
-    least, greatest, point_world = (np.array(part).reshape(-1, 3) for part in zip(*bounds, strict=True))
+    grown = [
+        _relative_margin(*(bound.tolist() for bound in one)) if margin is None else margin
+        for one in bounds
+    ]
+    least, greatest, point_world = (
+        np.array(part).reshape(-1, 3) for part in zip(*bounds, strict=True)
+    )
     center = point_world + (R_box @ ((least + greatest) / 2)[..., None])[..., 0]
     size = greatest - least + 2 * np.array(grown)[:, None]
     return Cuboid(torch.from_numpy(center), torch.from_numpy(R_box), torch.from_numpy(size))
 
 
-def tight_cuboid(vertices_world: Tensor | Array, R_box: Tensor, margin: float | None = None) -> Cuboid:
+def tight_cuboid(
+    vertices_world: Tensor | Array, R_box: Tensor, margin: float | None = None
+) -> Cuboid:
     """The smallest box with given axes around points, grown by a margin (section 2.1.2, V_min and V_max).
 
     Args:
         vertices_world: (V, 3).
         R_box: (3, 3), R_world_box.
-        margin: added on every side, so that a vertex on a face counts as inside, in the points' unit; None: a
-            millionth of the box diagonal, and what float64 loses to rounding.
+        margin: added on every side, so that a vertex on a face counts as inside, in the points'
+            unit; None: a millionth of the box diagonal, and what float64 loses to rounding.
 
     Returns:
         The box in world, in float64.
 
     """
-    vertices, axes = (as_numpy(values).astype(np.float64, copy=False) for values in (vertices_world, R_box))
+    vertices, axes = (
+        as_numpy(values).astype(np.float64, copy=False) for values in (vertices_world, R_box)
+    )
     return tight_cuboids([vertices], axes[None], margin)[0]
 
 

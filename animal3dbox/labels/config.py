@@ -21,40 +21,51 @@ POSITIVE = (
 class LabelConfig:
     """How a label is made.
 
-    ``method`` and ``axes`` name whole recipes; the other fields are their numbers. Where a field is None, the method
-    decides: ``paper`` and ``basic`` as published, ``default`` with the published method's faults mended.
+    ``method`` and ``axes`` name whole recipes; the other fields are their numbers. Where a field is
+    None, the method decides: ``paper`` and ``basic`` as published, ``default`` with the published
+    method's faults mended.
 
     Attributes:
-        method: camera pose: "basic" (section 2.2), "paper" (then the joint refinement of section 2.2.2),
-            "default" (several starting poses, a robust joint refinement with the mesh's bounds, see estimate_pose).
+        method: camera pose: "basic" (section 2.2), "paper" (then the joint refinement of section
+            2.2.2), "default" (several starting poses, a robust joint refinement with the mesh's
+            bounds, see estimate_pose).
         axes: the body's axes: "landmarks" (section 2.1.1), "pca" (the baseline of section 3.1),
-            "default" (torso vertices if the mesh is in template correspondence, else all trunk landmarks together).
-        residual: how section 2.2.2's E_total is read: "vector" squares every residual as SciPy does, "literal" keeps
-            the Mahalanobis distances unsquared as the paper prints them.
+            "default" (torso vertices if the mesh is in template correspondence, else all trunk
+            landmarks together).
+        residual: how section 2.2.2's E_total is read: "vector" squares every residual as SciPy
+            does, "literal" keeps the Mahalanobis distances unsquared as the paper prints them.
         min_keypoints: fewest visible keypoints that a pose is estimated from.
-        margin: section 2.1.2's epsilon, in mesh units. None: 1e-5 for paper and basic, else 1e-6 of the box diagonal.
+        margin: section 2.1.2's epsilon, in mesh units. None: 1e-5 for paper and basic, else 1e-6 of
+            the box diagonal.
         tail: whether the tail's vertices count for the bounds; needs a template to know them.
         lambda_keypoints: weight of the keypoints against the mask (section 2.2.2, lambda).
         xtol: SciPy's tolerance, section 2.2.2.
         ftol: SciPy's tolerance, section 2.2.2.
-        mask_box: what is compared with the mask's bounding box in d_bbox. None: "keypoints" for paper, "mesh" for default.
-        sigma_visible_px: section 2.2.1's sigma_base of a plainly visible keypoint (not given there).
+        mask_box: what is compared with the mask's bounding box in d_bbox. None: "keypoints" for
+            paper, "mesh" for default.
+        sigma_visible_px: section 2.2.1's sigma_base of a plainly visible keypoint (not given
+            there).
         sigma_occluded_px: likewise for one that may be occluded.
         occluded_below: a keypoint whose confidence is lower counts as occluded.
         confidence_floor: least confidence that conf_factor = 1 / confidence uses (section 2.2.1).
-        edge_band: width of the band along the image's border where edge_factor grows, as a part of the shorter side.
+        edge_band: width of the band along the image's border where edge_factor grows, as a part of
+            the shorter side.
         edge_gain: edge_factor at the border; 1 inside the band's inner edge (section 2.2.1).
-        ransac_threshold_px: reprojection error up to which RANSAC counts an inlier (OpenCV's default).
-        ransac_iterations: RANSAC's most samples. OpenCV's default of 100 misses the answer with many outliers.
+        ransac_threshold_px: reprojection error up to which RANSAC counts an inlier (OpenCV's
+            default).
+        ransac_iterations: RANSAC's most samples. OpenCV's default of 100 misses the answer with
+            many outliers.
         ransac_confidence: RANSAC's wanted probability of a clean sample (OpenCV's default).
         ransac_seed: seeds OpenCV's generator, so that the same input gives the same label.
-        focal_guess: focal length over the longer side of the image when K is unknown; 1.2 is a field of view of 45 degrees.
-        degenerate_area: a projected box with less than this part of the mask's area is degenerate. The paper prints
-            "0.01 %, i.e. less than 1 %" (section 3.2), which contradicts itself; this is the 1 %.
-        surface_share: whether the visible surface is measured, side by side: by a z-buffer, the dearest part of a label
-            whose pose is known. False: None in the label.
-        mask_iou: whether the overlap with the mask is measured, by drawing the mesh. False: None in the quality, and
-            `confidence` rests on the keypoints alone.
+        focal_guess: focal length over the longer side of the image when K is unknown; 1.2 is a
+            field of view of 45 degrees.
+        degenerate_area: a projected box with less than this part of the mask's area is degenerate.
+            The paper prints "0.01 %, i.e. less than 1 %" (section 3.2), which contradicts itself;
+            this is the 1 %.
+        surface_share: whether the visible surface is measured, side by side: by a z-buffer, the
+            dearest part of a label whose pose is known. False: None in the label.
+        mask_iou: whether the overlap with the mask is measured, by drawing the mesh. False: None in
+            the quality, and `confidence` rests on the keypoints alone.
     """
 
     method: Method = "default"
@@ -86,12 +97,19 @@ class LabelConfig:
         choices = {"method": Method, "axes": Axes, "residual": Residual, "tail": Tail}
         for field, kind in choices.items():
             if getattr(self, field) not in get_args(kind):
-                raise ConfigError(f"{field} must be one of {', '.join(get_args(kind))}, got {getattr(self, field)!r}")
+                raise ConfigError(
+                    f"{field} must be one of {', '.join(get_args(kind))}, got"
+                    f" {getattr(self, field)!r}"
+                )
         if self.mask_box is not None and self.mask_box not in get_args(MaskBox):
-            raise ConfigError(f"mask_box must be one of {', '.join(get_args(MaskBox))} or None, got {self.mask_box!r}")
+            raise ConfigError(
+                f"mask_box must be one of {', '.join(get_args(MaskBox))} or None, got"
+                f" {self.mask_box!r}"
+            )
         if self.min_keypoints < 4:
             raise ConfigError(
-                f"min_keypoints must be at least 4 (a pose has 6 unknowns and RANSAC needs one point to judge by), got {self.min_keypoints}"
+                "min_keypoints must be at least 4 (a pose has 6 unknowns and RANSAC needs one"
+                f" point to judge by), got {self.min_keypoints}"
             )
         if not 0 <= self.lambda_keypoints <= 1:
             raise ConfigError(f"lambda_keypoints must lie in [0, 1], got {self.lambda_keypoints}")

@@ -19,8 +19,9 @@ UNKNOWN: Mapping[str, Any] = {
 }  # fmt: skip
 """label_animal's arguments that may be left out."""
 BEHIND = (
-    "all of its box is behind the camera: the camera does not see it, or R and t are not those of a camera with x right, y down, z forward "
-    "(of OpenGL's axes, negate the last two rows of R and t)"
+    "all of its box is behind the camera: the camera does not see it, or R and t are not those of a"
+    " camera with x right, y down, z forward (of OpenGL's axes, negate the last two rows of R"
+    " and t)"
 )
 
 
@@ -47,10 +48,12 @@ def label_animal(
 
     Args:
         image_hw: height and width of the image.
-        keypoints_2d: (J, 3) x, y in px and visibility (0 hidden or missing, else a confidence in (0, 1]).
-        keypoints_3d: (J, 3) the same landmarks on the body, in the mesh's own frame and unit; NaN where it has none.
-            Read off the template's vertex groups if left out.
-        vertices: (V, 3) the posed mesh, same frame; without it the box bounds the landmarks, and the label says so.
+        keypoints_2d: (J, 3) x, y in px and visibility (0 hidden or missing, else a confidence in
+            (0, 1]).
+        keypoints_3d: (J, 3) the same landmarks on the body, in the mesh's own frame and unit; NaN
+            where it has none. Read off the template's vertex groups if left out.
+        vertices: (V, 3) the posed mesh, same frame; without it the box bounds the landmarks, and
+            the label says so.
         faces: (F, 3) its triangles, for the overlap with the mask.
         template: the body template that the vertices correspond to one to one, if any.
         K: (3, 3) in px; None: guessed (LabelConfig.focal_guess), and the label says so.
@@ -60,12 +63,14 @@ def label_animal(
         vocabulary: the keypoints' names: a known vocabulary or your own.
         sample_id: named in every error.
         config: the method.
-        landmark_sigma: (J,) how far each landmark may be from where the body has it, in the mesh's unit, for a body that is
-            not in the animal's pose; None: the body is. Used by method "default".
-        distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens, k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4]]]; None:
-            the picture has none. Pixels, of keypoints and mask as of the label, are the distorted picture's. The pose is
-            solved for the keypoints and the mask's outline as they would be without the lens; a box that reaches beyond
-            the lens's field of view is rejected.
+        landmark_sigma: (J,) how far each landmark may be from where the body has it, in the mesh's
+            unit, for a body that is not in the animal's pose; None: the body is. Used by method
+            "default".
+        distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens, k1 k2 p1 p2 [k3 [k4 k5
+            k6 [s1 s2 s3 s4]]]; None: the picture has none. Pixels, of keypoints and mask as of the
+            label, are the distorted picture's. The pose is solved for the keypoints and the mask's
+            outline as they would be without the lens; a box that reaches beyond the lens's field of
+            view is rejected.
 
     Returns:
         A label, or a rejection with its reason.
@@ -77,16 +82,32 @@ def label_animal(
     """
     body = (keypoints_3d, landmark_sigma, vertices, faces, template)
     config = config or LabelConfig()
-    seen = observe(image_hw, keypoints_2d, *body, K, pose, pose_hypotheses, mask, vocabulary, sample_id, config, distortion)
+    seen = observe(
+        image_hw,
+        keypoints_2d,
+        *body,
+        K,
+        pose,
+        pose_hypotheses,
+        mask,
+        vocabulary,
+        sample_id,
+        config,
+        distortion,
+    )
     return _labelled([seen], config)[0]
 
 
-def label_many(animals: Iterable[Mapping[str, Any]], config: LabelConfig | None = None) -> list[CuboidLabel | Rejection]:
-    """label_animal for many animals: the same labels, cheaper where cameras are known and images have one size.
+def label_many(
+    animals: Iterable[Mapping[str, Any]], config: LabelConfig | None = None
+) -> list[CuboidLabel | Rejection]:
+    """label_animal for many animals.
+
+    The same labels, cheaper where cameras are known and images have one size.
 
     Args:
-        animals: label_animal's arguments by name, of one animal each, without config. Bodies too are cheaper posed many at
-            once (smal.parameters.posed_bodies).
+        animals: label_animal's arguments by name, of one animal each, without config. Bodies too
+            are cheaper posed many at once (smal.parameters.posed_bodies).
         config: the method.
 
     Returns:
@@ -98,19 +119,27 @@ def label_many(animals: Iterable[Mapping[str, Any]], config: LabelConfig | None 
 
     """
     config = config or LabelConfig()
-    return _labelled([observe(config=config, **{**UNKNOWN, **animal}) for animal in animals], config)
+    return _labelled(
+        [observe(config=config, **{**UNKNOWN, **animal}) for animal in animals], config
+    )
 
 
 def _labelled(animals: Sequence[Observation], config: LabelConfig) -> list[CuboidLabel | Rejection]:
     """What becomes of each animal."""
     prepared = prepare(animals, config)
     ready = [one for one in prepared if isinstance(one, Prepared)]
-    labels = iter(_unless_degenerate(label, one.seen, config) for label, one in zip(assemble_labels(ready), ready, strict=True))
+    labels = iter(
+        _unless_degenerate(label, one.seen, config)
+        for label, one in zip(assemble_labels(ready), ready, strict=True)
+    )
     return [next(labels) if isinstance(one, Prepared) else one for one in prepared]
 
 
-def _unless_degenerate(label: CuboidLabel, seen: Observation, config: LabelConfig) -> CuboidLabel | Rejection:
-    """The label, unless its camera looks away, or is estimated and its projected box far smaller than the animal (section 3.2, degenerate)."""
+def _unless_degenerate(
+    label: CuboidLabel, seen: Observation, config: LabelConfig
+) -> CuboidLabel | Rejection:
+    """The label, unless its camera looks away, or is estimated and its projected box far smaller
+    than the animal (section 3.2, degenerate)."""
     if label.behind_camera and not bool(label.corner_in_front.any()):
         return Rejection(seen.sample_id, "behind_camera", BEHIND)
     if seen.pose is not None:
@@ -118,9 +147,17 @@ def _unless_degenerate(label: CuboidLabel, seen: Observation, config: LabelConfi
     if seen.mask is not None:
         animal_px = float(np.count_nonzero(seen.mask))
     else:
-        keypoints = seen.keypoints_2d[seen.visible, :2] if seen.keypoints_2d is not None else np.zeros((1, 2))
+        keypoints = (
+            seen.keypoints_2d[seen.visible, :2]
+            if seen.keypoints_2d is not None
+            else np.zeros((1, 2))
+        )
         animal_px = float((keypoints.max(0) - keypoints.min(0)).prod())
     box_px = float(label.face_area.sum())
     if box_px < config.degenerate_area * animal_px:
-        return Rejection(seen.sample_id, "degenerate_box", f"the projected box covers {box_px:.1f} px^2, the animal {animal_px:.0f} px^2")
+        return Rejection(
+            seen.sample_id,
+            "degenerate_box",
+            f"the projected box covers {box_px:.1f} px^2, the animal {animal_px:.0f} px^2",
+        )
     return label

@@ -33,19 +33,27 @@ class _Bounded(NamedTuple):
 
 
 def prepare(animals: Sequence[Observation], config: LabelConfig) -> list[Prepared | Rejection]:
-    """Animals' boxes and cameras, all of section 2 up to what follows from them, or why they have none; boxes are found together."""
+    """Animals' boxes and cameras, all of section 2 up to what follows from them, or why they have
+    none; boxes are found together."""
     found: list[Prepared | Rejection | None] = [_without_axes(seen, config) for seen in animals]
     ready = [i for i, rejection in enumerate(found) if rejection is None]
     known: dict[int, BodyAxes] = {}
     for i, axes in zip(ready, bodies_axes([animals[i] for i in ready], config.axes), strict=True):
         if axes is None:
-            problem = "the landmarks known do not fix forward and left; give a template or more of the trunk's landmarks"
+            problem = (
+                "the landmarks known do not fix forward and left; give a template or more of the"
+                " trunk's landmarks"
+            )
             found[i] = Rejection(animals[i].sample_id, "no_axes", problem)
         else:
             known[i] = axes
     if known:
         bounded = [_bounded(animals[i], config) for i in known]
-        cuboids = tight_cuboids([body.points for body in bounded], torch.stack([axes.R_box for axes in known.values()]).numpy(), _margin(config))
+        cuboids = tight_cuboids(
+            [body.points for body in bounded],
+            torch.stack([axes.R_box for axes in known.values()]).numpy(),
+            _margin(config),
+        )
         for place, ((i, axes), body) in enumerate(zip(known.items(), bounded, strict=True)):
             found[i] = _prepared(animals[i], axes, cuboids[place], body, config)
     return [one for one in found if one is not None]
@@ -58,7 +66,9 @@ def _without_axes(seen: Observation, config: LabelConfig) -> Rejection | None:
     return None
 
 
-def _prepared(seen: Observation, axes: BodyAxes, cuboid_mesh: Cuboid, bounded: _Bounded, config: LabelConfig) -> Prepared | Rejection:
+def _prepared(
+    seen: Observation, axes: BodyAxes, cuboid_mesh: Cuboid, bounded: _Bounded, config: LabelConfig
+) -> Prepared | Rejection:
     """One animal whose box is known: its camera, and what the picture shows of it."""
     warnings = bounded.warnings
     box = None if seen.mask is None else mask_box(seen.mask)
@@ -72,12 +82,27 @@ def _prepared(seen: Observation, axes: BodyAxes, cuboid_mesh: Cuboid, bounded: _
     if isinstance(estimate, PoseFailure):
         return Rejection(seen.sample_id, estimate.reason, estimate.detail)
     if seen.distortion is not None and _is_beyond(seen, cuboid_mesh, estimate, seen.distortion):
-        return Rejection(seen.sample_id, "beyond_lens", "the animal or its box reaches beyond the lens's field of view, where its polynomial folds")
+        return Rejection(
+            seen.sample_id,
+            "beyond_lens",
+            "the animal or its box reaches beyond the lens's field of view, where its polynomial"
+            " folds",
+        )
     shown = shown_body(seen, estimate, axes.R_box, box, config)
-    return Prepared(seen, cuboid_mesh, estimate, shown, axes.rule, bounded.source, (*seen.warnings, *warnings, *estimate.warnings))
+    return Prepared(
+        seen,
+        cuboid_mesh,
+        estimate,
+        shown,
+        axes.rule,
+        bounded.source,
+        (*seen.warnings, *warnings, *estimate.warnings),
+    )
 
 
-def _is_beyond(seen: Observation, cuboid_mesh: Cuboid, pose: PoseEstimate, distortion: np.ndarray) -> bool:
+def _is_beyond(
+    seen: Observation, cuboid_mesh: Cuboid, pose: PoseEstimate, distortion: np.ndarray
+) -> bool:
     corners = cuboid_mesh.corners().numpy()
     outline = corners if seen.vertices is None else np.concatenate((corners, seen.vertices))
     return bool(beyond_lens(distortion, outline @ pose.R.numpy().T + pose.t.numpy()))
@@ -85,38 +110,69 @@ def _is_beyond(seen: Observation, cuboid_mesh: Cuboid, pose: PoseEstimate, disto
 
 def _margin(config: LabelConfig) -> float | None:
     """The margin of boxes, see tight_cuboid."""
-    return config.margin if config.margin is not None else (None if config.method == "default" else PAPER_MARGIN)
+    return (
+        config.margin
+        if config.margin is not None
+        else (None if config.method == "default" else PAPER_MARGIN)
+    )
 
 
 def _bounded(seen: Observation, config: LabelConfig) -> _Bounded:
     """What an animal's box bounds."""
     if seen.vertices is None:
-        return _Bounded(seen.known_landmarks, "keypoints", ("no mesh: the box bounds the landmarks, which lie inside the animal's outline",))
+        return _Bounded(
+            seen.known_landmarks,
+            "keypoints",
+            ("no mesh: the box bounds the landmarks, which lie inside the animal's outline",),
+        )
     if config.tail == "keep":
         return _Bounded(seen.vertices, "vertices")
     if seen.template is None:
-        raise SampleError(seen.sample_id, "template", "is missing, but tail='drop' needs it to know which vertices are the tail's")
+        raise SampleError(
+            seen.sample_id,
+            "template",
+            "is missing, but tail='drop' needs it to know which vertices are the tail's",
+        )
     kept = np.ones(len(seen.vertices), dtype=np.bool_)
     kept[seen.template.tail_vertices.numpy()] = False
     return _Bounded(seen.vertices[kept], "vertices")
 
 
-def _pose_problem(seen: Observation, R_box: Tensor, box: Tensor | None, config: LabelConfig) -> tuple[PoseProblem, tuple[str, ...]]:
-    """The visible keypoints with their landmarks and the mask's box, as a pinhole would show them, and warnings; none if either side is missing."""
+def _pose_problem(
+    seen: Observation, R_box: Tensor, box: Tensor | None, config: LabelConfig
+) -> tuple[PoseProblem, tuple[str, ...]]:
+    """The visible keypoints with their landmarks and the mask's box, as a pinhole would show them,
+    and warnings; none if either side is missing."""
     used = seen.matched
     empty = np.zeros((0, 3))  # nothing to solve for: there will be a rejection
     points = torch.from_numpy(seen.landmarks[used] if seen.landmarks is not None else empty)
-    keypoints = torch.from_numpy(seen.keypoints_2d[used] if seen.keypoints_2d is not None else empty)
-    sigma, misfit, K = keypoint_sigma(keypoints, seen.image_hw, config), torch.from_numpy(seen.landmark_sigma[used]), torch.from_numpy(seen.K)
+    keypoints = torch.from_numpy(
+        seen.keypoints_2d[used] if seen.keypoints_2d is not None else empty
+    )
+    sigma, misfit, K = (
+        keypoint_sigma(keypoints, seen.image_hw, config),
+        torch.from_numpy(seen.landmark_sigma[used]),
+        torch.from_numpy(seen.K),
+    )
     pixels, warnings = keypoints[:, :2], list[str]()
     if seen.distortion is not None:
         lens = torch.from_numpy(seen.distortion)
         pixels, stretched, found = straightened(pixels, K, lens)
         if not bool(found.all()):
-            warnings = [f"{int((~found).sum())} keypoints lie where the lens shows nothing and do not count for the pose"]
-        points, pixels, sigma, misfit = points[found], pixels[found], (sigma * stretched)[found], misfit[found]
+            warnings = [
+                f"{int((~found).sum())} keypoints lie where the lens shows nothing and do not count"
+                " for the pose"
+            ]
+        points, pixels, sigma, misfit = (
+            points[found],
+            pixels[found],
+            (sigma * stretched)[found],
+            misfit[found],
+        )
         box = None if seen.mask is None else straightened_box(torch.from_numpy(seen.mask), K, lens)
     if config.method == "default" and seen.landmark_sigma.any():
         sigma = torch.hypot(sigma, misfit_sigma(points, pixels, misfit))
     vertices = None if seen.vertices is None else torch.from_numpy(seen.vertices)
-    return PoseProblem(points, pixels, sigma, K, seen.image_hw, R_box, vertices, box), tuple(warnings)
+    return PoseProblem(points, pixels, sigma, K, seen.image_hw, R_box, vertices, box), tuple(
+        warnings
+    )

@@ -28,7 +28,8 @@ class Card:
 
     Attributes:
         title: the sample.
-        picture: JPEG (see card_picture) with the label drawn, or None for a rejected animal without an image.
+        picture: JPEG (see card_picture) with the label drawn, or None for a rejected animal without
+            an image.
         status: "kept", "flagged" or "rejected".
         confidence: to sort by; -1 for a rejected one.
         error_px: mean keypoint error, or None.
@@ -58,8 +59,14 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
     """
     ordered = sorted(cards, key=lambda card: card.confidence)
     shown = _fitting(ordered)
-    note = "" if len(shown) == len(ordered) else f"The {len(shown)} worst of {len(ordered)} animals are shown; all are in labels.json."
-    template = Template(resources.files("animal3dbox.report").joinpath("gallery.html").read_text(encoding="utf-8"))
+    note = (
+        ""
+        if len(shown) == len(ordered)
+        else f"The {len(shown)} worst of {len(ordered)} animals are shown; all are in labels.json."
+    )
+    template = Template(
+        resources.files("animal3dbox.report").joinpath("gallery.html").read_text(encoding="utf-8")
+    )
     page = template.substitute(
         source=html.escape(summary.source),
         body=html.escape(summary.body),
@@ -73,7 +80,10 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
 
 
 def _fitting(ordered: Sequence[Card]) -> list[str]:
-    """The cards as HTML: at the best width at which all fit, else the worst animals at the least."""
+    """The cards as HTML.
+
+    At the best width at which all fit, else the worst animals at the least.
+    """
     texts: list[str] = []
     for width, quality in WIDTHS:
         texts, size = [], 0
@@ -91,7 +101,10 @@ def _fitting(ordered: Sequence[Card]) -> list[str]:
 def _card(card: Card, width: int, quality: int) -> str:
     picture = ""
     if card.picture is not None:
-        tag = f'<img src="data:image/jpeg;base64,{_jpeg(card.picture, width, quality)}" alt="{html.escape(card.title)}" loading="lazy">'
+        tag = (
+            f'<img src="data:image/jpeg;base64,{_jpeg(card.picture, width, quality)}"'
+            f' alt="{html.escape(card.title)}" loading="lazy">'
+        )
         picture = f'<a href="{html.escape(card.overlay)}">{tag}</a>' if card.overlay else tag
     facts = "".join(f"<li>{html.escape(fact)}</li>" for fact in card.facts)
     keys = {
@@ -100,7 +113,10 @@ def _card(card: Card, width: int, quality: int) -> str:
         "iou": 2 if card.mask_iou is None else card.mask_iou,
     }
     data = " ".join(f'data-{key}="{value:.4f}"' for key, value in keys.items())
-    return f'<article class="{card.status}" {data}>{picture}<h2>{html.escape(card.title)}</h2><ul>{facts}</ul></article>'
+    return (
+        f'<article class="{card.status}"'
+        f" {data}>{picture}<h2>{html.escape(card.title)}</h2><ul>{facts}</ul></article>"
+    )
 
 
 def small_picture(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
@@ -113,7 +129,10 @@ def small_picture(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
 
 
 def card_picture(picture: NDArray[np.uint8]) -> bytes:
-    """A picture (H, W, 3) as a card holds it: compressed, so that a long run can hold one for every animal."""
+    """A picture (H, W, 3) as a card holds it.
+
+    Compressed, so that a long run can hold one for every animal.
+    """
     return _compressed(picture, *WIDTHS[0])
 
 
@@ -133,13 +152,21 @@ def _jpeg(picture: bytes, width: int, quality: int) -> str:
 
 def _funnel(summary: Summary) -> str:
     """The counts as table rows: kept, flagged and rejected by reason, faulty."""
-    rows = [("animals", summary.animals, ""), ("kept", summary.kept, ""), ("flagged", summary.flagged, "")]
+    rows = [
+        ("animals", summary.animals, ""),
+        ("kept", summary.kept, ""),
+        ("flagged", summary.flagged, ""),
+    ]
     rows += [(f"· {flag}", count, FLAGS.get(flag, "")) for flag, count in summary.flags.items()]
-    rows += [("rejected", summary.rejected, "")] + [(f"· {reason}", count, "") for reason, count in summary.reasons.items()]
+    rows += [("rejected", summary.rejected, "")] + [
+        (f"· {reason}", count, "") for reason, count in summary.reasons.items()
+    ]
     rows += [("faulty", summary.faulty, "see report.json" if summary.faulty else "")]
     most = max(summary.animals, 1)
     lines = []
     for name, count, note in rows:
         bar = f'<td class="bar"><i style="width:{100 * count / most:.1f}%"></i></td>'
-        lines.append(f"<tr><th>{html.escape(name)}</th><td>{count}</td>{bar}<td>{html.escape(note)}</td></tr>")
+        lines.append(
+            f"<tr><th>{html.escape(name)}</th><td>{count}</td>{bar}<td>{html.escape(note)}</td></tr>"
+        )
     return "\n".join(lines)

@@ -31,9 +31,12 @@ def read_label_cuboids(path: Path) -> CuboidSet:
 
 
 def cuboids_of_labels(labels: LabelFile) -> CuboidSet:
-    """The boxes of labels; metric where a row states its scale, with image paths as the labels have them.
+    """The boxes of labels.
 
-    Images that hold no labelled animal are not listed: labels.json knows neither their size nor that they are empty.
+    Metric where a row states its scale, with image paths as the labels have them.
+
+    Images that hold no labelled animal are not listed: labels.json knows neither their size nor
+    that they are empty.
     """
     records, faults = [], []
     for row in labels.animals:
@@ -44,24 +47,49 @@ def cuboids_of_labels(labels: LabelFile) -> CuboidSet:
     notes = []
     if labels.rejected:
         partly = len({row.image for row in labels.rejected} & {row.image for row in labels.animals})
-        notes.append(f"{len(labels.rejected)} animals have no label; {partly} of the images written show some of them, unannotated")
+        notes.append(
+            f"{len(labels.rejected)} animals have no label; {partly} of the images written show"
+            " some of them, unannotated"
+        )
     return CuboidSet("labels", tuple(records), tuple(faults), tuple(notes))
 
 
 def _record(row: AnimalRow) -> CuboidRecord:
     K, center, rotation, size, box = (
-        _numbers(row, field, shape) for field, shape in (("K", (3, 3)), ("center", (3,)), ("rotation", (3, 3)), ("size", (3,)), ("box", (4,)))
+        _numbers(row, field, shape)
+        for field, shape in (
+            ("K", (3, 3)),
+            ("center", (3,)),
+            ("rotation", (3, 3)),
+            ("size", (3,)),
+            ("box", (4,)),
+        )
     )
     try:
         check_intrinsics("K", K)
     except ShapeError as error:
         raise SampleError(row.sample_id, "K", str(error)) from error
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-        raise SampleError(row.sample_id, "rotation", "is no rotation (orthogonal, determinant +1): the file was changed after labelling")
+    if (
+        np.abs(rotation @ rotation.T - np.eye(3)).max() > ROTATION_TOLERANCE
+        or np.linalg.det(rotation) < 0
+    ):
+        raise SampleError(
+            row.sample_id,
+            "rotation",
+            "is no rotation (orthogonal, determinant +1): the file was changed after labelling",
+        )
     if row.distortion is not None and any(row.distortion):
-        raise SampleError(row.sample_id, "distortion", "is a lens, which no exchange format has: straighten the image and label it again")
+        raise SampleError(
+            row.sample_id,
+            "distortion",
+            "is a lens, which no exchange format has: straighten the image and label it again",
+        )
     if row.scale_m_per_unit is not None and not row.scale_m_per_unit > 0:
-        raise SampleError(row.sample_id, "scale_m_per_unit", f"must be positive, or null if it is not known; got {row.scale_m_per_unit}")
+        raise SampleError(
+            row.sample_id,
+            "scale_m_per_unit",
+            f"must be positive, or null if it is not known; got {row.scale_m_per_unit}",
+        )
     if size.min() <= 0:
         raise SampleError(row.sample_id, "size", f"must be positive, got {size.tolist()}")
     return CuboidRecord(
@@ -87,5 +115,9 @@ def _numbers(row: AnimalRow, field: str, shape: tuple[int, ...]) -> np.ndarray:
     except ValueError as error:
         raise SampleError(row.sample_id, field, "has rows of different lengths") from error
     if values.shape != shape:
-        raise SampleError(row.sample_id, field, f"must be {' x '.join(map(str, shape))} numbers, got shape {values.shape}")
+        raise SampleError(
+            row.sample_id,
+            field,
+            f"must be {' x '.join(map(str, shape))} numbers, got shape {values.shape}",
+        )
     return values

@@ -83,8 +83,14 @@ class LabelFile(msgspec.Struct, kw_only=True):
 
 def animal_row(label: CuboidLabel, image: str, animal: int, category: str) -> AnimalRow:
     """The row of a label; what is unknown is null."""
-    corners_2d = [px if good else None for px, good in zip(label.corners_2d.tolist(), label.corner_in_front.tolist(), strict=True)]
-    quality = {field: list(value) if isinstance(value, tuple) else value for field, value in asdict(label.quality).items()}
+    corners_2d = [
+        px if good else None
+        for px, good in zip(label.corners_2d.tolist(), label.corner_in_front.tolist(), strict=True)
+    ]
+    quality = {
+        field: list(value) if isinstance(value, tuple) else value
+        for field, value in asdict(label.quality).items()
+    }
     return AnimalRow(
         sample_id=label.sample_id or f"{image}#{animal}",
         image=image,
@@ -121,7 +127,9 @@ def animal_row(label: CuboidLabel, image: str, animal: int, category: str) -> An
 
 
 def write_labels_json(path: Path, file: LabelFile) -> None:
-    """Write labels.json whole or not at all, once it reads back in its schema: msgspec writes NaN as null.
+    """Write labels.json whole or not at all, once it reads back in its schema.
+
+    Msgspec writes NaN as null.
 
     Raises:
         DatasetFormatError: a number is NaN or infinite where the schema wants a number.
@@ -131,12 +139,17 @@ def write_labels_json(path: Path, file: LabelFile) -> None:
     try:
         msgspec.json.decode(data, type=LabelFile)
     except msgspec.ValidationError as error:
-        raise DatasetFormatError(f"{path} is not written, for a value is NaN, infinite or of the wrong type: {error}") from error
+        raise DatasetFormatError(
+            f"{path} is not written, for a value is NaN, infinite or of the wrong type: {error}"
+        ) from error
     write_whole(path, msgspec.json.format(data, indent=1))
 
 
 def labels_file(path: Path) -> Path:
-    """The labels.json of the folder that ``animal3dbox label`` wrote; any other path is the file itself."""
+    """The labels.json of the folder that ``animal3dbox label`` wrote.
+
+    Any other path is the file itself.
+    """
     return path / "labels.json" if path.is_dir() else path
 
 

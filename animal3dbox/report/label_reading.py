@@ -34,11 +34,13 @@ def read_label_rows(path: Path) -> tuple[LabelFile, tuple[SampleError, ...]]:
         path: the file.
 
     Returns:
-        What it holds, without the animals that cannot be used; and these, each with its name or its place in the list, its field and what to do.
+        What it holds, without the animals that cannot be used; and these, each with its name or its
+        place in the list, its field and what to do.
 
     Raises:
         DatasetNotFoundError: no such file.
-        DatasetFormatError: not JSON, not of this schema and version, or with faces or corners in another order than this version has.
+        DatasetFormatError: not JSON, not of this schema and version, or with faces or corners in
+            another order than this version has.
 
     """
     file: _Undecoded = decode_json(path, _Undecoded)
@@ -46,11 +48,14 @@ def read_label_rows(path: Path) -> tuple[LabelFile, tuple[SampleError, ...]]:
         theirs = getattr(file, field)
         if theirs != ours:
             raise DatasetFormatError(
-                f"{path}: {field} must be {list(ours)}, got {list(theirs)}: faces and corners of version {file.version} have this order alone. "
-                f"If only the head of the file was changed, put {field} back; if the rows were too, label again"
+                f"{path}: {field} must be {list(ours)}, got {list(theirs)}: faces and corners of"
+                f" version {file.version} have this order alone. If only the head of the file was"
+                f" changed, put {field} back; if the rows were too, label again"
             )
     animals, faults = _rows(file.animals)
-    return LabelFile(body=file.body, config=file.config, animals=animals, rejected=file.rejected), tuple(faults)
+    return LabelFile(
+        body=file.body, config=file.config, animals=animals, rejected=file.rejected
+    ), tuple(faults)
 
 
 def read_labels_json(path: Path) -> LabelFile:
@@ -74,11 +79,20 @@ def _rows(raws: Sequence[msgspec.Raw]) -> tuple[list[AnimalRow], list[SampleErro
     places: dict[str, int] = {}
     for place, raw in enumerate(raws):
         name = f"animals[{place}]"
-        with suppress(msgspec.DecodeError, UnicodeDecodeError):  # of which decoded tells, with its field
+        with suppress(
+            msgspec.DecodeError, UnicodeDecodeError
+        ):  # of which decoded tells, with its field
             name = msgspec.json.decode(raw, type=_Named).sample_id
         first = places.setdefault(name, place)
         if first != place:
-            faults.append(SampleError(name, "sample_id", f"is that of animals[{first}] and of animals[{place}]: take one of these rows out"))
+            faults.append(
+                SampleError(
+                    name,
+                    "sample_id",
+                    f"is that of animals[{first}] and of animals[{place}]: take one of these"
+                    " rows out",
+                )
+            )
             continue
         try:
             animals.append(decoded(raw, AnimalRow, name))

@@ -1,4 +1,5 @@
-"""Labels and records of cuboids as targets of one animal each, in float64, for the checks of training."""
+"""Labels and records of cuboids as targets of one animal each, in float64, for the checks of
+training."""
 
 from typing import Any
 
@@ -10,7 +11,18 @@ from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.errors import SampleError
 from animal3dbox.report.label_files import AnimalRow
 
-FLOATS = ("corners_3d", "center", "rotation", "size", "face_area", "face_share", "face_share_in_image", "surface_share", "R", "t")
+FLOATS = (
+    "corners_3d",
+    "center",
+    "rotation",
+    "size",
+    "face_area",
+    "face_share",
+    "face_share_in_image",
+    "surface_share",
+    "R",
+    "t",
+)
 
 
 def target_of_row(row: AnimalRow) -> dict[str, Any]:
@@ -25,7 +37,9 @@ def target_of_row(row: AnimalRow) -> dict[str, Any]:
         value = getattr(row, name)
         if value is not None:
             target[name] = _tensor(row, name, value)[None]
-    target["corners_2d"] = _tensor(row, "corners_2d", [[0.0, 0.0] if px is None else px for px in row.corners_2d])[None]
+    target["corners_2d"] = _tensor(
+        row, "corners_2d", [[0.0, 0.0] if px is None else px for px in row.corners_2d]
+    )[None]
     target["corner_in_front"] = torch.tensor([[px is not None for px in row.corners_2d]])
     target["face_visible"] = torch.tensor([row.face_visible])
     target["behind_camera"] = torch.tensor([row.behind_camera])
@@ -39,8 +53,15 @@ def target_of_row(row: AnimalRow) -> dict[str, Any]:
 
 def target_of_record(record: CuboidRecord) -> dict[str, Any]:
     """The target of one box as a dataset states it."""
-    target: dict[str, Any] = {"image_id": record.sample_id, "K": torch.from_numpy(np.ascontiguousarray(record.K))}
-    for name, value in (("center", record.center), ("rotation", record.rotation), ("size", record.size)):
+    target: dict[str, Any] = {
+        "image_id": record.sample_id,
+        "K": torch.from_numpy(np.ascontiguousarray(record.K)),
+    }
+    for name, value in (
+        ("center", record.center),
+        ("rotation", record.rotation),
+        ("size", record.size),
+    ):
         target[name] = torch.from_numpy(np.ascontiguousarray(value))[None]
     if record.truncation is not None:
         target["truncation"] = torch.tensor([record.truncation], dtype=torch.float64)
@@ -57,7 +78,10 @@ def _tensor(row: AnimalRow, name: str, value: object) -> Tensor:
 
 
 def _clipped(box: Tensor, image_hw: tuple[int, int]) -> Tensor:
-    """The part of a box in the frame; the box itself if there is none, which the checks will tell."""
+    """The part of a box in the frame.
+
+    The box itself if there is none, which the checks will tell.
+    """
     height, width = image_hw
     last = torch.tensor([width - 0.5, height - 0.5] * 2, dtype=torch.float64)
     inside = torch.minimum(torch.maximum(box.double(), torch.full_like(last, -0.5)), last)

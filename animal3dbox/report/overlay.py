@@ -13,7 +13,14 @@ from animal3dbox.labels.types import CuboidLabel
 
 Picture = NDArray[np.uint8]
 
-FRONT, BACK, EDGE, HIDDEN, INK, PAPER = (40, 190, 70), (50, 100, 235), (255, 220, 60), (200, 170, 70), (255, 255, 255), (20, 20, 20)
+FRONT, BACK, EDGE, HIDDEN, INK, PAPER = (
+    (40, 190, 70),
+    (50, 100, 235),
+    (255, 220, 60),
+    (200, 170, 70),
+    (255, 255, 255),
+    (20, 20, 20),
+)
 POINT = (235, 60, 60)
 LEAST_WIDTH = 480
 """Small pictures are enlarged before drawing, so that the words stay legible."""
@@ -40,46 +47,96 @@ def draw_label(image: Picture, label: CuboidLabel) -> Picture:
         for x, y, v in label.keypoints.tolist():
             if v > 0:
                 cv2.circle(
-                    canvas, _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5), 3 * thickness(canvas) << SHIFT, POINT, -1, cv2.LINE_AA, SHIFT
+                    canvas,
+                    _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5),
+                    3 * thickness(canvas) << SHIFT,
+                    POINT,
+                    -1,
+                    cv2.LINE_AA,
+                    SHIFT,
                 )
     return with_words(canvas, words_of(label))
 
 
 def enlarged(image: Picture) -> tuple[Picture, float]:
-    """A copy of the picture, at least LEAST_WIDTH wide unless that made it too high, and the factor."""
+    """A copy of the picture, at least LEAST_WIDTH wide unless that made it too high, and the
+    factor."""
     factor = max(1.0, min(LEAST_WIDTH / image.shape[1], MOST_HEIGHT / image.shape[0]))
     if factor == 1.0:
         return image.copy(), factor
     size = (round(image.shape[1] * factor), round(image.shape[0] * factor))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8), factor
+    return (
+        np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8),
+        factor,
+    )
 
 
 def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: float = 1.0) -> None:
-    """Draw a cuboid of the camera frame into a picture that was enlarged by a factor; cut at the near plane."""
+    """Draw a cuboid of the camera frame into a picture that was enlarged by a factor.
+
+    Cut at the near plane.
+    """
     corners, near, unit = cuboid_cam.corners(), near_depth(cuboid_cam), thickness(canvas)
     seen = visible_faces(corners, torch.zeros_like(cuboid_cam.center)).tolist()
     for name, color in (("back", BACK), ("front", FRONT)):
         strength = 0.38 if seen[FACE_NAMES.index(name)] else 0.16
-        _fill(canvas, _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor), color, strength)
-    shown = {frozenset(edge) for i, face in enumerate(FACES.values()) if seen[i] for edge in zip(face, face[1:] + face[:1], strict=True)}
+        _fill(
+            canvas,
+            _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor),
+            color,
+            strength,
+        )
+    shown = {
+        frozenset(edge)
+        for i, face in enumerate(FACES.values())
+        if seen[i]
+        for edge in zip(face, face[1:] + face[:1], strict=True)
+    }
     for edge in sorted(EDGES, key=lambda e: frozenset(e) in shown):
         line = clip_to_near(corners[[edge[0], edge[1], edge[1]]], near)
         if float(line.amax(0)[2] - line.amin(0)[2]) == 0 and float(line.abs()[:, :2].sum()) == 0:
             continue
         a, b = _pixels(line, K, factor)[:2]
         solid = frozenset(edge) in shown
-        cv2.line(canvas, _fixed(*a), _fixed(*b), EDGE if solid else HIDDEN, unit * (2 if solid else 1), cv2.LINE_AA, SHIFT)
+        cv2.line(
+            canvas,
+            _fixed(*a),
+            _fixed(*b),
+            EDGE if solid else HIDDEN,
+            unit * (2 if solid else 1),
+            cv2.LINE_AA,
+            SHIFT,
+        )
     for name, color in (("back", BACK), ("front", FRONT)):
         if seen[FACE_NAMES.index(name)]:
             outline = _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
-            cv2.polylines(canvas, [np.round(outline * (1 << SHIFT)).astype(np.int32)], True, color, 2 * unit, cv2.LINE_AA, SHIFT)
+            cv2.polylines(
+                canvas,
+                [np.round(outline * (1 << SHIFT)).astype(np.int32)],
+                True,
+                color,
+                2 * unit,
+                cv2.LINE_AA,
+                SHIFT,
+            )
 
 
 def words_of(label: CuboidLabel) -> list[str]:
     """The lines of text that go with a picture: side, viewpoint, shares, fit."""
-    shares = sorted(((share, name) for name, share in zip(FACE_NAMES, label.face_share.tolist(), strict=True) if share > 0), reverse=True)
+    shares = sorted(
+        (
+            (share, name)
+            for name, share in zip(FACE_NAMES, label.face_share.tolist(), strict=True)
+            if share > 0
+        ),
+        reverse=True,
+    )
     quality = label.quality
-    fit = [] if quality.reprojection_error_px is None else [f"keypoints {quality.reprojection_error_px:.1f} px"]
+    fit = (
+        []
+        if quality.reprojection_error_px is None
+        else [f"keypoints {quality.reprojection_error_px:.1f} px"]
+    )
     fit += [] if quality.mask_iou is None else [f"mask IoU {quality.mask_iou:.2f}"]
     return [
         f"side: {label.side or 'none'}   view: {label.viewpoint}",
@@ -93,7 +150,16 @@ def with_words(canvas: Picture, lines: list[str]) -> Picture:
     unit = thickness(canvas)
     strip = np.full(((20 * len(lines) + 8) * unit, canvas.shape[1], 3), PAPER, dtype=np.uint8)
     for i, line in enumerate(lines):
-        cv2.putText(strip, line, (8 * unit, (20 * i + 19) * unit), cv2.FONT_HERSHEY_SIMPLEX, 0.5 * unit, INK, unit, cv2.LINE_AA)
+        cv2.putText(
+            strip,
+            line,
+            (8 * unit, (20 * i + 19) * unit),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.5 * unit,
+            INK,
+            unit,
+            cv2.LINE_AA,
+        )
     return np.concatenate((canvas, strip))
 
 
@@ -112,9 +178,15 @@ def _fixed(x: float, y: float) -> tuple[int, int]:
     return round(x * (1 << SHIFT)), round(y * (1 << SHIFT))
 
 
-def _fill(canvas: Picture, outline: NDArray[np.float64], color: tuple[int, int, int], strength: float) -> None:
+def _fill(
+    canvas: Picture, outline: NDArray[np.float64], color: tuple[int, int, int], strength: float
+) -> None:
     """Blend a convex polygon into the picture."""
     inside = np.zeros(canvas.shape[:2], dtype=np.uint8)
-    cv2.fillConvexPoly(inside, np.round(outline * (1 << SHIFT)).astype(np.int32), 255, cv2.LINE_8, SHIFT)
+    cv2.fillConvexPoly(
+        inside, np.round(outline * (1 << SHIFT)).astype(np.int32), 255, cv2.LINE_8, SHIFT
+    )
     where = inside > 0
-    canvas[where] = np.round(canvas[where] * (1 - strength) + np.array(color) * strength).astype(np.uint8)
+    canvas[where] = np.round(canvas[where] * (1 - strength) + np.array(color) * strength).astype(
+        np.uint8
+    )

@@ -17,7 +17,13 @@ from animal3dbox.files import write_whole
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.gallery import Card, card_picture, write_gallery
-from animal3dbox.report.label_files import LabelFile, RejectedRow, animal_row, write_labels_csv, write_labels_json
+from animal3dbox.report.label_files import (
+    LabelFile,
+    RejectedRow,
+    animal_row,
+    write_labels_csv,
+    write_labels_json,
+)
 from animal3dbox.report.overlay import draw_label
 from animal3dbox.report.summary import Summary, flags_of, summarize
 
@@ -39,7 +45,13 @@ class Labelled:
     picture: NDArray[np.uint8]
 
 
-def write_run(out: Path, source: str, body: str, config: LabelConfig, results: Iterable[Labelled | SampleError]) -> Summary:
+def write_run(
+    out: Path,
+    source: str,
+    body: str,
+    config: LabelConfig,
+    results: Iterable[Labelled | SampleError],
+) -> Summary:
     """Label files, overlays, gallery and report of a run.
 
     Args:
@@ -68,10 +80,25 @@ def write_run(out: Path, source: str, body: str, config: LabelConfig, results: I
         numbers[result.image_id] += 1
         if isinstance(result.outcome, Rejection):
             row = RejectedRow(
-                sample_id=_name(result, number), image=result.image_id, animal=number, reason=result.outcome.reason, detail=result.outcome.detail
+                sample_id=_name(result, number),
+                image=result.image_id,
+                animal=number,
+                reason=result.outcome.reason,
+                detail=result.outcome.detail,
             )
             rejected.append(row)
-            cards.append(Card(row.sample_id, card_picture(result.picture), "rejected", -1.0, None, None, (f"{row.reason}: {row.detail}",), None))
+            cards.append(
+                Card(
+                    row.sample_id,
+                    card_picture(result.picture),
+                    "rejected",
+                    -1.0,
+                    None,
+                    None,
+                    (f"{row.reason}: {row.detail}",),
+                    None,
+                )
+            )
             continue
         label = result.outcome
         picture, raised = draw_label(result.picture, label), flags_of(label)
@@ -81,7 +108,10 @@ def write_run(out: Path, source: str, body: str, config: LabelConfig, results: I
         flags.append(raised)
         cards.append(_card(label, _name(result, number), card_picture(picture), raised, overlay))
     summary = summarize(source, body, config.method, animals, flags, rejected, faults)
-    write_labels_json(out / "labels.json", LabelFile(body=body, config=asdict(config), animals=animals, rejected=rejected))
+    write_labels_json(
+        out / "labels.json",
+        LabelFile(body=body, config=asdict(config), animals=animals, rejected=rejected),
+    )
     write_labels_csv(out / "labels.csv", animals)
     write_gallery(out / "gallery.html", cards, summary)
     write_whole(out / "report.json", msgspec.json.format(msgspec.json.encode(summary), indent=1))
@@ -89,7 +119,9 @@ def write_run(out: Path, source: str, body: str, config: LabelConfig, results: I
 
 
 def overlay_name(image_id: str, number: int, taken: set[str]) -> str:
-    """A file name for an animal's overlay: the image's path with nothing in it that a file system minds.
+    """A file name for an animal's overlay.
+
+    The image's path with nothing in it that a file system minds.
 
     Args:
         image_id: the image's path.
@@ -97,7 +129,10 @@ def overlay_name(image_id: str, number: int, taken: set[str]) -> str:
         taken: names given so far, which gets the new one: other paths can come out the same.
 
     """
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", re.sub(r"\.[^./]*$", "", image_id)).strip("._")[-120:] or "image"
+    plain = (
+        re.sub(r"[^A-Za-z0-9._-]+", "_", re.sub(r"\.[^./]*$", "", image_id)).strip("._")[-120:]
+        or "image"
+    )
     stem = f"{plain}-{number}" if number else plain
     name, copy = f"{stem}.png", 2
     while name.lower() in taken:
@@ -107,7 +142,10 @@ def overlay_name(image_id: str, number: int, taken: set[str]) -> str:
 
 
 def _number(result: Labelled, counted: int) -> int:
-    """The animal's number in its image: the one its sample_id says ("image#k"), so that a faulty neighbour shifts none."""
+    """The animal's number in its image.
+
+    The one its sample_id says ("image#k"), so that a faulty neighbour shifts none.
+    """
     said = (result.outcome.sample_id or "").removeprefix(f"{result.image_id}#")
     return int(said) if said.isdecimal() else counted
 
@@ -122,13 +160,30 @@ def _name(result: Labelled, number: int) -> str:
     return result.outcome.sample_id or f"{result.image_id}#{number}"
 
 
-def _card(label: CuboidLabel, title: str, picture: bytes, raised: Sequence[str], overlay: str) -> Card:
+def _card(
+    label: CuboidLabel, title: str, picture: bytes, raised: Sequence[str], overlay: str
+) -> Card:
     quality = label.quality
-    facts = [f"side {label.side or 'none'}, seen from {label.viewpoint} (azimuth {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)"]
+    facts = [
+        f"side {label.side or 'none'}, seen from {label.viewpoint} (azimuth"
+        f" {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)"
+    ]
     if quality.reprojection_error_px is not None:
-        facts.append(f"keypoints {quality.reprojection_error_px:.1f} px off, {quality.n_inliers} of {quality.n_keypoints} fit")
+        facts.append(
+            f"keypoints {quality.reprojection_error_px:.1f} px off, {quality.n_inliers} of"
+            f" {quality.n_keypoints} fit"
+        )
     if quality.mask_iou is not None:
         facts.append(f"mask overlap {quality.mask_iou:.2f}")
     facts += [f"⚑ {flag}" for flag in raised] + list(quality.warnings)
     status = "flagged" if raised else "kept"
-    return Card(title, picture, status, label.confidence, quality.reprojection_error_px, quality.mask_iou, tuple(facts), overlay)
+    return Card(
+        title,
+        picture,
+        status,
+        label.confidence,
+        quality.reprojection_error_px,
+        quality.mask_iou,
+        tuple(facts),
+        overlay,
+    )

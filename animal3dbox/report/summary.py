@@ -32,7 +32,10 @@ class FaultRow(msgspec.Struct, kw_only=True):
 
 
 class Summary(msgspec.Struct, kw_only=True):
-    """All of report.json; every animal of the input is counted exactly once in kept, flagged, rejected or faulty."""
+    """All of report.json.
+
+    Every animal of the input is counted exactly once in kept, flagged, rejected or faulty.
+    """
 
     source: str
     body: str
@@ -54,7 +57,9 @@ def flags_of(label: CuboidLabel) -> tuple[str, ...]:
     """The FLAGS that a label raises."""
     quality = label.quality
     raised = {
-        "few_inliers": quality.n_keypoints > 0 and quality.n_inliers < FEW_INLIERS * quality.n_keypoints,
+        "few_inliers": (
+            quality.n_keypoints > 0 and quality.n_inliers < FEW_INLIERS * quality.n_keypoints
+        ),
         "low_overlap": quality.mask_iou is not None and quality.mask_iou < LOW_OVERLAP,
         "truncated": label.truncation > MUCH_TRUNCATED,
         "near_camera": label.behind_camera,
@@ -84,8 +89,17 @@ def summarize(
         faults: samples that could not be read.
 
     """
-    errors = sorted(float(e) for row in animals if (e := row.quality["reprojection_error_px"]) is not None and not isinstance(e, (str, list)))
-    overlaps = sorted(float(e) for row in animals if (e := row.quality["mask_iou"]) is not None and not isinstance(e, (str, list)))
+    errors = sorted(
+        float(e)
+        for row in animals
+        if (e := row.quality["reprojection_error_px"]) is not None
+        and not isinstance(e, (str, list))
+    )
+    overlaps = sorted(
+        float(e)
+        for row in animals
+        if (e := row.quality["mask_iou"]) is not None and not isinstance(e, (str, list))
+    )
     flagged = sum(bool(raised) for raised in flags)
     return Summary(
         source=source,
@@ -101,7 +115,10 @@ def summarize(
         sides=dict(Counter(row.side or "none" for row in animals)),
         median_reprojection_error_px=_median(errors),
         median_mask_iou=_median(overlaps),
-        faults=[FaultRow(sample_id=fault.sample_id or "", field=fault.field, problem=fault.problem) for fault in faults],
+        faults=[
+            FaultRow(sample_id=fault.sample_id or "", field=fault.field, problem=fault.problem)
+            for fault in faults
+        ],
     )
 
 

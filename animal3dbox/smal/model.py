@@ -1,4 +1,7 @@
-"""A SMAL-family body: template, shape columns, skeleton and skin, and its posing by linear blend skinning."""
+"""A SMAL-family body.
+
+Template, shape columns, skeleton and skin, and its posing by linear blend skinning.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -17,7 +20,9 @@ from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.skinning import BODIES_AT_ONCE, SkinMaps, array_maps, skin, skin_maps
 
-SPINE_JOINTS = tuple(range(7))  # pelvis to the last vertebra before the neck, in every SMAL topology
+SPINE_JOINTS = tuple(
+    range(7)
+)  # pelvis to the last vertebra before the neck, in every SMAL topology
 _TAIL_PREFIX = "Tail"
 _TORSO_WEIGHT = 0.9
 _TAIL_WEIGHT = 0.5
@@ -30,7 +35,8 @@ class PosedBody:
     Attributes:
         vertices: (B, V, 3).
         joints: (B, J, 3).
-        R_world_joint: (B, J, 3, 3) the global rotation of each joint; the identity in the template pose.
+        R_world_joint: (B, J, 3, 3) the global rotation of each joint; the identity in the template
+            pose.
     """
 
     vertices: Tensor
@@ -42,18 +48,21 @@ class PosedBody:
 class SmalModel:
     """A body of SMAL's structure, with any numbers of vertices, joints and shape columns.
 
-    The template frame is x forward, y to the animal's left, z up; all lengths are in the template's own units.
+    The template frame is x forward, y to the animal's left, z up; all lengths are in the template's
+    own units.
 
     Attributes:
         v_template: (V, 3).
         faces: (F, 3) int64, counter-clockwise seen from outside.
         shapedirs: (V, 3, S) displacement per unit of each beta.
-        posedirs: (V, 3, 9 * (J - 1)) displacement per entry of R - I of the joints after the root, row by row.
+        posedirs: (V, 3, 9 * (J - 1)) displacement per entry of R - I of the joints after the root,
+            row by row.
         J_regressor: (J, V), joints of a shaped template.
         weights: (V, J) skinning weights, rows summing to 1.
         parents: J of them, each before its children; the root's is -1 and the root is joint 0.
         joint_names: J of them.
-        landmarks: keypoint name -> vertex ids, whose mean is the keypoint; the order is that of `keypoints`.
+        landmarks: keypoint name -> vertex ids, whose mean is the keypoint; the order is that of
+            `keypoints`.
         symmetry: (V,) int64, each vertex's mirror image, or None.
         extra_landmarks: further places of the same form, which other keypoint vocabularies use.
     """
@@ -82,17 +91,31 @@ class SmalModel:
         if self.symmetry is not None:
             check_shape("symmetry", self.symmetry, f"{v}")
         if len(self.joint_names) != j:
-            raise ShapeError(f"joint_names must name {j} joints as parents does, got {len(self.joint_names)}")
-        if self.parents[0] != -1 or any(not 0 <= p < i for i, p in enumerate(self.parents) if i > 0):
-            raise ShapeError(f"parents must be -1 and then an earlier joint for each joint, got {self.parents}")
+            raise ShapeError(
+                f"joint_names must name {j} joints as parents does, got {len(self.joint_names)}"
+            )
+        if self.parents[0] != -1 or any(
+            not 0 <= p < i for i, p in enumerate(self.parents) if i > 0
+        ):
+            raise ShapeError(
+                f"parents must be -1 and then an earlier joint for each joint, got {self.parents}"
+            )
         for name, ids in {**self.landmarks, **self.extra_landmarks}.items():
             if not ids or min(ids) < 0 or max(ids) >= v:
-                raise ShapeError(f"landmarks[{name!r}] must hold vertex ids in 0..{v - 1}, got {ids}")
+                raise ShapeError(
+                    f"landmarks[{name!r}] must hold vertex ids in 0..{v - 1}, got {ids}"
+                )
 
     @cached_property
     def landmark_groups(self) -> dict[str, Sequence[int] | Tensor]:
-        """Every place that a keypoint can be read off: landmarks, the extra ones too, as vertex ids; "joint:NAME" as weights (V,)."""
-        joints = {f"joint:{name}": weights for name, weights in zip(self.joint_names, self.J_regressor, strict=True)}
+        """Every place that a keypoint can be read off.
+
+        Landmarks, the extra ones too, as vertex ids; "joint:NAME" as weights (V,).
+        """
+        joints = {
+            f"joint:{name}": weights
+            for name, weights in zip(self.joint_names, self.J_regressor, strict=True)
+        }
         return {**self.landmarks, **self.extra_landmarks, **joints}
 
     @property
@@ -113,7 +136,9 @@ class SmalModel:
     def to(self, dtype: torch.dtype, device: torch.device | str | None = None) -> "SmalModel":
         """The same model in another floating-point type or on another device."""
         arrays = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
-        changed: dict[str, Any] = {name: getattr(self, name).to(device=device, dtype=dtype) for name in arrays}
+        changed: dict[str, Any] = {
+            name: getattr(self, name).to(device=device, dtype=dtype) for name in arrays
+        }
         symmetry = None if self.symmetry is None else self.symmetry.to(device=device)
         return replace(self, **changed, faces=self.faces.to(device=device), symmetry=symmetry)
 
@@ -121,11 +146,15 @@ class SmalModel:
         """The template with a shape: betas (B, at most S; the rest are 0) -> vertices (B, V, 3)."""
         check_shape("betas", betas, "B S")
         self._check_beta_count(betas)
-        return self.v_template + torch.einsum("vcs,bs->bvc", self.shapedirs[:, :, : betas.shape[1]], betas)
+        return self.v_template + torch.einsum(
+            "vcs,bs->bvc", self.shapedirs[:, :, : betas.shape[1]], betas
+        )
 
     def _check_beta_count(self, betas: Tensor) -> None:
         if betas.shape[1] > self.beta_count:
-            raise ShapeError(f"betas must have at most {self.beta_count} columns, got {tuple(betas.shape)}")
+            raise ShapeError(
+                f"betas must have at most {self.beta_count} columns, got {tuple(betas.shape)}"
+            )
 
     def posed(self, betas: Tensor, pose: Tensor, trans: Tensor) -> PosedBody:
         """Bodies by linear blend skinning; differentiable in all three arguments.
@@ -136,7 +165,8 @@ class SmalModel:
             trans: (B, 3) added at the end, in the template's units.
 
         Returns:
-            The bodies, in the frame in which trans is given; the vertices lie in memory coordinate by coordinate.
+            The bodies, in the frame in which trans is given; the vertices lie in memory coordinate
+            by coordinate.
         """
         check_shape("betas", betas, "B S")
         batch = betas.shape[0]
@@ -145,25 +175,45 @@ class SmalModel:
         self._check_beta_count(betas)
         if not all(is_plain(x) for x in (betas, pose, trans, *self._arrays)):
             vertices, joints, R_world_joint = skin(self._tensor_maps, betas, pose)
-            return PosedBody((vertices + trans[..., None]).mT, joints + trans[:, None], R_world_joint)
+            return PosedBody(
+                (vertices + trans[..., None]).mT, joints + trans[:, None], R_world_joint
+            )
         return self.posed_arrays(betas.numpy(), pose.numpy(), trans.numpy())
 
-    def posed_arrays(self, betas: np.ndarray, pose: np.ndarray, trans: np.ndarray, vertices_in: torch.dtype | None = None) -> PosedBody:
-        """posed, of arrays of the right shapes; a few bodies at a time, which stay in the processor's cache.
+    def posed_arrays(
+        self,
+        betas: np.ndarray,
+        pose: np.ndarray,
+        trans: np.ndarray,
+        vertices_in: torch.dtype | None = None,
+    ) -> PosedBody:
+        """posed, of arrays of the right shapes.
 
-        vertices_in is the type in which vertices are computed before trans is added (skinning.py); None: the model's, as of any
-        whose template stands so far from its origin that float32 would tell.
+        A few bodies at a time, which stay in the processor's cache.
+
+        vertices_in is the type in which vertices are computed before trans is added (skinning.py);
+        None: the model's, as of any whose template stands so far from its origin that float32 would
+        tell.
         """
-        maps = self._array_maps(vertices_in if vertices_in is not None and self._is_about_origin else self.v_template.dtype)
+        maps = self._array_maps(
+            vertices_in
+            if vertices_in is not None and self._is_about_origin
+            else self.v_template.dtype
+        )
         count, dtype = len(betas), np.result_type(as_numpy(self.v_template), betas, pose, trans)
         vertices = np.empty((count, 3, self.vertex_count), dtype)
-        joints, R_world_joint = np.empty((count, self.joint_count, 3), dtype), np.empty((count, self.joint_count, 3, 3), dtype)
+        joints, R_world_joint = (
+            np.empty((count, self.joint_count, 3), dtype),
+            np.empty((count, self.joint_count, 3, 3), dtype),
+        )
         for k in range(0, count, BODIES_AT_ONCE):
             some = slice(k, k + BODIES_AT_ONCE)
             about_origin, joints[some], R_world_joint[some] = skin(maps, betas[some], pose[some])
             np.add(about_origin, trans[some, :, None], out=vertices[some])
         joints += trans[:, None]
-        return PosedBody(torch.from_numpy(vertices).mT, torch.from_numpy(joints), torch.from_numpy(R_world_joint))
+        return PosedBody(
+            torch.from_numpy(vertices).mT, torch.from_numpy(joints), torch.from_numpy(R_world_joint)
+        )
 
     @property
     def _arrays(self) -> tuple[Tensor, ...]:
@@ -179,11 +229,20 @@ class SmalModel:
         return self._new_tensor_maps()
 
     def _new_tensor_maps(self) -> SkinMaps[Tensor]:
-        return skin_maps(self.v_template, self.shapedirs, self.posedirs, self.J_regressor, self.weights, self.parents)
+        return skin_maps(
+            self.v_template,
+            self.shapedirs,
+            self.posedirs,
+            self.J_regressor,
+            self.weights,
+            self.parents,
+        )
 
     def _array_maps(self, dtype: torch.dtype) -> SkinMaps[np.ndarray]:
         if dtype not in self._array_maps_by_type:
-            self._array_maps_by_type[dtype] = array_maps(self._new_tensor_maps(), dtype)  # not kept: they are as large as the model
+            self._array_maps_by_type[dtype] = array_maps(
+                self._new_tensor_maps(), dtype
+            )  # not kept: they are as large as the model
         return self._array_maps_by_type[dtype]
 
     @cached_property
@@ -202,15 +261,23 @@ class SmalModel:
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def keypoints(self, vertices: Tensor) -> Tensor:
-        """Means of the landmarks' vertices: (..., V, 3) -> (..., number of landmarks, 3), in the order of `landmarks`."""
+        """Means of the landmarks' vertices.
+
+        (..., V, 3) -> (..., number of landmarks, 3), in the order of `landmarks`.
+        """
         check_shape("vertices", vertices, f"... {self.vertex_count} 3")
-        return torch.stack([vertices[..., list(ids), :].mean(dim=-2) for ids in self.landmarks.values()], dim=-2)
+        return torch.stack(
+            [vertices[..., list(ids), :].mean(dim=-2) for ids in self.landmarks.values()], dim=-2
+        )
 
     def read_keypoints(self, vocabulary: Vocabulary, vertices: AnyArray) -> AnyArray:
-        """A vocabulary's keypoints (..., J, 3) on bodies (..., V, 3) of this model, NaN where it has no place; see Vocabulary.on_body."""
+        """A vocabulary's keypoints (..., J, 3) on bodies (..., V, 3) of this model, NaN where it
+        has no place; see Vocabulary.on_body."""
         places = self._places.get(vocabulary)
         if places is None:
-            places = self._places[vocabulary] = LandmarkPlaces.of(vocabulary.places(self.landmark_groups, self.vertex_count), self.vertex_count)
+            places = self._places[vocabulary] = LandmarkPlaces.of(
+                vocabulary.places(self.landmark_groups, self.vertex_count), self.vertex_count
+            )
         return places.read(vertices)
 
     @cached_property
@@ -231,7 +298,10 @@ class SmalModel:
 
     @cached_property
     def torso_vertices(self) -> Tensor:
-        """Ids (T,) of the vertices that the spine alone moves: summed weight on joints 0-6 above 0.9."""
+        """Ids (T,) of the vertices that the spine alone moves.
+
+        Summed weight on joints 0-6 above 0.9.
+        """
         return torch.nonzero(self.weights[:, list(SPINE_JOINTS)].sum(dim=1) > _TORSO_WEIGHT)[:, 0]
 
     @cached_property
@@ -268,5 +338,8 @@ def trunk_rotation(R_world_joint: Tensor) -> Tensor:
     """
     check_shape("R_world_joint", R_world_joint, "... J 3 3")
     if R_world_joint.shape[-3] < len(SPINE_JOINTS):
-        raise ShapeError(f"R_world_joint must have at least the {len(SPINE_JOINTS)} spine joints, got shape {tuple(R_world_joint.shape)}")
+        raise ShapeError(
+            f"R_world_joint must have at least the {len(SPINE_JOINTS)} spine joints, got shape"
+            f" {tuple(R_world_joint.shape)}"
+        )
     return nearest_rotation(R_world_joint[..., list(SPINE_JOINTS), :, :].mean(dim=-3))

@@ -1,4 +1,7 @@
-"""SMAL parameters as datasets store them: flat pose, betas, translation, and the mean of a family."""
+"""SMAL parameters as datasets store them.
+
+Flat pose, betas, translation, and the mean of a family.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,9 +25,11 @@ class SmalParameters:
 
     Attributes:
         pose: (3 J,) or (J, 3) axis-angle in radians, root first; J is 35 or 33, or the model's own.
-        betas: (S,) shape, up to the model's columns; the rest are 0. Datasets that split them (20 + 21) are joined first.
+        betas: (S,) shape, up to the model's columns; the rest are 0. Datasets that split them (20 +
+            21) are joined first.
         trans: (3,) in the model's unit.
-        family_mean: (S',) betas of the family's mean, when betas are offsets from it; None: betas are whole.
+        family_mean: (S',) betas of the family's mean, when betas are offsets from it; None: betas
+            are whole.
     """
 
     pose: Tensor
@@ -38,17 +43,22 @@ def posed_body(model: SmalModel, parameters: SmalParameters) -> PosedBody:
     return posed_bodies(model, (parameters,))
 
 
-def posed_bodies(model: SmalModel, parameters: Sequence[SmalParameters], vertices_in: torch.dtype | None = None) -> PosedBody:
-    """The bodies of animals' parameters, each in the frame that its translation is given in; many at once cost less than one by one.
+def posed_bodies(
+    model: SmalModel, parameters: Sequence[SmalParameters], vertices_in: torch.dtype | None = None
+) -> PosedBody:
+    """The bodies of animals' parameters, each in the frame that its translation is given in.
 
-    The kinematic tree is the model's own. A pose of 35 joints fits a model of 33 only if its ears are at rest, and one of
-    33 leaves a 35-joint model's ears at rest.
+    Many at once cost less than one by one.
+
+    The kinematic tree is the model's own. A pose of 35 joints fits a model of 33 only if its ears
+    are at rest, and one of 33 leaves a 35-joint model's ears at rest.
 
     Args:
         model: any SMAL-structured model.
         parameters: (B,) of one animal each.
-        vertices_in: the type in which vertices are computed about the template's origin, before trans is added in the model's own;
-            None: the model's. float32 takes less time, and costs a model in float64 less than a millionth of the body's length.
+        vertices_in: the type in which vertices are computed about the template's origin, before
+            trans is added in the model's own; None: the model's. float32 takes less time, and costs
+            a model in float64 less than a millionth of the body's length.
 
     Raises:
         ShapeError: naming the parameter that does not fit the model.
@@ -83,7 +93,10 @@ def _fitted_pose(model: SmalModel, pose: Tensor) -> np.ndarray:
         return np.concatenate((flat, np.zeros((EARS, 3), dtype=flat.dtype)))
     if len(flat) == joints + EARS and joints == 33:
         if flat[joints:].any():
-            raise ShapeError("pose turns the ears (joints 33 and 34), but this model has none: take a model of 35 joints")
+            raise ShapeError(
+                "pose turns the ears (joints 33 and 34), but this model has none: take a model of"
+                " 35 joints"
+            )
         return flat[:joints]
     raise ShapeError(f"pose has {len(flat)} joints, but the model has {joints}")
 
@@ -103,6 +116,9 @@ def _whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) ->
             continue
         check_shape(name, part, "S")
         if len(part) > model.beta_count:
-            raise ShapeError(f"{name} has {len(part)} numbers, but the model has {model.beta_count} shape columns: take the model they belong to")
+            raise ShapeError(
+                f"{name} has {len(part)} numbers, but the model has {model.beta_count} shape"
+                " columns: take the model they belong to"
+            )
         whole[: len(part)] += as_numpy(part)
     return whole

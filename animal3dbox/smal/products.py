@@ -1,9 +1,13 @@
-"""Products with a model's large constants, as arrays; each row of one is the same in any company, in any process.
+"""Products with a model's large constants, as arrays.
 
-Neither library's matrix product will do. NumPy shares a large one among threads of its own, which make it a hundred times slower
-where a loader's workers have every core busy. torch's depends on what its user has set (autocast, the precision of float32
-products), and both round a row differently by how many others there are. torch's weighted sums of a table's rows
-(embedding_bag) do neither: each sum is one thread's, in order. They are fast in float32 only, and for rows of some length.
+Each row of one is the same in any company, in any process.
+
+Neither library's matrix product will do. NumPy shares a large one among threads of its own, which
+make it a hundred times slower where a loader's workers have every core busy. torch's depends on
+what its user has set (autocast, the precision of float32 products), and both round a row
+differently by how many others there are. torch's weighted sums of a table's rows (embedding_bag) do
+neither: each sum is one thread's, in order. They are fast in float32 only, and for rows of some
+length.
 """
 
 from dataclasses import dataclass
@@ -79,7 +83,8 @@ class BlockTable:
     Attributes:
         blocks: (B, BLOCK), by their place in the rows, and of one place by their row.
         rows: (B,) each block's row.
-        starts: (P,) the first block of each place; the places of each of the C end with one that is filled up with zeros.
+        starts: (P,) the first block of each place; the places of each of the C end with one that is
+            filled up with zeros.
         shape: C and V.
         at_once: sums taken in one call; what says where they are is kept for so many.
     """
@@ -98,16 +103,31 @@ class BlockTable:
         blocks = filled.reshape(count, -1, BLOCK).swapaxes(0, 1)
         kept = blocks.any(2)
         counts = kept.sum(1)
-        return cls(blocks[kept], np.argwhere(kept)[:, 1], np.cumsum(counts) - counts, (parts, length), at_once)
+        return cls(
+            blocks[kept],
+            np.argwhere(kept)[:, 1],
+            np.cumsum(counts) - counts,
+            (parts, length),
+            at_once,
+        )
 
     def sums(self, weights: np.ndarray) -> np.ndarray:
         """As RowTable says."""
         count, (parts, length) = len(weights), self.shape
-        factors = weights.astype(np.float32, copy=False).take(self.rows, 1, mode="wrap")  # faster: no row is out of bounds
+        factors = weights.astype(np.float32, copy=False).take(
+            self.rows, 1, mode="wrap"
+        )  # faster: no row is out of bounds
         pieces = [np.empty((0, BLOCK), np.float32)]
         for k in range(0, count, self.at_once):
             some = factors[k : k + self.at_once]
-            pieces.append(_weighted_sums(self.blocks, self._ids[: some.size], self._starts[: len(some) * len(self.starts)], some.reshape(-1)))
+            pieces.append(
+                _weighted_sums(
+                    self.blocks,
+                    self._ids[: some.size],
+                    self._starts[: len(some) * len(self.starts)],
+                    some.reshape(-1),
+                )
+            )
         sums = pieces[1] if len(pieces) == 2 else np.concatenate(pieces)
         return sums.reshape(count, parts, len(self.starts) // parts * BLOCK)[..., :length]
 
@@ -118,10 +138,21 @@ class BlockTable:
 
     @cached_property
     def _starts(self) -> np.ndarray:
-        return (self.starts + len(self.blocks) * np.arange(self.at_once)[:, None]).astype(np.int32).reshape(-1)
+        return (
+            (self.starts + len(self.blocks) * np.arange(self.at_once)[:, None])
+            .astype(np.int32)
+            .reshape(-1)
+        )
 
 
-def _weighted_sums(table: np.ndarray, ids: np.ndarray, starts: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Sums (N, M) of a table's rows (K, M), float32: the n-th of the rows ids[starts[n]], ... up to the next start, each times its weight."""
-    rows, values, offsets, factors = (torch.from_numpy(part) for part in (ids, table, starts, weights))
+def _weighted_sums(
+    table: np.ndarray, ids: np.ndarray, starts: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Sums (N, M) of a table's rows (K, M), float32: the n-th of the rows ids[starts[n]], ...
+
+    Up to the next start, each times its weight.
+    """
+    rows, values, offsets, factors = (
+        torch.from_numpy(part) for part in (ids, table, starts, weights)
+    )
     return embedding_bag(rows, values, offsets, mode="sum", per_sample_weights=factors).numpy()

@@ -1,10 +1,14 @@
-"""Linear blend skinning by one formula: over tensors, differentiable and on any device, or over arrays, for a loader's worker.
+"""Linear blend skinning by one formula.
 
-Arrays leave out what is zero of most constants (products.py), in forms that torch cannot differentiate in all directions.
-Points are kept coordinate by coordinate, (B, 3, V): bounds and projections of a body then run along memory.
+Over tensors, differentiable and on any device, or over arrays, for a loader's worker.
 
-Vertices may be computed in float32 where joints and places are in float64: the constants of all vertices are megabytes, and reading
-them is what takes the time. About the body's own origin that costs less than a millionth of its length, wherever the body stands.
+Arrays leave out what is zero of most constants (products.py), in forms that torch cannot
+differentiate in all directions. Points are kept coordinate by coordinate, (B, 3, V): bounds and
+projections of a body then run along memory.
+
+Vertices may be computed in float32 where joints and places are in float64: the constants of all
+vertices are megabytes, and reading them is what takes the time. About the body's own origin that
+costs less than a millionth of its length, wherever the body stands.
 """
 
 from collections.abc import Sequence
@@ -29,15 +33,18 @@ class SkinMaps(Generic[AnyArray]):
     """A model's constants, laid out for skin.
 
     Attributes:
-        columns: (1 + S + 9 (J - 1), 3, V) coordinate by coordinate: the template, then what shape and bent joints add to it.
+        columns: (1 + S + 9 (J - 1), 3, V) coordinate by coordinate: the template, then what shape
+            and bent joints add to it.
         weights: (J, 1, V).
         joints: (3 J,) of the template, joint by joint.
         joints_shape: (S, 3 J).
         bones: (J, J) 1 on the diagonal, -1 at each joint's parent: joints to bones.
         still: (J + 1, 4, 4) moves that change nothing.
-        jumps: for each joint, and a last one that stands still: the ancestor 1, 2, 4, ... steps up the tree.
+        jumps: for each joint, and a last one that stands still: the ancestor 1, 2, 4, ... steps up
+            the tree.
 
-    Of arrays, columns and weights are RowTables (products.py), which may be in float32 beside joints in float64.
+    Of arrays, columns and weights are RowTables (products.py), which may be in float32 beside
+    joints in float64.
     """
 
     columns: Any
@@ -51,10 +58,22 @@ class SkinMaps(Generic[AnyArray]):
 
 @torch.inference_mode(False)
 def skin_maps(
-    v_template: Tensor, shapedirs: Tensor, posedirs: Tensor, J_regressor: Tensor, weights: Tensor, parents: Sequence[int]
+    v_template: Tensor,
+    shapedirs: Tensor,
+    posedirs: Tensor,
+    J_regressor: Tensor,
+    weights: Tensor,
+    parents: Sequence[int],
 ) -> SkinMaps[Tensor]:
-    """The constants of a model as tensors, whatever torch is set to; see SmalModel for the arguments."""
-    joints_shape = _joints_of(J_regressor, shapedirs.flatten(1)).reshape(3 * len(parents), shapedirs.shape[2]).mT
+    """The constants of a model as tensors, whatever torch is set to.
+
+    See SmalModel for the arguments.
+    """
+    joints_shape = (
+        _joints_of(J_regressor, shapedirs.flatten(1))
+        .reshape(3 * len(parents), shapedirs.shape[2])
+        .mT
+    )
     bones = torch.eye(len(parents), dtype=weights.dtype, device=weights.device)
     for joint, parent in enumerate(parents[1:], start=1):
         bones[joint, parent] = -1
@@ -62,22 +81,31 @@ def skin_maps(
     while any(ancestor < len(parents) for ancestor in jumps[-1]):
         jumps.append([jumps[-1][ancestor] for ancestor in jumps[-1]])
     return SkinMaps(
-        columns=torch.cat([part.permute(2, 1, 0) for part in (v_template[..., None], shapedirs, posedirs)]),
+        columns=torch.cat(
+            [part.permute(2, 1, 0) for part in (v_template[..., None], shapedirs, posedirs)]
+        ),
         weights=weights.mT[:, None].contiguous(),
         joints=_joints_of(J_regressor, v_template).flatten(),
         joints_shape=joints_shape.contiguous(),
         bones=bones,
-        still=torch.eye(4, dtype=weights.dtype, device=weights.device).repeat(len(parents) + 1, 1, 1),
+        still=torch.eye(4, dtype=weights.dtype, device=weights.device).repeat(
+            len(parents) + 1, 1, 1
+        ),
         jumps=tuple(np.array(jump) for jump in jumps[:-1]),
     )
 
 
 def _joints_of(J_regressor: Tensor, values: Tensor) -> Tensor:
-    """The joints' (J, K) of what vertices have (V, K), not in half precision, and of plain tensors summed in order."""
+    """The joints' (J, K) of what vertices have (V, K), not in half precision, and of plain tensors
+    summed in order."""
     if is_plain(J_regressor) and is_plain(values):
         return torch.from_numpy(np.einsum("jv,vk->jk", as_numpy(J_regressor), as_numpy(values)))
     kind = values.device.type
-    with torch.autocast(kind, enabled=False) if torch.amp.is_autocast_available(kind) else nullcontext():
+    with (
+        torch.autocast(kind, enabled=False)
+        if torch.amp.is_autocast_available(kind)
+        else nullcontext()
+    ):
         return J_regressor @ values
 
 
@@ -85,11 +113,15 @@ def array_maps(maps: SkinMaps[Tensor], dtype: torch.dtype) -> SkinMaps[np.ndarra
     """The same constants as arrays; those of all vertices in a floating-point type."""
     columns = row_table(as_numpy(maps.columns.to(dtype)), BODIES_AT_ONCE)
     weights = row_table(as_numpy(maps.weights.to(dtype)), 12 * BODIES_AT_ONCE)
-    joints, joints_shape, bones, still = (as_numpy(x) for x in (maps.joints, maps.joints_shape, maps.bones, maps.still))
+    joints, joints_shape, bones, still = (
+        as_numpy(x) for x in (maps.joints, maps.joints_shape, maps.bones, maps.still)
+    )
     return SkinMaps(columns, weights, joints, joints_shape, bones, still, maps.jumps)
 
 
-def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
+def skin(
+    maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Bodies in some pose, about the template's origin.
 
     Args:
@@ -98,11 +130,14 @@ def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray) -> tuple[Any
         pose: (B, J, 3) axis-angle in radians, root first.
 
     Returns:
-        Vertices (B, 3, V), in the type of the maps', joints (B, J, 3) and the joints' global rotations (B, J, 3, 3).
+        Vertices (B, 3, V), in the type of the maps', joints (B, J, 3) and the joints' global
+        rotations (B, J, 3, 3).
 
     """
     batch, joint_count = pose.shape[:2]
-    joints_rest = (maps.joints + (betas[:, None] @ maps.joints_shape[: betas.shape[1]])[:, 0]).reshape(batch, joint_count, 3)
+    joints_rest = (
+        maps.joints + (betas[:, None] @ maps.joints_shape[: betas.shape[1]])[:, 0]
+    ).reshape(batch, joint_count, 3)
     rotations = rotation_from_axis_angle(pose)
     R_world_joint, joints = _along_the_tree(maps, rotations, maps.bones @ joints_rest)
     offsets = joints[..., None] - R_world_joint @ joints_rest[..., None]
@@ -111,10 +146,15 @@ def skin(maps: SkinMaps[AnyArray], betas: AnyArray, pose: AnyArray) -> tuple[Any
 
 
 def _before_turning(maps: SkinMaps[AnyArray], betas: AnyArray, rotations: AnyArray) -> AnyArray:
-    """The template in a shape (B, at most S) with what bent joints (B, J, 3, 3) add to it, (B, 3, V)."""
+    """The template in a shape (B, at most S) with what bent joints (B, J, 3, 3) add to it, (B, 3,
+    V)."""
     xp, one = namespace(betas), namespace(betas).ones_like(rotations[:, 0, :1, 0])
-    left_out: list[AnyArray] = [xp.zeros_like(one) for _ in range(betas.shape[1], maps.joints_shape.shape[0])]
-    bent = (rotations[:, 1:] - like(rotations, IDENTITY)).reshape(len(betas), 9 * (rotations.shape[1] - 1))
+    left_out: list[AnyArray] = [
+        xp.zeros_like(one) for _ in range(betas.shape[1], maps.joints_shape.shape[0])
+    ]
+    bent = (rotations[:, 1:] - like(rotations, IDENTITY)).reshape(
+        len(betas), 9 * (rotations.shape[1] - 1)
+    )
     weights: AnyArray = xp.concatenate((one, betas, *left_out, bent), 1)
     return _sums(maps.columns, weights)
 
@@ -122,7 +162,11 @@ def _before_turning(maps: SkinMaps[AnyArray], betas: AnyArray, rotations: AnyArr
 def _blended(maps: SkinMaps[AnyArray], moves: AnyArray, v_posed: AnyArray) -> AnyArray:
     """Vertices (B, 3, V) moved by the weighted mean of the joints' moves (B, J, 3, 4), (B, 3, V)."""
     batch, joint_count = moves.shape[:2]
-    of_entries = namespace(moves).swapaxes(moves.reshape(batch, joint_count, 12), 1, 2).reshape(batch * 12, joint_count)
+    of_entries = (
+        namespace(moves)
+        .swapaxes(moves.reshape(batch, joint_count, 12), 1, 2)
+        .reshape(batch * 12, joint_count)
+    )
     blended = _sums(maps.weights, of_entries)
     rows = blended.reshape(batch, 3, 4, blended.shape[2])
     vertices: AnyArray = rows[:, :, 3] + rows[:, :, 0] * v_posed[:, None, 0]
@@ -133,12 +177,17 @@ def _blended(maps: SkinMaps[AnyArray], moves: AnyArray, v_posed: AnyArray) -> An
 
 def _sums(rows: Any, weights: AnyArray) -> AnyArray:
     """Weighted sums (N, C, V) of a map's rows (K, C, V) by weights (N, K)."""
-    sums: AnyArray = torch.tensordot(weights, rows, 1) if isinstance(weights, Tensor) else rows.sums(weights)
+    sums: AnyArray = (
+        torch.tensordot(weights, rows, 1) if isinstance(weights, Tensor) else rows.sums(weights)
+    )
     return sums
 
 
-def _along_the_tree(maps: SkinMaps[AnyArray], rotations: AnyArray, bones: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Compose the joints' turns (B, J, 3, 3) and steps (B, J, 3) from the root outwards, by doubling the way up that each has behind it."""
+def _along_the_tree(
+    maps: SkinMaps[AnyArray], rotations: AnyArray, bones: AnyArray
+) -> tuple[AnyArray, AnyArray]:
+    """Compose the joints' turns (B, J, 3, 3) and steps (B, J, 3) from the root outwards, by
+    doubling the way up that each has behind it."""
     moves = maps.still + namespace(bones).zeros_like(bones[:, :1, :1, None])
     moves[:, :-1, :3, :3], moves[:, :-1, :3, 3] = rotations, bones
     for jump in maps.jumps:

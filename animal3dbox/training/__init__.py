@@ -1,4 +1,6 @@
-"""What supports training: an order of samples that can be resumed, and sanity checks of the targets that reach the loss.
+"""What supports training.
+
+An order of samples that can be resumed, and sanity checks of the targets that reach the loss.
 
 The names below are loaded when first used (PEP 562).
 """

@@ -1,7 +1,10 @@
-"""Sanity checks of the targets that reach the loss: cheap enough to stay on in every step of training.
+"""Sanity checks of the targets that reach the loss.
 
-The fields of a batch become a few float64 arrays once; each check is a handful of NumPy calls for all animals together. What float32
-rounds is allowed for, nothing else: a target is wrong if two of its fields cannot both be true.
+Cheap enough to stay on in every step of training.
+
+The fields of a batch become a few float64 arrays once; each check is a handful of NumPy calls for
+all animals together. What float32 rounds is allowed for, nothing else: a target is wrong if two of
+its fields cannot both be true.
 """
 
 from collections import Counter
@@ -23,25 +26,34 @@ from animal3dbox.training.places import animal_findings, image_findings
 
 
 def check_targets(
-    batch: Any, images: Any = None, *, on_fault: Literal["raise", "count"] = "raise", every: int = 1, step: int | None = None
+    batch: Any,
+    images: Any = None,
+    *,
+    on_fault: Literal["raise", "count"] = "raise",
+    every: int = 1,
+    step: int | None = None,
 ) -> TargetReport:
     """Check the targets of a batch.
 
     Args:
-        batch: (images, list of target dicts), or the list alone; any subset of the fields of a target may be there.
-        images: the images, if they are not in the batch: (B, 3, H, W), a list of (3, H, W), or of pairs (height, width), which
-            images that were padded to one size need. Without images and masks, nothing is compared with the frame.
+        batch: (images, list of target dicts), or the list alone; any subset of the fields of a
+            target may be there.
+        images: the images, if they are not in the batch: (B, 3, H, W), a list of (3, H, W), or of
+            pairs (height, width), which images that were padded to one size need. Without images
+            and masks, nothing is compared with the frame.
         on_fault: "raise" the first fault as an error, or "count" all.
         every: check only the steps that this divides.
-        step: the number of the step. What would cost too much at once goes in turns by this number: even steps look at the mask
-            of one animal, odd ones at its keypoints on that mask and at the types and counts of one target by itself (every
-            step, at those of the batch together).
+        step: the number of the step. What would cost too much at once goes in turns by this number:
+            even steps look at the mask of one animal, odd ones at its keypoints on that mask and at
+            the types and counts of one target by itself (every step, at those of the batch
+            together).
 
     Returns:
         What was found; all zero if the step is skipped.
 
     Raises:
-        SampleError: the first fault, with image_id and "#k" of the animal, the field, what is wrong and what to do.
+        SampleError: the first fault, with image_id and "#k" of the animal, the field, what is wrong
+            and what to do.
         ConfigError: an option cannot be.
 
     """
@@ -67,10 +79,15 @@ def _check_options(on_fault: str, every: int, step: int | None) -> None:
     if on_fault not in ("raise", "count"):
         raise ConfigError(f"on_fault must be raise or count, got {on_fault!r}")
     if every < 1 or (every > 1 and step is None):
-        raise ConfigError(f"every must be at least 1, and above 1 needs the number of the step, got every={every}, step={step}")
+        raise ConfigError(
+            "every must be at least 1, and above 1 needs the number of the step, got"
+            f" every={every}, step={step}"
+        )
 
 
-def examined(targets: Sequence[Target], image_hw: Sequence[tuple[int, int]] | None, step: int) -> tuple[list[Finding], int]:
+def examined(
+    targets: Sequence[Target], image_hw: Sequence[tuple[int, int]] | None, step: int
+) -> tuple[list[Finding], int]:
     """Everything that is wrong with targets, and how many animals were looked at.
 
     A target whose form is wrong, or that is not finite, is not looked at further.
@@ -94,7 +111,13 @@ def examined(targets: Sequence[Target], image_hw: Sequence[tuple[int, int]] | No
             packed = _packed(targets, _without(packed.index, infinite), image_hw, step)
         if packed is not None:
             animals += packed.count
-            for findings in (camera_findings, cuboid_findings, face_findings, frame_findings, keypoint_findings):
+            for findings in (
+                camera_findings,
+                cuboid_findings,
+                face_findings,
+                frame_findings,
+                keypoint_findings,
+            ):
                 found += findings(packed)
     return found, animals
 
@@ -105,10 +128,20 @@ def _without(group: Sequence[int], findings: Sequence[Finding]) -> list[int]:
     return [number for number in group if number not in faulty]
 
 
-def _packed(targets: Sequence[Target], group: Sequence[int], image_hw: Sequence[tuple[int, int]] | None, step: int) -> Packed | None:
+def _packed(
+    targets: Sequence[Target],
+    group: Sequence[int],
+    image_hw: Sequence[tuple[int, int]] | None,
+    step: int,
+) -> Packed | None:
     if not group:
         return None
-    return pack([targets[number] for number in group], group, None if image_hw is None else [image_hw[number] for number in group], step)
+    return pack(
+        [targets[number] for number in group],
+        group,
+        None if image_hw is None else [image_hw[number] for number in group],
+        step,
+    )
 
 
 def _finite_findings(packed: Packed) -> Iterator[Finding]:
@@ -116,13 +149,23 @@ def _finite_findings(packed: Packed) -> Iterator[Finding]:
     sums = sum(float(values.sum()) for values in (packed.block, *packed.per_image.values()))
     if np.isfinite(sums if packed.keypoints is None else sums + float(packed.keypoints.sum())):
         return
-    per_animal = packed.floats if packed.keypoints is None else {**packed.floats, "keypoints": packed.keypoints}
+    per_animal = (
+        packed.floats
+        if packed.keypoints is None
+        else {**packed.floats, "keypoints": packed.keypoints}
+    )
     problem = "holds NaN or infinite values; what is unknown has no field, or a flag"
     for name, values in per_animal.items():
         wrong = ~np.isfinite(values).reshape(packed.count, -1).all(1)
         yield from animal_findings(packed, wrong, "finite", name, lambda _: problem)
     for name, values in packed.per_image.items():
-        yield from image_findings(packed, ~np.isfinite(values).reshape(len(values), -1).all(1), "finite", name, lambda _: problem)
+        yield from image_findings(
+            packed,
+            ~np.isfinite(values).reshape(len(values), -1).all(1),
+            "finite",
+            name,
+            lambda _: problem,
+        )
 
 
 def image_sizes(images: Any, targets: Sequence[Target]) -> list[tuple[int, int]] | None:
@@ -141,31 +184,55 @@ def image_sizes(images: Any, targets: Sequence[Target]) -> list[tuple[int, int]]
             return [(int(images.shape[-2]), int(images.shape[-1]))] * len(targets)
         shapes = [getattr(image, "shape", image) for image in images]
         return [(int(shape[-2]), int(shape[-1])) for shape in shapes]
-    if targets and all("masks" in target and getattr(target["masks"], "ndim", 0) == 3 for target in targets):
-        return [(int(target["masks"].shape[-2]), int(target["masks"].shape[-1])) for target in targets]
+    if targets and all(
+        "masks" in target and getattr(target["masks"], "ndim", 0) == 3 for target in targets
+    ):
+        return [
+            (int(target["masks"].shape[-2]), int(target["masks"].shape[-1])) for target in targets
+        ]
     return None
 
 
 def error_of(finding: Finding, targets: Sequence[Target]) -> SampleError:
     """A finding as an error that names the sample, the field, the check and what is wrong."""
-    return SampleError(sample_of(finding, targets), finding.field, f"{finding.problem} [{finding.check}]")
+    return SampleError(
+        sample_of(finding, targets), finding.field, f"{finding.problem} [{finding.check}]"
+    )
 
 
 def sample_of(finding: Finding, targets: Sequence[Target]) -> str:
-    """What a finding's sample is called: as its dataset does if the target knows, else the image and the animal's number in the target."""
+    """What a finding's sample is called.
+
+    As its dataset does if the target knows, else the image and the animal's number in the target.
+    """
     target = targets[finding.target]
     name = str(target.get("image_id", f"target {finding.target} of the batch"))
     if finding.animal is None:
         return name
     known = target.get("sample_ids")
-    own = known[finding.animal] if isinstance(known, tuple | list) and finding.animal < len(known) else None
+    own = (
+        known[finding.animal]
+        if isinstance(known, tuple | list) and finding.animal < len(known)
+        else None
+    )
     return own if isinstance(own, str) and own else f"{name}#{finding.animal}"
 
 
 def _opened(batch: Any, images: Any) -> tuple[list[Target], Any]:
     """The targets and images of a batch."""
-    if isinstance(batch, tuple | list) and len(batch) == 2 and not isinstance(batch[0], dict) and isinstance(batch[1], tuple | list):
+    if (
+        isinstance(batch, tuple | list)
+        and len(batch) == 2
+        and not isinstance(batch[0], dict)
+        and isinstance(batch[1], tuple | list)
+    ):
         images, batch = (batch[0] if images is None else images), batch[1]
-    if isinstance(batch, dict) or not isinstance(batch, tuple | list) or not all(hasattr(target, "keys") for target in batch):
-        raise ConfigError(f"a batch is (images, list of target dicts), or such a list, got {type(batch).__name__}")
+    if (
+        isinstance(batch, dict)
+        or not isinstance(batch, tuple | list)
+        or not all(hasattr(target, "keys") for target in batch)
+    ):
+        raise ConfigError(
+            f"a batch is (images, list of target dicts), or such a list, got {type(batch).__name__}"
+        )
     return list(batch), images

@@ -13,9 +13,15 @@ from animal3dbox.training.places import animal_findings
 
 HALF_SIGNS = np.array(CORNER_SIGNS, dtype=np.float64) / 2
 LENGTH_TOLERANCE = 1e-5
-"""Of a box's largest coordinate: float32 rounds by 6e-8 of it, some operations by ten times that."""
+"""Of a box's largest coordinate.
+
+Float32 rounds by 6e-8 of it, some operations by ten times that.
+"""
 PIXEL_TOLERANCE = (0.02, 2e-5)
-"""Pixels, and part of the pixel coordinate: float32 rounds depth and focal length, which matters far from the centre."""
+"""Pixels, and part of the pixel coordinate.
+
+Float32 rounds depth and focal length, which matters far from the centre.
+"""
 
 
 def cuboid_findings(packed: Packed) -> Iterator[Finding]:
@@ -23,7 +29,11 @@ def cuboid_findings(packed: Packed) -> Iterator[Finding]:
     floats = packed.floats
     if "size" in floats and (floats["size"] <= 0).any():
         yield from animal_findings(
-            packed, (floats["size"] <= 0).any(1), "size", "size", lambda n: f"must be positive, got {floats['size'][n].tolist()}"
+            packed,
+            (floats["size"] <= 0).any(1),
+            "size",
+            "size",
+            lambda n: f"must be positive, got {floats['size'][n].tolist()}",
         )
     if "corners_3d" in floats:
         yield from _corners(packed, floats["corners_3d"])
@@ -42,13 +52,21 @@ def corners_of(packed: Packed) -> Floats | None:
     if not packed.has_box:
         return None
     floats = packed.floats
-    return floats["center"][:, None] + (HALF_SIGNS * floats["size"][:, None]) @ floats["rotation"].swapaxes(1, 2)
+    return floats["center"][:, None] + (HALF_SIGNS * floats["size"][:, None]) @ floats[
+        "rotation"
+    ].swapaxes(1, 2)
 
 
 def _corners(packed: Packed, corners: Floats) -> Iterator[Finding]:
-    """Corners that are not those of center, rotation and size; without these, not those of any box in the documented order."""
+    """Corners that are not those of center, rotation and size.
+
+    Without these, not those of any box in the documented order.
+    """
     if packed.has_box:
-        center, edges = packed.floats["center"], packed.floats["size"][:, :, None] * packed.floats["rotation"].swapaxes(1, 2)
+        center, edges = (
+            packed.floats["center"],
+            packed.floats["size"][:, :, None] * packed.floats["rotation"].swapaxes(1, 2),
+        )
         source = "center, rotation and size"
     else:
         center = corners.mean(1)
@@ -58,16 +76,27 @@ def _corners(packed: Packed, corners: Floats) -> Iterator[Finding]:
     off = np.abs(corners - expected).max((1, 2))
     wrong = off > LENGTH_TOLERANCE * packed.reach
     if wrong.any():
-        same = np.linalg.norm(corners[:, :, None] - expected[:, None], axis=-1).min(2).max(1) <= 1e-3 * packed.diagonal
-        order = "the points are right, but not in the order of CORNER_SIGNS: left and right, or other ends, were exchanged"
+        same = (
+            np.linalg.norm(corners[:, :, None] - expected[:, None], axis=-1).min(2).max(1)
+            <= 1e-3 * packed.diagonal
+        )
+        order = (
+            "the points are right, but not in the order of CORNER_SIGNS: left and right, or other"
+            " ends, were exchanged"
+        )
         moved = "were the box and its corners transformed alike, in the camera's frame?"
-        for check, which, hint in (("corner_order", wrong & same, order), ("corners_3d", wrong & ~same, moved)):
+        for check, which, hint in (
+            ("corner_order", wrong & same, order),
+            ("corners_3d", wrong & ~same, moved),
+        ):
             problems = [f"differ by {value:.3g} from {source}: {hint}" for value in off]
             yield from animal_findings(packed, which, check, "corners_3d", problems.__getitem__)
     if not packed.has_box:
         mirrored = (np.linalg.det(edges) < 0) & ~wrong
         problem = "are those of a mirrored box: left and right were exchanged"
-        yield from animal_findings(packed, mirrored, "corner_order", "corners_3d", lambda _: problem)
+        yield from animal_findings(
+            packed, mirrored, "corner_order", "corners_3d", lambda _: problem
+        )
 
 
 def _in_front(packed: Packed, corners: Floats) -> Iterator[Finding]:
@@ -84,14 +113,21 @@ def _in_front(packed: Packed, corners: Floats) -> Iterator[Finding]:
                 wrong.any(1),
                 "corner_in_front",
                 "corner_in_front",
-                lambda n: f"is wrong for corners {np.flatnonzero(wrong[n]).tolist()}: in front means a depth over 1 % of the diagonal",
+                lambda n: (
+                    f"is wrong for corners {np.flatnonzero(wrong[n]).tolist()}: in front means a"
+                    " depth over 1 % of the diagonal"
+                ),
             )
     if behind is not None:
         expected = np.asarray(~(beyond > 0).all(1) if said is None else ~said.all(1))
         wrong_flag = (behind != expected) & (clear.all(1) | (said is not None))
         if wrong_flag.any():
             yield from animal_findings(
-                packed, wrong_flag, "behind_camera", "behind_camera", lambda n: f"is {bool(behind[n])}, but the corners say {bool(expected[n])}"
+                packed,
+                wrong_flag,
+                "behind_camera",
+                "behind_camera",
+                lambda n: f"is {bool(behind[n])}, but the corners say {bool(expected[n])}",
             )
 
 
@@ -109,7 +145,8 @@ def _projections(packed: Packed, px: Floats, depth: Floats) -> Iterator[Finding]
         "projection",
         "corners_2d",
         lambda n: (
-            f"differ by {(off[n] * bad[n][:, None]).max():.3g} px from the projection of the cuboid: K is not the camera of this picture any more"
+            f"differ by {(off[n] * bad[n][:, None]).max():.3g} px from the projection of the"
+            " cuboid: K is not the camera of this picture any more"
         ),
     )
 
@@ -121,6 +158,8 @@ def projected(packed: Packed, K: Floats, corners: Floats) -> Floats:
     px = np.zeros((packed.count, 8, 2))
     for b, target in enumerate(packed.targets):
         mine = packed.owner == b
-        lens = np.asarray(target["distortion"], dtype=np.float64) if "distortion" in target else None
+        lens = (
+            np.asarray(target["distortion"], dtype=np.float64) if "distortion" in target else None
+        )
         px[mine] = project(packed.per_image["K"][b], corners[mine], lens)[0]
     return px

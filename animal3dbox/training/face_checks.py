@@ -14,17 +14,23 @@ from animal3dbox.training.places import animal_findings
 SHARES = ("face_share", "face_share_in_image", "surface_share")
 SHARE_TOLERANCE = 1e-4
 AREA_TOLERANCE = (0.5, 2e-4)
-"""Pixels squared, and part of the visible area; besides, float32 coordinates round by 1e-7 of themselves along the outline."""
+"""Pixels squared, and part of the visible area.
+
+Besides, float32 coordinates round by 1e-7 of themselves along the outline.
+"""
 
 
 def face_findings(packed: Packed) -> Iterator[Finding]:
-    """What is wrong with face_visible, face_area, face_share, face_share_in_image and surface_share."""
+    """What is wrong with face_visible, face_area, face_share, face_share_in_image and
+    surface_share."""
     visible = packed.others.get("face_visible")
     if visible is not None:
         both = visible[:, 0::2] & visible[:, 1::2]
         if both.any():
             problem = "says that two opposite faces are seen at once"
-            yield from animal_findings(packed, both.any(1), "opposite_faces", "face_visible", lambda _: problem)
+            yield from animal_findings(
+                packed, both.any(1), "opposite_faces", "face_visible", lambda _: problem
+            )
         if packed.has_box:
             yield from _visibility(packed, visible)
     names = [name for name in SHARES if name in packed.floats]
@@ -35,7 +41,8 @@ def face_findings(packed: Packed) -> Iterator[Finding]:
 
 
 def _visibility(packed: Packed, visible: NDArray[np.bool_]) -> Iterator[Finding]:
-    """A face is seen if the camera stands beyond its plane, which is simple to say in the box's own axes."""
+    """A face is seen if the camera stands beyond its plane, which is simple to say in the box's own
+    axes."""
     camera_box = -(packed.floats["center"][:, None] @ packed.floats["rotation"])[:, 0]
     half = packed.floats["size"] / 2
     beyond = np.stack((camera_box - half, -camera_box - half), axis=2).reshape(-1, 6)
@@ -45,13 +52,19 @@ def _visibility(packed: Packed, visible: NDArray[np.bool_]) -> Iterator[Finding]
 
     def problem(n: int) -> str:
         names = ", ".join(name for name, bad in zip(FACE_NAMES, wrong[n], strict=True) if bad)
-        hint = ": a mirror must exchange left and right of boxes and of faces together" if names == "left, right" else ""
+        hint = (
+            ": a mirror must exchange left and right of boxes and of faces together"
+            if names == "left, right"
+            else ""
+        )
         return f"is wrong for {names}, by where the camera stands{hint}"
 
     yield from animal_findings(packed, wrong.any(1), "face_visible", "face_visible", problem)
 
 
-def _shares(packed: Packed, names: list[str], visible: NDArray[np.bool_] | None) -> Iterator[Finding]:
+def _shares(
+    packed: Packed, names: list[str], visible: NDArray[np.bool_] | None
+) -> Iterator[Finding]:
     shares = np.stack([packed.floats[name] for name in names])  # (fields, N, 6)
     total = shares.sum(2)
     wrong = ((np.abs(total - 1) > SHARE_TOLERANCE) & (total != 0)) | (shares < 0).any(2)
@@ -73,12 +86,24 @@ def _areas(packed: Packed, area: Floats, visible: NDArray[np.bool_] | None) -> I
         off_share = np.abs(packed.floats["face_share"] * total[:, None] - area)
         if (off_share > allowed[:, None]).any():
             wrong = (off_share > allowed[:, None]).any(1)
-            yield from animal_findings(packed, wrong, "share_of_area", "face_share", lambda _: "is not face_area over its sum: one of them is stale")
+            yield from animal_findings(
+                packed,
+                wrong,
+                "share_of_area",
+                "face_share",
+                lambda _: "is not face_area over its sum: one of them is stale",
+            )
     if visible is None:
         return
     hidden = ((area > 0) & ~visible) | (area < 0)
     if hidden.any():
-        yield from animal_findings(packed, hidden.any(1), "hidden_area", "face_area", lambda n: f"must be 0 for hidden faces, got {area[n].tolist()}")
+        yield from animal_findings(
+            packed,
+            hidden.any(1),
+            "hidden_area",
+            "face_area",
+            lambda n: f"must be 0 for hidden faces, got {area[n].tolist()}",
+        )
     if packed.all_in_front is None or packed.quad_areas is None:
         return
     off = np.abs(packed.quad_areas * visible - area)
@@ -87,4 +112,10 @@ def _areas(packed: Packed, area: Floats, visible: NDArray[np.bool_] | None) -> I
         extent = np.abs(packed.floats["corners_2d"]).reshape(-1, 16).max(1, keepdims=True)
         wrong &= off > allowed[:, None] + 1e-6 * extent * extent
         stale = "px^2 from the projected faces: areas go with K and with the picture's size"
-        yield from animal_findings(packed, wrong.any(1), "face_area", "face_area", lambda n: f"differs by {off[n].max():.3g} {stale}")
+        yield from animal_findings(
+            packed,
+            wrong.any(1),
+            "face_area",
+            "face_area",
+            lambda n: f"differs by {off[n].max():.3g} {stale}",
+        )

@@ -43,7 +43,10 @@ CHECKS = {
 
 WARNINGS = {
     "principal_point": "the principal point of an image that was not augmented lies outside it",
-    "empty_box": "a box on the frame's border has no area, for its animal left the picture; some detectors refuse such boxes",
+    "empty_box": (
+        "a box on the frame's border has no area, for its animal left the picture; some detectors"
+        " refuse such boxes"
+    ),
 }
 """Checks whose failure is unusual and no fault: they are counted, never raised."""
 
@@ -111,7 +114,9 @@ class TargetReport:
         return "\n".join(lines)
 
 
-def first_examples(examples: Iterable[tuple[str, SampleError]]) -> tuple[tuple[str, SampleError], ...]:
+def first_examples(
+    examples: Iterable[tuple[str, SampleError]],
+) -> tuple[tuple[str, SampleError], ...]:
     """At most EXAMPLES of each check."""
     seen: Counter[str] = Counter()
     kept = []

@@ -1,4 +1,7 @@
-"""Types, shapes and counts of one target's fields: slow and thorough, for the targets that could not be packed."""
+"""Types, shapes and counts of one target's fields.
+
+Slow and thorough, for the targets that could not be packed.
+"""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -15,7 +18,11 @@ KINDS = {"masks": (torch.uint8, torch.bool), "keypoints": (torch.float32, torch.
 
 def form_findings(targets: Sequence[Target], index: Sequence[int]) -> list[Finding]:
     """What keeps targets from being one array: in each by itself, else between them."""
-    found = [finding for target, number in zip(targets, index, strict=True) for finding in target_form(target, number)]
+    found = [
+        finding
+        for target, number in zip(targets, index, strict=True)
+        for finding in target_form(target, number)
+    ]
     return found or list(_unlike(targets, index))
 
 
@@ -29,7 +36,14 @@ def target_form(target: Target, number: int) -> Iterator[Finding]:
             counts[name] = len(value)
             continue
         if not isinstance(value, Tensor | np.ndarray):
-            yield Finding("dtype", number, None, name, f"must be a {'list' if name == 'quality' else 'tensor'}, got {type(value).__name__}")
+            yield Finding(
+                "dtype",
+                number,
+                None,
+                name,
+                f"must be a {'list' if name == 'quality' else 'tensor'}, got"
+                f" {type(value).__name__}",
+            )
             continue
         shared = name in PER_IMAGE or (name in SHARED and value.ndim == len(SHARED[name]))
         wrong = _wrong_shape(name, value, shared=shared)
@@ -39,22 +53,42 @@ def target_form(target: Target, number: int) -> Iterator[Finding]:
             counts[name] = int(value.shape[0])
         kinds = KINDS.get(name) or FORMS[name][1]
         if value.dtype not in kinds and _kind(value) not in map(_kind, kinds):
-            yield Finding("dtype", number, None, name, f"must be {' or '.join(map(_kind, kinds))}, got {_kind(value)}")
+            yield Finding(
+                "dtype",
+                number,
+                None,
+                name,
+                f"must be {' or '.join(map(_kind, kinds))}, got {_kind(value)}",
+            )
     if len(set(counts.values())) > 1:
         usual = max(counts.values(), key=list(counts.values()).count)
         name = next(name for name, count in counts.items() if count != usual)
-        yield Finding("count", number, None, name, f"has {counts[name]} entries, but other fields are of {usual} animals: {counts}")
+        yield Finding(
+            "count",
+            number,
+            None,
+            name,
+            f"has {counts[name]} entries, but other fields are of {usual} animals: {counts}",
+        )
 
 
 def _wrong_shape(name: str, value: Tensor | np.ndarray, *, shared: bool) -> str | None:
     shape = tuple(value.shape)
     if name in FREE:
         last_is_wrong = name == "keypoints" and len(shape) == 3 and shape[2] != 3
-        return None if len(shape) == 1 + FREE[name] and not last_is_wrong else f"must have {1 + FREE[name]} dimensions (N, ...), got shape {shape}"
+        return (
+            None
+            if len(shape) == 1 + FREE[name] and not last_is_wrong
+            else f"must have {1 + FREE[name]} dimensions (N, ...), got shape {shape}"
+        )
     entry, _ = FORMS[name]
     if shared:
         return None if shape == entry else f"must have shape {entry}, got {shape}"
-    return None if len(shape) > 0 and shape[1:] == entry else f"must have shape (N, {', '.join(map(str, entry))}), got {shape}"
+    return (
+        None
+        if len(shape) > 0 and shape[1:] == entry
+        else f"must have shape (N, {', '.join(map(str, entry))}), got {shape}"
+    )
 
 
 def _kind(value: Any) -> str:
@@ -69,7 +103,14 @@ def _unlike(targets: Sequence[Target], index: Sequence[int]) -> Iterator[Finding
         for target, number in zip(targets[1:], index[1:], strict=True):
             first, other = _likeness(value), _likeness(target[name])
             if first != other:
-                yield Finding("batch", number, None, name, f"is {other}, but {first} in the first target of the batch: they cannot be one batch")
+                yield Finding(
+                    "batch",
+                    number,
+                    None,
+                    name,
+                    f"is {other}, but {first} in the first target of the batch: they cannot be one"
+                    " batch",
+                )
 
 
 def _likeness(value: Any) -> str:

@@ -1,4 +1,7 @@
-"""Keypoints against the animal that they are of: its box and cuboid in each step, its mask in turns."""
+"""Keypoints against the animal that they are of.
+
+Its box and cuboid in each step, its mask in turns.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -13,13 +16,17 @@ from animal3dbox.training.places import animal_findings
 LEAST_SEEN = 4
 """Marked keypoints without which nothing is said of an animal."""
 MIRRORED_PART, MIRRORED_LEAST = 0.3, 3
-"""How many more keypoints, as a part and at least, must lie in an animal's frame if mirrored: good ones with 10 % outliers reach 0.11."""
+"""How many more keypoints, as a part and at least, must lie in an animal's frame if mirrored.
+
+Good ones with 10 % outliers reach 0.11.
+"""
 ON_MASK_PART, ON_MASK_LEAST = 0.5, 4
 """The same on its mask: good ones, with those marked that something hides, reach 0.38."""
 NEAR_MASK = 0.02
 """Part of its box's longer side by which a keypoint on a mask may be off."""
 NEAR_FRAME, OFF_PART, OFF_LEAST = 0.1, 2 / 3, 6
-"""Keypoints are another animal's if more than this part, and at least so many, lie outside its frame grown by a tenth."""
+"""Keypoints are another animal's if more than this part, and at least so many, lie outside its
+frame grown by a tenth."""
 AXES = ("left to right", "top to bottom")
 REMEDY = "a transform must move keypoints with the picture, K and boxes"
 
@@ -32,30 +39,46 @@ def keypoint_findings(packed: Packed) -> Iterator[Finding]:
         return
     px, marked = packed.keypoints[..., :2], packed.keypoints[..., 2] > 0
     framed = _in_frames(packed, px, marked)
-    if (packed.step % 2 or packed.step == 0) and "masks" in packed.targets[0] and packed.image_hw is not None:
+    if (
+        (packed.step % 2 or packed.step == 0)
+        and "masks" in packed.targets[0]
+        and packed.image_hw is not None
+    ):
         n = packed.step // 2 % packed.count
         if n not in framed:
             framed |= _on_mask(packed, n, px[n, marked[n]])
     if framed:
         wrong = np.isin(np.arange(packed.count), list(framed))
-        yield from animal_findings(packed, wrong, "keypoints_on_animal", "keypoints", framed.__getitem__)
+        yield from animal_findings(
+            packed, wrong, "keypoints_on_animal", "keypoints", framed.__getitem__
+        )
 
 
 def _in_frames(packed: Packed, px: Floats, marked: NDArray[np.bool_]) -> dict[int, str]:
-    """What is wrong, by animal, with keypoints against the frame of its box and its projected cuboid together."""
+    """What is wrong, by animal, with keypoints against the frame of its box and its projected
+    cuboid together."""
     if packed.outline is None or packed.all_in_front is None:
         return {}
     boxes = packed.floats["boxes"]
-    low, high = np.minimum(boxes[:, :2], packed.outline[0]), np.maximum(boxes[:, 2:], packed.outline[1])
+    low, high = (
+        np.minimum(boxes[:, :2], packed.outline[0]),
+        np.maximum(boxes[:, 2:], packed.outline[1]),
+    )
     outside = (px < low[:, None]) | (px > high[:, None])
     off = ((outside[..., 0] | outside[..., 1]) & marked).sum(1)
     if off.max(initial=0) < MIRRORED_LEAST:
         return {}
     seen = marked.sum(1)
-    doubtful = (off >= np.maximum(MIRRORED_LEAST, MIRRORED_PART * seen)) & (seen >= LEAST_SEEN) & packed.all_in_front
+    doubtful = (
+        (off >= np.maximum(MIRRORED_LEAST, MIRRORED_PART * seen))
+        & (seen >= LEAST_SEEN)
+        & packed.all_in_front
+    )
     found = {}
     for n in np.flatnonzero(doubtful).tolist():
-        problem = _frame_problem(px[n, marked[n]], low[n], high[n], None if packed.frame is None else packed.frame[n])
+        problem = _frame_problem(
+            px[n, marked[n]], low[n], high[n], None if packed.frame is None else packed.frame[n]
+        )
         if problem is not None:
             found[n] = problem
     return found
@@ -65,20 +88,31 @@ def _frame_problem(points: Floats, low: Floats, high: Floats, frame: Floats | No
     def held(points: Floats, margin: float = 0.0) -> int:
         return int(((points >= low - margin) & (points <= high + margin)).all(1).sum())
 
-    mirrored = None if frame is None else _better_mirrored(points, frame, held, (MIRRORED_PART, MIRRORED_LEAST))
+    mirrored = (
+        None
+        if frame is None
+        else _better_mirrored(points, frame, held, (MIRRORED_PART, MIRRORED_LEAST))
+    )
     if mirrored is not None:
         return mirrored
     off = len(points) - held(points, NEAR_FRAME * float((high - low).max()))
     if off < max(OFF_LEAST, OFF_PART * len(points)):
         return None
-    return f"{off} of {len(points)} marked ones lie off their animal's box: are they another's, or of the picture before a crop? {REMEDY}"
+    return (
+        f"{off} of {len(points)} marked ones lie off their animal's box: are they another's, or of"
+        f" the picture before a crop? {REMEDY}"
+    )
 
 
 def _on_mask(packed: Packed, n: int, points: Floats) -> dict[int, str]:
     """What is wrong with the marked keypoints (K, 2) of animal n against its mask, by n."""
     target, frame = int(packed.owner[n]), packed.frame
     mask = as_numpy(packed.targets[target]["masks"][n - int(packed.first[target])])
-    if len(points) < LEAST_SEEN or frame is None or mask.shape != tuple(packed.image_hw[target] if packed.image_hw is not None else ()):
+    if (
+        len(points) < LEAST_SEEN
+        or frame is None
+        or mask.shape != tuple(packed.image_hw[target] if packed.image_hw is not None else ())
+    ):
         return {}
     columns, rows = (points + 0.5).astype(np.intp).T
     on = np.count_nonzero(mask.take(rows * mask.shape[1] + columns, mode="clip"))
@@ -89,15 +123,20 @@ def _on_mask(packed: Packed, n: int, points: Floats) -> dict[int, str]:
     last = np.array(mask.shape[::-1])[:, None] - 1
 
     def held(points: Floats) -> int:
-        columns, rows = np.clip(np.rint(points[..., None] + near), 0, last).astype(np.intp).swapaxes(0, 1)
+        columns, rows = (
+            np.clip(np.rint(points[..., None] + near), 0, last).astype(np.intp).swapaxes(0, 1)
+        )
         return int(mask[rows[:, :, None], columns[:, None]].any((1, 2)).sum())
 
     problem = _better_mirrored(points, frame[n], held, (ON_MASK_PART, ON_MASK_LEAST))
     return {} if problem is None else {n: problem}
 
 
-def _better_mirrored(points: Floats, frame: Floats, held: Count, more: tuple[float, int]) -> str | None:
-    """What is wrong if many more of some keypoints (K, 2) lie on their animal after a mirror of the image."""
+def _better_mirrored(
+    points: Floats, frame: Floats, held: Count, more: tuple[float, int]
+) -> str | None:
+    """What is wrong if many more of some keypoints (K, 2) lie on their animal after a mirror of the
+    image."""
     asked = max(more[0] * len(points), more[1])
     here = held(points)
     if len(points) - here < asked:
@@ -107,5 +146,8 @@ def _better_mirrored(points: Floats, frame: Floats, held: Count, more: tuple[flo
         there[:, axis] = frame[axis] - 0.5 - there[:, axis]
         found = held(there)
         if found - here >= asked:
-            return f"{here} of {len(points)} marked ones lie on their animal, but {found} if mirrored {name}: {REMEDY}"
+            return (
+                f"{here} of {len(points)} marked ones lie on their animal, but {found} if mirrored"
+                f" {name}: {REMEDY}"
+            )
     return None

@@ -1,4 +1,5 @@
-"""The targets of a batch as a few NumPy arrays, so that each check is a handful of calls for all animals at once."""
+"""The targets of a batch as a few NumPy arrays, so that each check is a handful of calls for all
+animals at once."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -22,7 +23,11 @@ FLOATS: dict[str, tuple[int, ...]] = {
     "face_share_in_image": (6,), "surface_share": (6,), "truncation": (), "boxes": (4,), "R": (3, 3), "t": (3,),
 }  # fmt: skip
 """Floating-point fields with one entry an animal: the shape of an entry."""
-FLAGS: dict[str, tuple[int, ...]] = {"corner_in_front": (8,), "face_visible": (6,), "behind_camera": ()}
+FLAGS: dict[str, tuple[int, ...]] = {
+    "corner_in_front": (8,),
+    "face_visible": (6,),
+    "behind_camera": (),
+}
 WHOLE: dict[str, tuple[int, ...]] = {"labels": ()}
 PER_IMAGE: dict[str, tuple[int, ...]] = {"K": (3, 3), "H_out_in": (3, 3)}
 SHARED: dict[str, tuple[int, ...]] = {"R": (3, 3), "t": (3,)}
@@ -56,7 +61,8 @@ class Packed:
         floats: field -> (N, ...) float64, views of block.
         others: field -> (N, ...) flags and whole numbers.
         per_image: field -> (B, ...) float64.
-        keypoints: (N, J, 3) float64, filled up with absent ones where targets have fewer; None if there are none.
+        keypoints: (N, J, 3) float64, filled up with absent ones where targets have fewer; None if
+            there are none.
         owner: (N,) which of targets an animal belongs to.
         first: (B,) the first animal of each target.
         image_hw: (B, 2) height and width; None if it is not known.
@@ -88,7 +94,9 @@ class Packed:
     @cached_property
     def frame(self) -> Floats | None:
         """The last pixel's far corner x, y of each animal's image, (N, 2): W - 0.5, H - 0.5."""
-        return None if self.image_hw is None else np.asarray(self.image_hw[self.owner][:, ::-1] - 0.5)
+        return (
+            None if self.image_hw is None else np.asarray(self.image_hw[self.owner][:, ::-1] - 0.5)
+        )
 
     @cached_property
     def has_box(self) -> bool:
@@ -98,7 +106,11 @@ class Packed:
     @cached_property
     def all_in_front(self) -> NDArray[np.bool_] | None:
         """Whether every corner of a box is said to be in front of the camera, (N,)."""
-        return np.asarray(self.others["corner_in_front"].all(1)) if "corner_in_front" in self.others else None
+        return (
+            np.asarray(self.others["corner_in_front"].all(1))
+            if "corner_in_front" in self.others
+            else None
+        )
 
     @cached_property
     def outline(self) -> tuple[Floats, Floats] | None:
@@ -108,16 +120,27 @@ class Packed:
 
     @cached_property
     def quad_areas(self) -> Floats | None:
-        """Areas (N, 6) of the faces between corners_2d, px^2: half the cross product of the diagonals; right for boxes in front."""
+        """Areas (N, 6) of the faces between corners_2d, px^2.
+
+        Half the cross product of the diagonals; right for boxes in front.
+        """
         if "corners_2d" not in self.floats:
             return None
         ends = self.floats["corners_2d"][:, DIAGONALS]  # (N, 6, 4, 2)
         across = ends[:, :, :2] - ends[:, :, 2:]
-        return np.asarray(0.5 * np.abs(across[:, :, 0, 0] * across[:, :, 1, 1] - across[:, :, 0, 1] * across[:, :, 1, 0]))
+        return np.asarray(
+            0.5
+            * np.abs(
+                across[:, :, 0, 0] * across[:, :, 1, 1] - across[:, :, 0, 1] * across[:, :, 1, 0]
+            )
+        )
 
     @cached_property
     def reach(self) -> Floats:
-        """Largest coordinate of each box and its diagonal together, (N,): what float32 rounds by is a part of it."""
+        """Largest coordinate of each box and its diagonal together, (N,).
+
+        What float32 rounds by is a part of it.
+        """
         if "corners_3d" in self.floats:
             return np.asarray(np.abs(self.floats["corners_3d"]).max((1, 2)))
         return np.asarray(np.abs(self.floats["center"]).max(1) + self.diagonal)
@@ -140,8 +163,15 @@ def groups_of(targets: Sequence[Target]) -> list[list[int]]:
     return list(groups.values())
 
 
-def pack(targets: Sequence[Target], index: Sequence[int], image_hw: Sequence[tuple[int, int]] | None, step: int) -> Packed | None:
-    """The fields of targets with the same fields; None if their types, shapes or counts do not fit together.
+def pack(
+    targets: Sequence[Target],
+    index: Sequence[int],
+    image_hw: Sequence[tuple[int, int]] | None,
+    step: int,
+) -> Packed | None:
+    """The fields of targets with the same fields.
+
+    None if their types, shapes or counts do not fit together.
 
     Args:
         targets: at least one.
@@ -152,27 +182,50 @@ def pack(targets: Sequence[Target], index: Sequence[int], image_hw: Sequence[tup
     """
     names = [name for name in targets[0] if name in KNOWN and name not in ("masks", "quality")]
     try:
-        per_image = {name for name in names if name in PER_IMAGE or (name in SHARED and targets[0][name].ndim == len(SHARED[name]))}
+        per_image = {
+            name
+            for name in names
+            if name in PER_IMAGE or (name in SHARED and targets[0][name].ndim == len(SHARED[name]))
+        }
         columns = {
-            name: joined_keypoints([target[name] for target in targets])
-            if name == "keypoints"
-            else joined([target[name] for target in targets], stacked=name in per_image)
+            name: (
+                joined_keypoints([target[name] for target in targets])
+                if name == "keypoints"
+                else joined([target[name] for target in targets], stacked=name in per_image)
+            )
             for name in names
         }
-        counting = next((name for name in (*names, "masks") if name in targets[0] and name not in per_image), None)
+        counting = next(
+            (name for name in (*names, "masks") if name in targets[0] and name not in per_image),
+            None,
+        )
         counts = [0 if counting is None else target[counting].shape[0] for target in targets]
     except (RuntimeError, TypeError, ValueError, AttributeError, KeyError, IndexError):
         return None  # form_findings says which of them is wrong
     total = sum(counts)
-    if not all(_fits(name, column, len(targets) if name in per_image else total) for name, column in columns.items()):
+    if not all(
+        _fits(name, column, len(targets) if name in per_image else total)
+        for name, column in columns.items()
+    ):
         return None
-    block, floats = _as_float64({name: column for name, column in columns.items() if name in FLOATS and name not in per_image}, total)
+    block, floats = _as_float64(
+        {
+            name: column
+            for name, column in columns.items()
+            if name in FLOATS and name not in per_image
+        },
+        total,
+    )
     return Packed(
         targets,
         index,
         block,
         floats,
-        {name: _values(columns[name]).astype(FLAGGED[name], copy=False) for name in FLAGGED if name in columns},
+        {
+            name: _values(columns[name]).astype(FLAGGED[name], copy=False)
+            for name in FLAGGED
+            if name in columns
+        },
         {name: _values(columns[name].double()) for name in names if name in per_image},
         _values(columns["keypoints"].double()) if "keypoints" in columns else None,
         np.repeat(np.arange(len(targets)), counts),
@@ -183,14 +236,20 @@ def pack(targets: Sequence[Target], index: Sequence[int], image_hw: Sequence[tup
 
 
 def joined_keypoints(values: list[Any]) -> Tensor:
-    """Keypoints (N, J, 3) of all targets, with absent ones up to the greatest J: animals of one batch may have other vocabularies."""
+    """Keypoints (N, J, 3) of all targets, with absent ones up to the greatest J.
+
+    Animals of one batch may have other vocabularies.
+    """
     try:
         return joined(values, stacked=False)
     except RuntimeError:  # first: to ask each tensor for its shape costs more than to join them
         if not isinstance(values[0], Tensor):
             values = [torch.as_tensor(value) for value in values]
         most = max(value.shape[1] for value in values)
-        return joined([torch.nn.functional.pad(value, (0, 0, 0, most - value.shape[1])) for value in values], stacked=False)
+        return joined(
+            [torch.nn.functional.pad(value, (0, 0, 0, most - value.shape[1])) for value in values],
+            stacked=False,
+        )
 
 
 def joined(values: list[Any], *, stacked: bool) -> Tensor:
@@ -202,14 +261,21 @@ def joined(values: list[Any], *, stacked: bool) -> Tensor:
 
 def _values(column: Tensor) -> NDArray[Any]:
     """The column's numbers on the host; as_numpy without its detours for tensors that need none."""
-    return as_numpy(column) if column.requires_grad or column.device.type != "cpu" else column.numpy()
+    return (
+        as_numpy(column) if column.requires_grad or column.device.type != "cpu" else column.numpy()
+    )
 
 
 def _fits(name: str, column: Tensor, entries: int) -> bool:
     """Whether a field has so many entries, and each the right shape and type."""
     size = column.shape
     if name in FREE:
-        return size[0] == entries and len(size) == 1 + FREE[name] and size[-1] == 3 and column.dtype in FLOATING
+        return (
+            size[0] == entries
+            and len(size) == 1 + FREE[name]
+            and size[-1] == 3
+            and column.dtype in FLOATING
+        )
     shape, kinds = FORMS[name]
     return size == (entries, *shape) and column.dtype in kinds
 
@@ -220,7 +286,12 @@ def _as_float64(columns: dict[str, Tensor], count: int) -> tuple[Floats, dict[st
         return np.zeros((count, 0)), {}
     widths = [math.prod(FLOATS[name]) for name in columns]
     block = np.concatenate(
-        [_values(column).reshape(count, width) for column, width in zip(columns.values(), widths, strict=True)], 1, dtype=np.float64
+        [
+            _values(column).reshape(count, width)
+            for column, width in zip(columns.values(), widths, strict=True)
+        ],
+        1,
+        dtype=np.float64,
     )
     found, end = {}, 0
     for name, width in zip(columns, widths, strict=True):

@@ -12,14 +12,18 @@ Flags = NDArray[np.bool_] | np.bool_
 """What NumPy calls the result of comparing arrays."""
 
 
-def animal_findings(packed: Packed, wrong: Flags, check: str, field: str, problem: Callable[[int], str]) -> Iterator[Finding]:
+def animal_findings(
+    packed: Packed, wrong: Flags, check: str, field: str, problem: Callable[[int], str]
+) -> Iterator[Finding]:
     """A finding for each animal (N,) that is wrong; problem describes the n-th."""
     for n in np.flatnonzero(wrong).tolist():
         target = int(packed.owner[n])
         yield Finding(check, packed.index[target], n - int(packed.first[target]), field, problem(n))
 
 
-def image_findings(packed: Packed, wrong: Flags, check: str, field: str, problem: Callable[[int], str]) -> Iterator[Finding]:
+def image_findings(
+    packed: Packed, wrong: Flags, check: str, field: str, problem: Callable[[int], str]
+) -> Iterator[Finding]:
     """A finding for each target (B,) that is wrong; problem describes the b-th."""
     for b in np.flatnonzero(wrong).tolist():
         yield Finding(check, packed.index[b], None, field, problem(b))

@@ -11,22 +11,35 @@ from animal3dbox.errors import ConfigError
 class EpochSampler(Sampler[tuple[int, int]]):
     """The order of an epoch as pairs (epoch, index), which LabelDataset takes as they are.
 
-    The epoch travels with the index, so that persistent workers need no other way to learn of it. Order and pairs are a function of
-    (seed, epoch, rank, world_size) alone.
+    The epoch travels with the index, so that persistent workers need no other way to learn of it.
+    Order and pairs are a function of (seed, epoch, rank, world_size) alone.
 
     Args:
-        dataset: anything with a length; what it is loaded from must take (epoch, index), as LabelDataset does and torch's Subset does not.
+        dataset: anything with a length; what it is loaded from must take (epoch, index), as
+            LabelDataset does and torch's Subset does not.
         shuffle: whether an epoch is shuffled.
         seed: of the shuffling.
         rank: of this process among world_size; each takes its own part.
         world_size: processes that train together.
-        drop_last: leave out the samples that do not divide among the processes; else the first are taken twice.
+        drop_last: leave out the samples that do not divide among the processes; else the first are
+            taken twice.
 
     """
 
-    def __init__(self, dataset: Sized, *, shuffle: bool = True, seed: int = 0, rank: int = 0, world_size: int = 1, drop_last: bool = False) -> None:
+    def __init__(
+        self,
+        dataset: Sized,
+        *,
+        shuffle: bool = True,
+        seed: int = 0,
+        rank: int = 0,
+        world_size: int = 1,
+        drop_last: bool = False,
+    ) -> None:
         if world_size < 1 or not 0 <= rank < world_size:
-            raise ConfigError(f"rank must lie in 0 to world_size - 1, got rank {rank} of {world_size}")
+            raise ConfigError(
+                f"rank must lie in 0 to world_size - 1, got rank {rank} of {world_size}"
+            )
         if seed < 0:
             raise ConfigError(f"seed must not be negative, got {seed}")
         self.size, self.shuffle, self.seed = len(dataset), shuffle, seed
@@ -38,15 +51,19 @@ class EpochSampler(Sampler[tuple[int, int]]):
 
         Args:
             epoch: its number, from 0.
-            start: samples of this process that have been trained on already, as after a crash: batches done x batch size. Count the
-                batches that the training loop has finished, not those that workers have loaded ahead.
+            start: samples of this process that have been trained on already, as after a crash:
+                batches done x batch size. Count the batches that the training loop has finished,
+                not those that workers have loaded ahead.
 
         Raises:
             ConfigError: out of range.
 
         """
         if epoch < 0 or not 0 <= start <= self.samples:
-            raise ConfigError(f"epoch must not be negative and start lie in 0 to {self.samples}, got epoch {epoch}, start {start}")
+            raise ConfigError(
+                f"epoch must not be negative and start lie in 0 to {self.samples}, got epoch"
+                f" {epoch}, start {start}"
+            )
         self.epoch, self.start = epoch, start
 
     @property
@@ -59,7 +76,11 @@ class EpochSampler(Sampler[tuple[int, int]]):
         return self.samples - self.start
 
     def __iter__(self) -> Iterator[tuple[int, int]]:
-        order = np.random.default_rng([self.seed, self.epoch]).permutation(self.size) if self.shuffle else np.arange(self.size)
+        order = (
+            np.random.default_rng([self.seed, self.epoch]).permutation(self.size)
+            if self.shuffle
+            else np.arange(self.size)
+        )
         whole = np.resize(order, self.samples * self.world_size) if self.size else order
         for index in whole[self.rank :: self.world_size][self.start :].tolist():
             yield self.epoch, index

@@ -1,4 +1,7 @@
-"""A mesh file as a body source: any topology, frame and unit, with its landmarks in a JSON file beside it."""
+"""A mesh file as a body source.
+
+Any topology, frame and unit, with its landmarks in a JSON file beside it.
+"""
 
 import difflib
 from collections.abc import Mapping
@@ -61,13 +64,18 @@ class MeshBody:
 
     def body(self, record: AnimalRecord) -> Body:
         """The mesh with the record's landmarks."""
-        return Body(self.vertices, self.faces, keypoints_of(self.points, record.vocabulary), None, None)
+        return Body(
+            self.vertices, self.faces, keypoints_of(self.points, record.vocabulary), None, None
+        )
 
 
 def keypoints_of(points: Mapping[str, Tensor], vocabulary: Vocabulary) -> Tensor:
-    """A vocabulary's keypoints (J, 3) on a mesh whose landmarks or keypoints have these places (3,); NaN for those it has not."""
+    """A vocabulary's keypoints (J, 3) on a mesh whose landmarks or keypoints have these places
+    (3,); NaN for those it has not."""
     rows = torch.full((len(vocabulary), 3), torch.nan, dtype=torch.float64)
-    for row, (keypoint, names) in enumerate(zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)):
+    for row, (keypoint, names) in enumerate(
+        zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)
+    ):
         found = next((points[name] for name in (keypoint, *names) if name in points), None)
         if found is not None:
             rows[row] = found
@@ -79,8 +87,8 @@ def load_mesh_body(mesh: Path, landmarks: Path) -> MeshBody:
 
     Args:
         mesh: .obj, .ply, .stl or .off; any frame, any unit.
-        landmarks: JSON, landmark or keypoint name -> a list of vertex ids (whole numbers), or {"point": [x, y, z]} in the
-            mesh's frame.
+        landmarks: JSON, landmark or keypoint name -> a list of vertex ids (whole numbers), or
+            {"point": [x, y, z]} in the mesh's frame.
 
     Raises:
         DatasetNotFoundError: no such file.
@@ -88,21 +96,33 @@ def load_mesh_body(mesh: Path, landmarks: Path) -> MeshBody:
 
     """
     if mesh.suffix.lower() not in MESH_SUFFIXES:
-        raise ConfigError(f"{mesh} must be a mesh file ({', '.join(MESH_SUFFIXES)}) or a preset ({', '.join(quadruped_names().presets)})")
+        raise ConfigError(
+            f"{mesh} must be a mesh file ({', '.join(MESH_SUFFIXES)}) or a preset"
+            f" ({', '.join(quadruped_names().presets)})"
+        )
     if not mesh.is_file():
         raise DatasetNotFoundError(f"there is no file {mesh}")
     vertices, faces = read_mesh(mesh)
-    points = {name: _place(name, place, vertices, landmarks) for name, place in read_landmarks(landmarks).items()}
+    points = {
+        name: _place(name, place, vertices, landmarks)
+        for name, place in read_landmarks(landmarks).items()
+    }
     return MeshBody(mesh, torch.from_numpy(vertices), torch.from_numpy(faces), points)
 
 
 def read_landmarks(path: Path) -> dict[str, Place]:
-    """A landmarks file: landmark or keypoint name -> where it is on the mesh; raises DatasetFormatError for a name that is neither."""
+    """A landmarks file: landmark or keypoint name -> where it is on the mesh.
+
+    Raises DatasetFormatError for a name that is neither.
+    """
     places: dict[str, Place] = decode_json(path, dict[str, Place])
     for name in places:
         if name not in (known := _landmark_names()):
             near = difflib.get_close_matches(name, known, n=3, cutoff=0.0)
-            raise DatasetFormatError(f"{path}: {name!r} is no landmark or keypoint; the nearest names are {', '.join(near)}")
+            raise DatasetFormatError(
+                f"{path}: {name!r} is no landmark or keypoint; the nearest names are"
+                f" {', '.join(near)}"
+            )
     return places
 
 
@@ -120,8 +140,12 @@ def _place(name: str, place: Place, vertices: np.ndarray, path: Path) -> Tensor:
     if isinstance(place, dict):
         point = place.get("point")
         if point is None or len(point) != 3:
-            raise DatasetFormatError(f'{path}: {name} must be {{"point": [x, y, z]}} or a list of vertex ids')
+            raise DatasetFormatError(
+                f'{path}: {name} must be {{"point": [x, y, z]}} or a list of vertex ids'
+            )
         return torch.tensor(point, dtype=torch.float64)
     if not place or min(place) < 0 or max(place) >= len(vertices):
-        raise DatasetFormatError(f"{path}: {name} must be vertex ids from 0 to {len(vertices) - 1}, got {place}")
+        raise DatasetFormatError(
+            f"{path}: {name} must be vertex ids from 0 to {len(vertices) - 1}, got {place}"
+        )
     return torch.from_numpy(vertices[place].mean(0))

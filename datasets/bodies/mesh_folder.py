@@ -15,11 +15,18 @@ from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.storage.packed import PackedMapping
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
-from animal3dbox.smal.keypoints.smal_landmarks import SMAL_EXTRA_LANDMARKS, SMAL_LANDMARKS, SMAL_VERTICES
+from animal3dbox.smal.keypoints.smal_landmarks import (
+    SMAL_EXTRA_LANDMARKS,
+    SMAL_LANDMARKS,
+    SMAL_VERTICES,
+)
 from animal3dbox.smal.model import SmalModel
 
 CACHED = 32
-"""So many meshes are kept in a process: the animals of one mesh follow each other at most by cameras."""
+"""So many meshes are kept in a process.
+
+The animals of one mesh follow each other at most by cameras.
+"""
 
 MeshArrays = tuple[Tensor, Tensor, dict[str, Tensor]]
 
@@ -38,7 +45,8 @@ class MeshFolderBodies:
     Attributes:
         folder: where it came from.
         meshes: sample id -> the mesh's file.
-        landmarks: landmark or keypoint name -> vertex ids, of all meshes; empty if they bring their own or a model has them.
+        landmarks: landmark or keypoint name -> vertex ids, of all meshes; empty if they bring their
+            own or a model has them.
         model: what all meshes correspond to vertex by vertex; None if nothing.
     """
 
@@ -55,7 +63,9 @@ class MeshFolderBodies:
     @property
     def fingerprint(self) -> bytes:
         """Of the landmarks and the model."""
-        return digest(content_digest(self.landmarks), b"" if self.model is None else model_digest(self.model))
+        return digest(
+            content_digest(self.landmarks), b"" if self.model is None else model_digest(self.model)
+        )
 
     def packed(self) -> "MeshFolderBodies":
         """The same with its paths in a few tensors, for workers (packed.py)."""
@@ -101,8 +111,13 @@ class MeshFolderBodies:
             )  # fmt: skip
         return Body(vertices, faces, landmarks, None, self.model)
 
-    def _keypoints(self, record: AnimalRecord, vertices: Tensor, points: dict[str, Tensor], path: Path) -> Tensor:
-        """The record's keypoints (J, 3): of the mesh's own points, else landmarks.json, else the model, else SMAL's public topology."""
+    def _keypoints(
+        self, record: AnimalRecord, vertices: Tensor, points: dict[str, Tensor], path: Path
+    ) -> Tensor:
+        """The record's keypoints (J, 3).
+
+        Of the mesh's own points, else landmarks.json, else the model, else SMAL's public topology.
+        """
         if points:
             return keypoints_of(points, record.vocabulary)
         if self.landmarks:
@@ -120,14 +135,24 @@ class MeshFolderBodies:
         for name, ids in self.landmarks.items():
             if not isinstance(ids, list) or not ids or min(ids) < 0 or max(ids) >= len(vertices):
                 raise SampleError(
-                    sample_id, "landmarks", f"landmarks.json: {name} must be vertex ids from 0 to {len(vertices) - 1} of {path.name}, got {ids}"
+                    sample_id,
+                    "landmarks",
+                    f"landmarks.json: {name} must be vertex ids from 0 to {len(vertices) - 1} of"
+                    f" {path.name}, got {ids}",
                 )
             found[name] = vertices[ids].mean(0)
         return found
 
-    def _check_model(self, model: SmalModel, vertices: Tensor, faces: Tensor, sample_id: str, path: Path) -> None:
-        """Raise unless a mesh has the model's vertices in the model's order, as far as its triangles tell."""
-        if len(vertices) != model.vertex_count or faces.shape != model.faces.shape or not bool((faces == model.faces).all()):
+    def _check_model(
+        self, model: SmalModel, vertices: Tensor, faces: Tensor, sample_id: str, path: Path
+    ) -> None:
+        """Raise unless a mesh has the model's vertices in the model's order, as far as its
+        triangles tell."""
+        if (
+            len(vertices) != model.vertex_count
+            or faces.shape != model.faces.shape
+            or not bool((faces == model.faces).all())
+        ):
             raise SampleError(
                 sample_id, "mesh", f"{path.name} has {len(vertices)} vertices and {len(faces)} faces that are not those of --model "
                 f"({model.vertex_count} and {len(model.faces)}): leave --model out and give landmarks.json"
@@ -136,9 +161,16 @@ class MeshFolderBodies:
 
 @lru_cache(maxsize=CACHED)
 def _read(path: Path, changed_ns: int, size: int) -> MeshArrays:
-    """Vertices (V, 3), faces (F, 3) and the file's own landmarks (3,); a file that has changed since is another."""
+    """Vertices (V, 3), faces (F, 3) and the file's own landmarks (3,).
+
+    A file that has changed since is another.
+    """
     if path.suffix.lower() == ".npz":
         vertices, faces, places = read_npz(path)
     else:
         (vertices, faces), places = read_mesh(path), {}
-    return torch.from_numpy(vertices), torch.from_numpy(faces), {name: torch.from_numpy(point) for name, point in places.items()}
+    return (
+        torch.from_numpy(vertices),
+        torch.from_numpy(faces),
+        {name: torch.from_numpy(point) for name, point in places.items()},
+    )

@@ -19,7 +19,10 @@ def bodies_for(read: Source, own: BodySource | None) -> BodySource:
 
     """
     if own is not None and any(record.pose is not None for record in read.records.records):
-        raise ConfigError(f"{own.name} cannot be the body of all animals: this dataset's cameras are known only to its own meshes; leave it out")
+        raise ConfigError(
+            f"{own.name} cannot be the body of all animals: this dataset's cameras are known only"
+            " to its own meshes; leave it out"
+        )
     return own or read.bodies or body_source(DEFAULT_BODY)
 
 
@@ -35,5 +38,8 @@ def body_source(body: str, landmarks: Path | None = None) -> BodySource:
     if Path(body).suffix.lower() in (".pkl", ".safetensors"):
         return ModelBody(load_model(Path(body)), f"model:{Path(body).name}")
     if "." in body or "/" in body:
-        raise ConfigError(f"--body {body} is a file: give --landmarks too, or there is no telling its nose from its tail")
+        raise ConfigError(
+            f"--body {body} is a file: give --landmarks too, or there is no telling its nose from"
+            " its tail"
+        )
     return preset_body(body)

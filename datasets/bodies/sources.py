@@ -1,7 +1,8 @@
 """Where the bodies come from that labels are made of.
 
-A source gives, for each animal, vertices and landmarks in one frame of its own: the embedded quadruped, the same for
-every animal; each animal's own SMAL parameters; a mesh file (mesh_bodies.py). Fits are sources of the same form.
+A source gives, for each animal, vertices and landmarks in one frame of its own: the embedded
+quadruped, the same for every animal; each animal's own SMAL parameters; a mesh file
+(mesh_bodies.py). Fits are sources of the same form.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +24,10 @@ from animal3dbox.smal.quadruped.poses import POSES, named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
 
 BREED = 0.02
-"""Difference between one animal of a species and its preset, in body lengths: dogs differ by more, but not in all at once."""
+"""Difference between one animal of a species and its preset, in body lengths.
+
+Dogs differ by more, but not in all at once.
+"""
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,8 @@ class Body:
         vertices: (V, 3).
         faces: (F, 3) int64.
         landmarks: (J, 3) the record's keypoints on the body; NaN for those it does not have.
-        landmark_sigma: (J,) how far each may be from where the body has it, in the body's unit; None for a body in the
-            animal's own pose.
+        landmark_sigma: (J,) how far each may be from where the body has it, in the body's unit;
+            None for a body in the animal's own pose.
         template: what the vertices correspond to, or None.
     """
 
@@ -65,7 +69,10 @@ class BodySource(Protocol):
         ...
 
     def content(self, sample_id: str) -> bytes:
-        """Names the content that this animal's body alone depends on; empty if there is none. Raises SampleError if it has no body."""
+        """Names the content that this animal's body alone depends on; empty if there is none.
+
+        Raises SampleError if it has no body.
+        """
         ...
 
     def body(self, record: AnimalRecord) -> Body:
@@ -89,7 +96,10 @@ class ModelBody:
 
     def __post_init__(self) -> None:
         if not self.model.landmarks:
-            raise ConfigError(f"{self.name} has no landmarks, so no keypoint has a place on it: give them to load_model and convert it again")
+            raise ConfigError(
+                f"{self.name} has no landmarks, so no keypoint has a place on it: give them to"
+                " load_model and convert it again"
+            )
 
     @property
     def fingerprint(self) -> bytes:
@@ -106,15 +116,27 @@ class ModelBody:
         return b""
 
     def body(self, record: AnimalRecord) -> Body:
-        """The body with the record's landmarks; how far they may stray only if its joints are SMAL's."""
+        """The body with the record's landmarks.
+
+        How far they may stray only if its joints are SMAL's.
+        """
         vertices, words = standing_vertices(self.model, self.betas), record.vocabulary
         known = self.model.joint_names == load_quadruped().joint_names
         sigma = model_mobility(self.model, self.betas, words) if known else None
-        return Body(vertices, self.model.faces, self.model.read_keypoints(words, vertices), sigma, self.model)
+        return Body(
+            vertices,
+            self.model.faces,
+            self.model.read_keypoints(words, vertices),
+            sigma,
+            self.model,
+        )
 
 
 def preset_body(preset: str) -> ModelBody:
-    """The embedded quadruped in a preset's shape; raises ConfigError, naming the presets, if there is none of that name."""
+    """The embedded quadruped in a preset's shape.
+
+    Raises ConfigError, naming the presets, if there is none of that name.
+    """
     return ModelBody(load_quadruped(), f"quadruped:{preset}", tuple(preset_betas(preset).tolist()))
 
 
@@ -134,7 +156,8 @@ def standing_vertices(model: SmalModel, betas: tuple[float, ...]) -> Tensor:
 def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocabulary) -> Tensor:
     """How far each landmark (J,) strays from where the standing body has it, seen from the trunk, over the named poses.
 
-    The root mean square along one axis, in the body's unit, and on top BREED for what one shape misses of a species.
+    The root mean square along one axis, in the body's unit, and on top BREED for what one shape
+    misses of a species.
 
     Args:
         model: of the quadruped's joints, in its order.
@@ -144,12 +167,16 @@ def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocab
     """
     shape, standing = torch.tensor(betas, dtype=torch.float64), standing_vertices(model, betas)
     poses = torch.stack([named_pose(pose) for pose in POSES])
-    body = model.posed(shape.expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=torch.float64))
+    body = model.posed(
+        shape.expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=torch.float64)
+    )
     torso = model.torso_vertices
     strays = []
     for vertices, R_trunk in zip(body.vertices, trunk_rotation(body.R_world_joint), strict=True):
         upright = (vertices - vertices[torso].mean(0)) @ R_trunk + standing[torso].mean(0)
-        strays.append(model.read_keypoints(vocabulary, upright) - model.read_keypoints(vocabulary, standing))
+        strays.append(
+            model.read_keypoints(vocabulary, upright) - model.read_keypoints(vocabulary, standing)
+        )
     mean_square = torch.stack(strays).pow(2).mean((0, 2))
     breed = BREED * torso_length(model) / torso_length(load_quadruped())
     return (mean_square.nan_to_num() + breed**2).sqrt()
@@ -168,8 +195,9 @@ class ParametersBody:
     Attributes:
         model: what the parameters were fitted with.
         parameters: sample id -> the animal's parameters.
-        vertices_in: the type in which vertices are computed before they are placed, see posed_bodies; float32 moves the sides of
-            boxes by less than a millionth of their diagonal.
+        vertices_in: the type in which vertices are computed before they are placed, see
+            posed_bodies; float32 moves the sides of boxes by less than a millionth of their
+            diagonal.
     """
 
     model: SmalModel
@@ -178,7 +206,9 @@ class ParametersBody:
 
     def __post_init__(self) -> None:
         if self.vertices_in not in (torch.float32, torch.float64):
-            raise ConfigError(f"vertices_in must be torch.float32 or torch.float64, got {self.vertices_in}")
+            raise ConfigError(
+                f"vertices_in must be torch.float32 or torch.float64, got {self.vertices_in}"
+            )
 
     @property
     def name(self) -> str:
@@ -213,27 +243,46 @@ class ParametersBody:
         return self.bodies([record])[0]
 
     def bodies(self, records: Sequence[AnimalRecord]) -> list[Body]:
-        """The posed bodies of several records at once, which costs less; raises SampleError of the first that has none."""
+        """The posed bodies of several records at once, which costs less.
+
+        Raises SampleError of the first that has none.
+        """
         for record in records:
             if record.sample_id not in self.parameters:
                 raise SampleError(record.sample_id, "parameters", "there are none for this sample")
         if not records:
             return []
         try:
-            posed = posed_bodies(self.model, [self.parameters[record.sample_id] for record in records], self.vertices_in)
+            posed = posed_bodies(
+                self.model,
+                [self.parameters[record.sample_id] for record in records],
+                self.vertices_in,
+            )
         except ShapeError as error:
             if len(records) == 1:
                 raise SampleError(records[0].sample_id, "parameters", str(error)) from error
             return [self.body(record) for record in records]  # tells which
-        read = {words: self.model.read_keypoints(words, posed.vertices.numpy()) for words in {record.vocabulary for record in records}}
+        read = {
+            words: self.model.read_keypoints(words, posed.vertices.numpy())
+            for words in {record.vocabulary for record in records}
+        }
         return [
-            Body(vertices, self.model.faces, torch.from_numpy(read[record.vocabulary][i]), None, self.model)
+            Body(
+                vertices,
+                self.model.faces,
+                torch.from_numpy(read[record.vocabulary][i]),
+                None,
+                self.model,
+            )
             for i, (record, vertices) in enumerate(zip(records, posed.vertices, strict=True))
         ]
 
 
 def many_bodies(source: BodySource, records: Sequence[AnimalRecord]) -> list[Body]:
-    """The bodies of several records, posed together if the source can; raises SampleError of the first that has none."""
+    """The bodies of several records, posed together if the source can.
+
+    Raises SampleError of the first that has none.
+    """
     if isinstance(source, ParametersBody) and type(source).body is ParametersBody.body:
         return source.bodies(records)
     return [source.body(record) for record in records]

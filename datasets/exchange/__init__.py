@@ -1,1 +1,4 @@
-"""Other people's formats for cuboids: read and written over one statement of what each format means."""
+"""Other people's formats for cuboids.
+
+Read and written over one statement of what each format means.
+"""

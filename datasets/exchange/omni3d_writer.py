@@ -1,4 +1,5 @@
-"""Cuboids written as Omni3D's JSON, with the category files and dimension statistics that its trainers want beside it."""
+"""Cuboids written as Omni3D's JSON, with the category files and dimension statistics that its
+trainers want beside it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,9 +7,23 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from animal3dbox.datasets.exchange.export import SUPERCATEGORY, Exported, checked_units, heading_note, images_with_boxes
+from animal3dbox.datasets.exchange.export import (
+    SUPERCATEGORY,
+    Exported,
+    checked_units,
+    heading_note,
+    images_with_boxes,
+)
 from animal3dbox.datasets.readers.cuboids.conventions import OMNI3D, Floats
-from animal3dbox.datasets.readers.cuboids.omni3d_schema import GENERATOR, Key, Omni3DAnnotation, Omni3DCategory, Omni3DFile, Omni3DImage, Omni3DInfo
+from animal3dbox.datasets.readers.cuboids.omni3d_schema import (
+    GENERATOR,
+    Key,
+    Omni3DAnnotation,
+    Omni3DCategory,
+    Omni3DFile,
+    Omni3DImage,
+    Omni3DInfo,
+)
 from animal3dbox.datasets.readers.cuboids.visible_boxes import seen_boxes, stated_truncation
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.files import write_whole
@@ -17,19 +32,27 @@ UNKNOWN_BOX = [-1.0, -1.0, -1.0, -1.0]
 
 
 def write_omni3d(
-    cuboids: CuboidSet, path: Path, *, scale_free: bool = False, split: str = "train", dataset_id: int = 0, first_category_id: int = 0
+    cuboids: CuboidSet,
+    path: Path,
+    *,
+    scale_free: bool = False,
+    split: str = "train",
+    dataset_id: int = 0,
+    first_category_id: int = 0,
 ) -> Exported:
     """Write cuboids as X.json, X_category_meta.json and X_stats.json.
 
-    Category names are in lower case, as the trainer's priors look them up; ids follow their alphabet. What is not known is -1,
-    never 0, for which the trainer ignores a box.
+    Category names are in lower case, as the trainer's priors look them up; ids follow their
+    alphabet. What is not known is -1, never 0, for which the trainer ignores a box.
 
     Args:
         cuboids: boxes in metres.
         path: the JSON file; one that is there is replaced.
-        scale_free: write boxes of unknown scale as they are; info.units and each annotation's metric then say so.
+        scale_free: write boxes of unknown scale as they are; info.units and each annotation's
+            metric then say so.
         split: info.split.
-        dataset_id: info.id, which images and annotations repeat; another one for each dataset that is trained together.
+        dataset_id: info.id, which images and annotations repeat; another one for each dataset that
+            is trained together.
         first_category_id: of the first category; 1000, for example, keeps clear of Omni3D's own.
 
     Raises:
@@ -43,25 +66,48 @@ def write_omni3d(
     ids = {name: first_category_id + number for number, name in enumerate(names)}
     numbers = {image.image_id: number for number, (image, _) in enumerate(members)}
     known: list[Key] = list(ids.values())
-    info = Omni3DInfo(id=dataset_id, split=split, known_category_ids=known, generator=GENERATOR, units=units, first_pixel=OMNI3D.first_pixel)
+    info = Omni3DInfo(
+        id=dataset_id,
+        split=split,
+        known_category_ids=known,
+        generator=GENERATOR,
+        units=units,
+        first_pixel=OMNI3D.first_pixel,
+    )
     file = Omni3DFile(
         info=info,
         images=_images(members, numbers, dataset_id),
-        categories=[Omni3DCategory(id=number, name=name, supercategory=SUPERCATEGORY) for name, number in ids.items()],
+        categories=[
+            Omni3DCategory(id=number, name=name, supercategory=SUPERCATEGORY)
+            for name, number in ids.items()
+        ],
         annotations=_annotations(kept, numbers, ids, dataset_id),
     )
-    meta, stats = (path.with_name(f"{path.stem}_{name}.json") for name in ("category_meta", "stats"))
+    meta, stats = (
+        path.with_name(f"{path.stem}_{name}.json") for name in ("category_meta", "stats")
+    )
     contiguous = {str(number): k for k, number in enumerate(ids.values())}
     write_whole(path, msgspec.json.encode(file))
-    write_whole(meta, _pretty({"thing_classes": names, "thing_dataset_id_to_contiguous_id": contiguous}))
+    write_whole(
+        meta, _pretty({"thing_classes": names, "thing_dataset_id_to_contiguous_id": contiguous})
+    )
     write_whole(stats, _pretty(dimension_stats(kept, ids, len(members), units)))
     notes = heading_note(kept) + (
-        () if units == "m" else (f"lengths are not all in metres (info.units {units!r}): do not train metric depth on them",)
+        ()
+        if units == "m"
+        else (
+            (
+                f"lengths are not all in metres (info.units {units!r}): do not train metric depth"
+                " on them"
+            ),
+        )
     )
     return Exported((path, meta, stats), len(members), len(kept), tuple(faults), notes)
 
 
-def _images(members: Sequence[tuple[CuboidImage, object]], numbers: dict[str, int], dataset_id: int) -> list[Omni3DImage]:
+def _images(
+    members: Sequence[tuple[CuboidImage, object]], numbers: dict[str, int], dataset_id: int
+) -> list[Omni3DImage]:
     return [
         Omni3DImage(
             id=numbers[image.image_id],
@@ -80,11 +126,15 @@ def category_name(category: str) -> str:
     return category.strip().lower() or "unknown"
 
 
-def _annotations(records: Sequence[CuboidRecord], numbers: dict[str, int], ids: dict[str, int], dataset_id: int) -> list[Omni3DAnnotation]:
+def _annotations(
+    records: Sequence[CuboidRecord], numbers: dict[str, int], ids: dict[str, int], dataset_id: int
+) -> list[Omni3DAnnotation]:
     seen = seen_boxes(records)
     annotations = []
     for index, record in enumerate(records):
-        location, rotation, dimensions = OMNI3D.boxes_out(record.center, record.rotation, record.size)
+        location, rotation, dimensions = OMNI3D.boxes_out(
+            record.center, record.rotation, record.size
+        )
         name = category_name(record.category)
         annotation = Omni3DAnnotation(
             id=index,
@@ -114,10 +164,16 @@ def _annotations(records: Sequence[CuboidRecord], numbers: dict[str, int], ids: 
 
 
 def _box(box: Floats | None) -> list[float]:
-    return UNKNOWN_BOX if box is None or np.isnan(box).any() else [float(value) for value in OMNI3D.boxes_2d_out(box)]
+    return (
+        UNKNOWN_BOX
+        if box is None or np.isnan(box).any()
+        else [float(value) for value in OMNI3D.boxes_2d_out(box)]
+    )
 
 
-def dimension_stats(records: Sequence[CuboidRecord], ids: dict[str, int], images: int, units: str) -> dict[str, object]:
+def dimension_stats(
+    records: Sequence[CuboidRecord], ids: dict[str, int], images: int, units: str
+) -> dict[str, object]:
     """Counts, and mean and standard deviation (of a sample) of [W, H, L] a category, as priors of a trainer.
 
     Args:
@@ -132,13 +188,30 @@ def dimension_stats(records: Sequence[CuboidRecord], ids: dict[str, int], images
     """
     rows = []
     for name, number in ids.items():
-        sizes = np.array([record.size for record in records if category_name(record.category) == name])
-        dimensions = OMNI3D.boxes_out(np.zeros_like(sizes), np.broadcast_to(np.eye(3), (len(sizes), 3, 3)), sizes)[2]
+        sizes = np.array(
+            [record.size for record in records if category_name(record.category) == name]
+        )
+        dimensions = OMNI3D.boxes_out(
+            np.zeros_like(sizes), np.broadcast_to(np.eye(3), (len(sizes), 3, 3)), sizes
+        )[2]
         spread = dimensions.std(axis=0, ddof=1).tolist() if len(sizes) > 1 else None
-        rows.append({"id": number, "name": name, "n_anns": len(sizes), "dimensions_mean": dimensions.mean(axis=0).tolist(), "dimensions_std": spread})
+        rows.append(
+            {
+                "id": number,
+                "name": name,
+                "n_anns": len(sizes),
+                "dimensions_mean": dimensions.mean(axis=0).tolist(),
+                "dimensions_std": spread,
+            }
+        )
     priors = [[row["dimensions_mean"], row["dimensions_std"]] for row in rows]
     counts = {"n_datasets": 1, "n_ims": images, "n_anns": len(records), "units": units}
-    return {**counts, "category_names": list(ids), "categories": rows, "priors_dims_per_cat": priors}
+    return {
+        **counts,
+        "category_names": list(ids),
+        "categories": rows,
+        "priors_dims_per_cat": priors,
+    }
 
 
 def _pretty(content: dict[str, object]) -> bytes:

@@ -1,4 +1,7 @@
-"""COCO run-length masks: runs of 0 and 1 in turn, down the columns; compressed ones are six-bit text."""
+"""COCO run-length masks: runs of 0 and 1 in turn, down the columns.
+
+Compressed ones are six-bit text.
+"""
 
 from collections.abc import Sequence
 
@@ -15,9 +18,9 @@ class RleError(Animal3DBoxError, ValueError):
 def decode_counts(text: str) -> list[int]:
     """Run lengths of a compressed string.
 
-    Each number is written in groups of five bits, low ones first, as characters from "0" on; a sixth bit says that
-    more follow, and the last group's highest bit is the sign. From the fourth on, a number is the difference to the
-    one two places before.
+    Each number is written in groups of five bits, low ones first, as characters from "0" on; a
+    sixth bit says that more follow, and the last group's highest bit is the sign. From the fourth
+    on, a number is the difference to the one two places before.
 
     Raises:
         RleError: a character outside "0" to "o", or a number that does not end.
@@ -70,7 +73,8 @@ def decode_mask(counts: str | Sequence[int], image_hw: tuple[int, int]) -> NDArr
         raise RleError(f"has a run of {min(runs)} pixels: it is damaged")
     if sum(runs) != height * width:
         raise RleError(
-            f"has runs of {sum(runs)} pixels in all, but the image has {height} x {width} = {height * width}: it is another image's, or cut off"
+            f"has runs of {sum(runs)} pixels in all, but the image has {height} x {width} ="
+            f" {height * width}: it is another image's, or cut off"
         )
     values = np.arange(len(runs)) % 2 == 1
     return np.repeat(values, runs).reshape(width, height).T

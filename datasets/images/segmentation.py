@@ -17,20 +17,32 @@ def read_runs(seg: object, image_hw: tuple[int, int], sample_id: str, field: str
     if isinstance(seg, dict):
         counts = seg.get("counts")
         if seg.get("size") not in (None, list(image_hw)):
-            raise SampleError(sample_id, field, f"is a mask of size {seg.get('size')}, but the image is {list(image_hw)} (height, width)")
-    if not isinstance(counts, str) and not (isinstance(counts, list) and all(isinstance(c, int) for c in counts)):
+            raise SampleError(
+                sample_id,
+                field,
+                f"is a mask of size {seg.get('size')}, but the image is {list(image_hw)} (height,"
+                " width)",
+            )
+    if not isinstance(counts, str) and not (
+        isinstance(counts, list) and all(isinstance(c, int) for c in counts)
+    ):
         raise SampleError(sample_id, field, "must be a run-length string or {size, counts}")
     runs = counts if isinstance(counts, str) else tuple(counts)
     try:
         if not decode_mask(runs, image_hw).any():
-            raise SampleError(sample_id, field, f"is an empty mask: leave {field} out if there is none")
+            raise SampleError(
+                sample_id, field, f"is an empty mask: leave {field} out if there is none"
+            )
     except RleError as error:
         raise SampleError(sample_id, field, str(error)) from error
     return runs
 
 
 def read_segmentation(seg: object, image_hw: tuple[int, int], sample_id: str) -> Runs | None:
-    """The run lengths of any of COCO's segmentations: polygons, run lengths, or none (null, or an empty list)."""
+    """The run lengths of any of COCO's segmentations.
+
+    Polygons, run lengths, or none (null, or an empty list).
+    """
     if seg is None or seg == []:
         return None
     if not isinstance(seg, list):
@@ -38,25 +50,45 @@ def read_segmentation(seg: object, image_hw: tuple[int, int], sample_id: str) ->
     rings = [_ring(ring, image_hw, sample_id) for ring in seg]
     mask = polygon_mask(rings, image_hw)
     if not mask.any():
-        raise SampleError(sample_id, "segmentation", "its polygons hold no pixel of the image: leave segmentation out if there is none")
+        raise SampleError(
+            sample_id,
+            "segmentation",
+            "its polygons hold no pixel of the image: leave segmentation out if there is none",
+        )
     return encode_mask(mask)
 
 
 def _ring(ring: object, image_hw: tuple[int, int], sample_id: str) -> NDArray[np.float64]:
     """A polygon (N, 2), as the file has it."""
-    if not isinstance(ring, list) or len(ring) < 6 or len(ring) % 2 or not all(isinstance(v, (int, float)) for v in ring):
-        raise SampleError(sample_id, "segmentation", "must be lists of x, y, x, y, ... of at least three points each, or {size, counts}")
+    if (
+        not isinstance(ring, list)
+        or len(ring) < 6
+        or len(ring) % 2
+        or not all(isinstance(v, (int, float)) for v in ring)
+    ):
+        raise SampleError(
+            sample_id,
+            "segmentation",
+            "must be lists of x, y, x, y, ... of at least three points each, or {size, counts}",
+        )
     points = np.array(ring, dtype=np.float64).reshape(-1, 2)
     if not np.isfinite(points).all() or np.abs(points).max() > 10 * max(image_hw):
-        raise SampleError(sample_id, "segmentation", "has points over ten image sizes away: are they pixels of this image?")
+        raise SampleError(
+            sample_id,
+            "segmentation",
+            "has points over ten image sizes away: are they pixels of this image?",
+        )
     return points
 
 
-def polygon_mask(rings: Sequence[NDArray[np.float64]], image_hw: tuple[int, int]) -> NDArray[np.bool_]:
+def polygon_mask(
+    rings: Sequence[NDArray[np.float64]], image_hw: tuple[int, int]
+) -> NDArray[np.bool_]:
     """The pixels whose centres lie in one of COCO's polygons, each filled by the even-odd rule.
 
-    COCO's polygons count from the image's corner: the pixel (row, column) goes from (column, row) to (column + 1, row + 1),
-    so that its centre, which is (column, row) in our pixels, is at (column + 0.5, row + 0.5) in theirs.
+    COCO's polygons count from the image's corner: the pixel (row, column) goes from (column, row)
+    to (column + 1, row + 1), so that its centre, which is (column, row) in our pixels, is at
+    (column + 0.5, row + 0.5) in theirs.
 
     Args:
         rings: (N, 2) x, y each, closed by themselves.
@@ -72,9 +104,15 @@ def polygon_mask(rings: Sequence[NDArray[np.float64]], image_hw: tuple[int, int]
         start = ring - 0.5
         end = np.roll(start, -1, axis=0)
         first = np.clip(np.ceil(np.minimum(start[:, 1], end[:, 1])), 0, height).astype(np.int64)
-        last = np.clip(np.ceil(np.maximum(start[:, 1], end[:, 1])), 0, height).astype(np.int64)  # a row at an end belongs to one of two edges
+        last = np.clip(np.ceil(np.maximum(start[:, 1], end[:, 1])), 0, height).astype(
+            np.int64
+        )  # a row at an end belongs to one of two edges
         edge = np.repeat(np.arange(len(ring)), last - first)
-        row = np.arange(len(edge)) - np.repeat(np.cumsum(last - first) - (last - first), last - first) + first[edge]
+        row = (
+            np.arange(len(edge))
+            - np.repeat(np.cumsum(last - first) - (last - first), last - first)
+            + first[edge]
+        )
         slope = (end[edge, 0] - start[edge, 0]) / (end[edge, 1] - start[edge, 1])
         x = start[edge, 0] + (row - start[edge, 1]) * slope
         crossed = np.zeros((height, width + 1), dtype=bool)

@@ -37,7 +37,13 @@ class RawFiles:
 
 def read_raw(path: Path) -> RawFiles:
     """The files of a dataset that Animal3D's reader has read."""
-    top, counts, entries, flength, names = {}, {}, dict[str, dict[str, Any]](), None, dict[str, str]()
+    top, counts, entries, flength, names = (
+        {},
+        {},
+        dict[str, dict[str, Any]](),
+        None,
+        dict[str, str](),
+    )
     seen = Counter[str]()
     for file in find_splits(path):
         content: dict[str, msgspec.Raw] = decode_json(file, dict[str, msgspec.Raw])
@@ -61,7 +67,10 @@ def _names(raw: msgspec.Raw | None) -> dict[str, str]:
     listed = [] if raw is None else msgspec.json.decode(raw)
     if isinstance(listed, dict):
         return {str(key): str(value) for key, value in listed.items()}
-    known = [(item.get("id", i), item.get("name")) if isinstance(item, dict) else (i, item) for i, item in enumerate(listed)]
+    known = [
+        (item.get("id", i), item.get("name")) if isinstance(item, dict) else (i, item)
+        for i, item in enumerate(listed)
+    ]
     return {str(key): str(value) for key, value in known}
 
 
@@ -71,12 +80,23 @@ def points_of(entry: Mapping[str, Any], key: str) -> NDArray[np.float64] | None:
         points = np.array(entry.get(key), dtype=np.float64)
     except (TypeError, ValueError):  # null, ragged rows, words
         return None
-    return points if points.ndim == 2 and points.shape[1] in (2, 3) and len(points) and np.isfinite(points).all() else None
+    return (
+        points
+        if points.ndim == 2
+        and points.shape[1] in (2, 3)
+        and len(points)
+        and np.isfinite(points).all()
+        else None
+    )
 
 
 def key_counts(entries: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     """Key -> entries that have it, not null."""
-    return dict(Counter(key for entry in entries for key, value in entry.items() if value is not None).most_common())
+    return dict(
+        Counter(
+            key for entry in entries for key, value in entry.items() if value is not None
+        ).most_common()
+    )
 
 
 def key_forms(entries: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
@@ -102,11 +122,21 @@ def visibility_values(entries: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     for entry in entries:
         rows = entry.get("keypoint_2d")
         for row in rows if isinstance(rows, list) else []:
-            values[f"{row[2]:g}" if isinstance(row, list) and len(row) == 3 and isinstance(row[2], (int, float)) else "none"] += 1
+            values[
+                f"{row[2]:g}"
+                if isinstance(row, list) and len(row) == 3 and isinstance(row[2], (int, float))
+                else "none"
+            ] += 1
     return dict(sorted(values.items()))
 
 
-def value_counts(entries: Sequence[Mapping[str, Any]], key: str, names: Mapping[str, str]) -> dict[str, int]:
+def value_counts(
+    entries: Sequence[Mapping[str, Any]], key: str, names: Mapping[str, str]
+) -> dict[str, int]:
     """A key's value, by name if it has one -> entries; "absent" where there is none."""
     told = ("absent" if entry.get(key) is None else str(entry[key]) for entry in entries)
-    return dict(Counter(f"{value} ({names[value]})" if value in names else value for value in told).most_common())
+    return dict(
+        Counter(
+            f"{value} ({names[value]})" if value in names else value for value in told
+        ).most_common()
+    )

@@ -1,4 +1,7 @@
-"""Fits of a file's 2D and 3D points to its keypoints: which picture, camera frame and translation they are for."""
+"""Fits of a file's 2D and 3D points to its keypoints.
+
+Which picture, camera frame and translation they are for.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +22,8 @@ ANIMALS = 200
 LEAST = 6
 """With so many points or more."""
 AS_GOOD = 1.5
-"""A simpler relation is believed if its residual is at most so many times that of the freest, or below CERTAIN percent."""
+"""A simpler relation is believed if its residual is at most so many times that of the freest, or
+below CERTAIN percent."""
 CERTAIN = 0.5
 FREER = ("scaled", "scaled and shifted")
 KEPT = 3
@@ -44,7 +48,10 @@ class Subject:
     def trans(self) -> Points:
         """(3,); 0 if the file has none."""
         trans = self.entry.get("trans")
-        return np.array(trans if isinstance(trans, list) and len(trans) == 3 else (0.0, 0.0, 0.0), dtype=np.float64)
+        return np.array(
+            trans if isinstance(trans, list) and len(trans) == 3 else (0.0, 0.0, 0.0),
+            dtype=np.float64,
+        )
 
     @property
     def marked(self) -> NDArray[np.bool_]:
@@ -62,26 +69,54 @@ def picture_fit(subjects: Sequence[Subject], key: str) -> PictureFit | None:
     pairs = []
     for subject in spread(subjects, ANIMALS):
         points = points_of(subject.entry, key)
-        if points is not None and len(points) == len(subject.marked) and subject.marked.sum() >= LEAST:
-            pairs.append((points[subject.marked, :2], subject.record.keypoints_2d[subject.marked, :2]))
+        if (
+            points is not None
+            and len(points) == len(subject.marked)
+            and subject.marked.sum() >= LEAST
+        ):
+            pairs.append(
+                (points[subject.marked, :2], subject.record.keypoints_2d[subject.marked, :2])
+            )
     stored = residual(pairs)
     if stored is None:
         return None
-    # marks = scale * points + shift, in pixels counted from the image's corner, about which a resize scales
-    fits = {name: [least_squares_scale(points + 0.5, marks + 0.5, name != "scaled") for points, marks in pairs] for name in FREER}
+    # marks = scale * points + shift, in pixels counted from the image's corner, about which a
+    # resize scales
+    fits = {
+        name: [
+            least_squares_scale(points + 0.5, marks + 0.5, name != "scaled")
+            for points, marks in pairs
+        ]
+        for name in FREER
+    }
     found = {"as stored": stored}
     for name, each in fits.items():
-        moved = residual([(scale * (points + 0.5) + shift - 0.5, marks) for (scale, shift), (points, marks) in zip(each, pairs, strict=True)])
+        moved = residual(
+            [
+                (scale * (points + 0.5) + shift - 0.5, marks)
+                for (scale, shift), (points, marks) in zip(each, pairs, strict=True)
+            ]
+        )
         if moved is not None:
             found[name] = moved
     best = found["scaled and shifted"].median_percent
-    close = (name for name, one in found.items() if one.median_percent <= max(AS_GOOD * best, CERTAIN))
+    close = (
+        name for name, one in found.items() if one.median_percent <= max(AS_GOOD * best, CERTAIN)
+    )
     relation = next(close, "none") if best < 100 * CLOSE else "none"
     if relation not in fits:
         return PictureFit(key, relation, found, None, None)
-    back = [(1 / scale, -shift / scale) for scale, shift in fits[relation]]  # from the image into the key's picture
+    back = [
+        (1 / scale, -shift / scale) for scale, shift in fits[relation]
+    ]  # from the image into the key's picture
     shift_px = np.median([shift for _, shift in back], axis=0)
-    return PictureFit(key, relation, found, float(np.median([scale for scale, _ in back])), [float(value) for value in shift_px])
+    return PictureFit(
+        key,
+        relation,
+        found,
+        float(np.median([scale for scale, _ in back])),
+        [float(value) for value in shift_px],
+    )
 
 
 def camera_fits(subjects: Sequence[Subject]) -> list[CameraFit]:
@@ -93,15 +128,25 @@ def camera_fits(subjects: Sequence[Subject]) -> list[CameraFit]:
             fit
             for name, points_3d in POINTS.items()
             for frame in FRAMES
-            if (fit := _camera_fit(sampled, (name, points_3d), frame, (target, target_of))) is not None
+            if (fit := _camera_fit(sampled, (name, points_3d), frame, (target, target_of)))
+            is not None
         ]
         fits += sorted(found, key=lambda fit: fit.free.median_percent)[:KEPT]
     return fits
 
 
-def _camera_fit(subjects: Sequence[Subject], points_3d: tuple[str, "PointsOf"], frame: str, target: tuple[str, "PointsOf"]) -> CameraFit | None:
+def _camera_fit(
+    subjects: Sequence[Subject],
+    points_3d: tuple[str, "PointsOf"],
+    frame: str,
+    target: tuple[str, "PointsOf"],
+) -> CameraFit | None:
     """One combination; None if it sees fewer than half of the animals that have both."""
-    have = [pair for subject in subjects if (pair := _pair(subject, points_3d[1], target[1])) is not None]
+    have = [
+        pair
+        for subject in subjects
+        if (pair := _pair(subject, points_3d[1], target[1])) is not None
+    ]
     seen, stored, cameras = [], [], []
     for subject, points, marks in have:
         fitted = free_camera(points * FRAMES[frame], marks)
@@ -130,8 +175,13 @@ def _camera_fit(subjects: Sequence[Subject], points_3d: tuple[str, "PointsOf"], 
     )
 
 
-def _pair(subject: Subject, points_of_subject: "PointsOf", target_of_subject: "PointsOf") -> tuple[Subject, Points, Points] | None:
-    """An animal's 3D points (N, 3) and 2D targets (N, 2), those that it has both of; None if they are too few."""
+def _pair(
+    subject: Subject, points_of_subject: "PointsOf", target_of_subject: "PointsOf"
+) -> tuple[Subject, Points, Points] | None:
+    """An animal's 3D points (N, 3) and 2D targets (N, 2), those that it has both of.
+
+    None if they are too few.
+    """
     points, marks = points_of_subject(subject), target_of_subject(subject)
     if points is None or marks is None or len(points) != len(marks):
         return None
@@ -140,7 +190,8 @@ def _pair(subject: Subject, points_of_subject: "PointsOf", target_of_subject: "P
 
 
 def free_camera(points_cam: Points, marks: Points) -> tuple[float, Points, Points] | None:
-    """The focal length, principal point (2,) and points (N, 2) at depth 1 that come nearest to marks; None behind the camera or mirrored."""
+    """The focal length, principal point (2,) and points (N, 2) at depth 1 that come nearest to
+    marks; None behind the camera or mirrored."""
     if not (points_cam[:, 2] > 0).all():
         return None
     plane = points_cam[:, :2] / points_cam[:, 2:]
@@ -162,7 +213,9 @@ def _stored(key: str, moved: bool) -> PointsOf:
 
 
 def _posed(moved: bool) -> PointsOf:
-    return lambda subject: None if subject.landmarks is None else subject.landmarks - (0.0 if moved else subject.trans)
+    return lambda subject: (
+        None if subject.landmarks is None else subject.landmarks - (0.0 if moved else subject.trans)
+    )
 
 
 def _reprojected(key: str) -> PointsOf:
@@ -173,7 +226,11 @@ def _reprojected(key: str) -> PointsOf:
     return points
 
 
-TARGETS: Mapping[str, PointsOf] = {"keypoint_2d": _marks, "reproj_kp_2d": _reprojected("reproj_kp_2d"), "joints_2d": _reprojected("joints_2d")}
+TARGETS: Mapping[str, PointsOf] = {
+    "keypoint_2d": _marks,
+    "reproj_kp_2d": _reprojected("reproj_kp_2d"),
+    "joints_2d": _reprojected("joints_2d"),
+}
 POINTS: Mapping[str, PointsOf] = {
     "posed body": _posed(True),
     "posed body without trans": _posed(False),

@@ -8,12 +8,22 @@ import msgspec
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.inspection.animal3d import animal3d_facts
 from animal3dbox.datasets.inspection.answers import answers
-from animal3dbox.datasets.inspection.records import body_facts, camera_facts, confidences, fault_facts, image_facts, marked_median, mask_facts
+from animal3dbox.datasets.inspection.records import (
+    body_facts,
+    camera_facts,
+    confidences,
+    fault_facts,
+    image_facts,
+    marked_median,
+    mask_facts,
+)
 from animal3dbox.datasets.inspection.result import Inspection
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 
 
-def inspect_dataset(path: Path, format: str = "auto", options: ReadOptions | None = None) -> Inspection:
+def inspect_dataset(
+    path: Path, format: str = "auto", options: ReadOptions | None = None
+) -> Inspection:
     """What is in a copy of a dataset.
 
     Args:
@@ -29,7 +39,9 @@ def inspect_dataset(path: Path, format: str = "auto", options: ReadOptions | Non
     """
     read = read_dataset(path, format, options)
     records = read.records.records
-    own = animal3d_facts(path, records, read.bodies) if read.records.name == animal3d.FORMAT else None
+    own = (
+        animal3d_facts(path, records, read.bodies) if read.records.name == animal3d.FORMAT else None
+    )
     by_image = Counter(record.image_id for record in records)
     found = Inspection(
         path=str(path),

@@ -24,7 +24,10 @@ def extent(points: NDArray[np.float64]) -> float:
 
 
 def residual(animals: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> Residual | None:
-    """The distances of points (N, 2) from marks (N, 2), a pair an animal; None without any animal, or where a point is not finite."""
+    """The distances of points (N, 2) from marks (N, 2), a pair an animal.
+
+    None without any animal, or where a point is not finite.
+    """
     distances, shares = [], []
     for points, marks in animals:
         off = np.linalg.norm(points - marks, axis=1)
@@ -35,7 +38,12 @@ def residual(animals: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]])
     if not distances:
         return None
     every = np.concatenate(distances)
-    return Residual(len(shares), _short(np.median(every)), _short(np.percentile(every, 95)), _short(np.median(shares)))
+    return Residual(
+        len(shares),
+        _short(np.median(every)),
+        _short(np.percentile(every, 95)),
+        _short(np.median(shares)),
+    )
 
 
 def _short(value: float | np.floating) -> float:
@@ -43,7 +51,9 @@ def _short(value: float | np.floating) -> float:
     return float(f"{float(value):.6g}")
 
 
-def least_squares_scale(points: NDArray[np.float64], marks: NDArray[np.float64], shifted: bool) -> tuple[float, NDArray[np.float64]]:
+def least_squares_scale(
+    points: NDArray[np.float64], marks: NDArray[np.float64], shifted: bool
+) -> tuple[float, NDArray[np.float64]]:
     """The scale and the shift (2,) with marks = scale points + shift as nearly as possible.
 
     Args:
@@ -55,5 +65,7 @@ def least_squares_scale(points: NDArray[np.float64], marks: NDArray[np.float64],
     middle = points.mean(0) if shifted else np.zeros(2)
     target = marks.mean(0) if shifted else np.zeros(2)
     centred = points - middle
-    scale = float((centred * (marks - target)).sum() / max(float((centred * centred).sum()), 1e-300))
+    scale = float(
+        (centred * (marks - target)).sum() / max(float((centred * centred).sum()), 1e-300)
+    )
     return scale, target - scale * middle

@@ -11,7 +11,14 @@ from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import header_facts
 from animal3dbox.datasets.images.photos import mask_levels, stored_size
 from animal3dbox.datasets.inspection.measures import residual, spread
-from animal3dbox.datasets.inspection.result import BodyFacts, CameraFacts, FaultFacts, FaultLine, ImageFacts, MaskFacts
+from animal3dbox.datasets.inspection.result import (
+    BodyFacts,
+    CameraFacts,
+    FaultFacts,
+    FaultLine,
+    ImageFacts,
+    MaskFacts,
+)
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.camera import project
@@ -37,13 +44,20 @@ def image_facts(records: Sequence[AnimalRecord]) -> ImageFacts:
         found["turned"] += header_facts(path).orientation != 1
         if size != record.image_hw:
             found["other"] += 1
-            examples.append(f"{record.sample_id}: is {size[1]} x {size[0]}, annotated {record.image_hw[1]} x {record.image_hw[0]}")
-    return ImageFacts(len(looked_at), found["other"], found["turned"], found["unreadable"], examples[:5])
+            examples.append(
+                f"{record.sample_id}: is {size[1]} x {size[0]}, annotated {record.image_hw[1]} x"
+                f" {record.image_hw[0]}"
+            )
+    return ImageFacts(
+        len(looked_at), found["other"], found["turned"], found["unreadable"], examples[:5]
+    )
 
 
 def mask_facts(records: Sequence[AnimalRecord]) -> MaskFacts:
     """Which levels masks hold; those of run lengths are 0 and 1."""
-    masked = [record for record in records if record.mask_path is not None or record.mask_runs is not None]
+    masked = [
+        record for record in records if record.mask_path is not None or record.mask_runs is not None
+    ]
     levels, unusable, examples = Counter[str](), 0, []
     looked_at = spread(masked, MASKS)
     for record in looked_at:
@@ -52,7 +66,9 @@ def mask_facts(records: Sequence[AnimalRecord]) -> MaskFacts:
         except SampleError as error:
             unusable += 1
             examples.append(str(error))
-    return MaskFacts(len(masked), len(looked_at), dict(levels.most_common()), unusable, examples[:5])
+    return MaskFacts(
+        len(masked), len(looked_at), dict(levels.most_common()), unusable, examples[:5]
+    )
 
 
 def _levels(record: AnimalRecord) -> str:
@@ -61,7 +77,11 @@ def _levels(record: AnimalRecord) -> str:
         return "run lengths"
     values = np.unique(mask_levels(record.mask_path, record.sample_id, record.image_hw))
     if len(values) > 2 or values[0] != 0:
-        return f"{len(values)} levels from {values[0]} to {values[-1]}" if len(values) > 1 else f"only {values[0]}"
+        return (
+            f"{len(values)} levels from {values[0]} to {values[-1]}"
+            if len(values) > 1
+            else f"only {values[0]}"
+        )
     return " and ".join(str(value) for value in values) if len(values) == 2 else "only 0"
 
 
@@ -81,7 +101,11 @@ def body_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> Bo
 def camera_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> CameraFacts:
     """Intrinsics and poses, and how well bodies project onto their keypoints."""
     sources = Counter("unknown" if record.K is None else record.K_source for record in records)
-    posed = [record for record in records if record.K is not None and (record.pose or record.stored_pose) is not None]
+    posed = [
+        record
+        for record in records
+        if record.K is not None and (record.pose or record.stored_pose) is not None
+    ]
     compared = residual(_projected(spread(posed, BODIES), bodies)) if bodies is not None else None
     return CameraFacts(
         intrinsics=dict(sources.most_common()),
@@ -92,8 +116,11 @@ def camera_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> 
     )
 
 
-def _projected(records: Iterable[AnimalRecord], bodies: BodySource) -> Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Landmarks (N, 2) in the picture and the keypoints marked there (N, 2), of each animal that has four such."""
+def _projected(
+    records: Iterable[AnimalRecord], bodies: BodySource
+) -> Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Landmarks (N, 2) in the picture and the keypoints marked there (N, 2), of each animal that
+    has four such."""
     for record in records:
         pose = record.pose or record.stored_pose
         if record.K is None or pose is None:
@@ -102,7 +129,9 @@ def _projected(records: Iterable[AnimalRecord], bodies: BodySource) -> Iterable[
             landmarks = bodies.body(record).landmarks
         except SampleError:
             continue  # among body_facts
-        R, t, K = (torch.from_numpy(np.asarray(part, dtype=np.float64)) for part in (*pose, record.K))
+        R, t, K = (
+            torch.from_numpy(np.asarray(part, dtype=np.float64)) for part in (*pose, record.K)
+        )
         lens = None if record.distortion is None else torch.from_numpy(record.distortion)
         px, depth = project(K, landmarks @ R.mT + t, lens)
         marked = (record.keypoints_2d[:, 2] > 0) & torch.isfinite(px).all(1).numpy()
@@ -112,8 +141,12 @@ def _projected(records: Iterable[AnimalRecord], bodies: BodySource) -> Iterable[
 
 def fault_facts(records: RecordSet) -> FaultFacts:
     """Faults by field, and the first of them."""
-    lines = [FaultLine(fault.sample_id or "", fault.field, fault.problem) for fault in records.faults]
-    return FaultFacts(len(lines), dict(Counter(line.field for line in lines).most_common()), lines[:FIRST])
+    lines = [
+        FaultLine(fault.sample_id or "", fault.field, fault.problem) for fault in records.faults
+    ]
+    return FaultFacts(
+        len(lines), dict(Counter(line.field for line in lines).most_common()), lines[:FIRST]
+    )
 
 
 def confidences(records: Sequence[AnimalRecord]) -> dict[str, int]:
@@ -129,4 +162,8 @@ def confidences(records: Sequence[AnimalRecord]) -> dict[str, int]:
 
 def marked_median(records: Sequence[AnimalRecord]) -> float:
     """Marked keypoints of the median animal."""
-    return float(np.median([int((record.keypoints_2d[:, 2] > 0).sum()) for record in records])) if records else 0.0
+    return (
+        float(np.median([int((record.keypoints_2d[:, 2] > 0).sum()) for record in records]))
+        if records
+        else 0.0
+    )

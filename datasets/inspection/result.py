@@ -22,7 +22,10 @@ class Residual(msgspec.Struct, frozen=True):
 
 
 class ImageFacts(msgspec.Struct, frozen=True):
-    """Image files, sampled: looked_at of them, of another size than annotated, turned by EXIF, unreadable."""
+    """Image files, sampled.
+
+    Looked_at of them, of another size than annotated, turned by EXIF, unreadable.
+    """
 
     looked_at: int
     other_size: int
@@ -32,7 +35,10 @@ class ImageFacts(msgspec.Struct, frozen=True):
 
 
 class MaskFacts(msgspec.Struct, frozen=True):
-    """Masks: animals that have one; of those looked at, which levels they hold, and how many cannot be used."""
+    """Masks: animals that have one.
+
+    Of those looked at, which levels they hold, and how many cannot be used.
+    """
 
     animals: int
     looked_at: int
@@ -42,7 +48,10 @@ class MaskFacts(msgspec.Struct, frozen=True):
 
 
 class BodyFacts(msgspec.Struct, frozen=True):
-    """Bodies that come with the dataset: so many were looked at, and so many of these cannot be used."""
+    """Bodies that come with the dataset.
+
+    So many were looked at, and so many of these cannot be used.
+    """
 
     looked_at: int
     unusable: int
@@ -50,7 +59,10 @@ class BodyFacts(msgspec.Struct, frozen=True):
 
 
 class CameraFacts(msgspec.Struct, frozen=True):
-    """What records know of cameras; residual is of bodies under the known or stored poses, None without either."""
+    """What records know of cameras.
+
+    Residual is of bodies under the known or stored poses, None without either.
+    """
 
     intrinsics: dict[str, int]
     exact_poses: int
@@ -100,7 +112,8 @@ class CameraFit(msgspec.Struct, frozen=True):
         points: what is projected, with or without trans.
         frame: their camera frame.
         target: the 2D points it is compared with.
-        stored: under the file's focal length and a centred principal point; None without, or behind the camera.
+        stored: under the file's focal length and a centred principal point; None without, or behind
+            the camera.
         free: under each animal's best focal length and principal point.
         focal_px: their median.
         focal_range_px: their 5th and 95th percentile.
@@ -122,8 +135,10 @@ class StoredPoints(msgspec.Struct, frozen=True):
 
     Attributes:
         compared: animals.
-        relations: "same", "less trans", "shifted", "other frame", "sides exchanged", "turned or scaled", "other" -> animals.
-        median_percent: greatest difference of the median animal, up to a shift, in percent of its extent.
+        relations: "same", "less trans", "shifted", "other frame", "sides exchanged", "turned or
+            scaled", "other" -> animals.
+        median_percent: greatest difference of the median animal, up to a shift, in percent of its
+            extent.
     """
 
     compared: int
@@ -138,7 +153,8 @@ class SideFacts(msgspec.Struct, frozen=True):
         template_wrong: landmarks of the model that lie on the other side of its template.
         left_is_left: animals whose stored keypoint_3d have the named left on the left.
         left_is_right: whose have it on the right: names exchanged, or a mirrored frame.
-        swapped_in_image: animals whose keypoint_2d fit the projected points far better with left and right exchanged.
+        swapped_in_image: animals whose keypoint_2d fit the projected points far better with left
+            and right exchanged.
         compared_in_image: animals that were compared.
     """
 

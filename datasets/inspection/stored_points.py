@@ -8,7 +8,14 @@ import torch
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.inspection.animal3d_entries import points_of
-from animal3dbox.datasets.inspection.fits import LEAST, POINTS, TARGETS, Points, Subject, free_camera
+from animal3dbox.datasets.inspection.fits import (
+    LEAST,
+    POINTS,
+    TARGETS,
+    Points,
+    Subject,
+    free_camera,
+)
 from animal3dbox.datasets.inspection.measures import extent, spread
 from animal3dbox.datasets.inspection.result import CameraFit, SideFacts, StoredPoints
 from animal3dbox.datasets.readers.animal3d.camera import FRAMES, SAME
@@ -20,7 +27,8 @@ from animal3dbox.smal.model import SmalModel
 ANIMALS = 400
 """So many animals are compared."""
 FAR_BETTER = 0.5
-"""Sides count as exchanged if the other labelling's residual is at most so many times this one's."""
+"""Sides count as exchanged if the other labelling's residual is at most so many times this one's.
+"""
 FLAT = 0.05
 """A trunk whose axes span less than this part of a cube does not tell its sides."""
 
@@ -38,10 +46,14 @@ def stored_points(subjects: Sequence[Subject], words: Vocabulary) -> StoredPoint
         differences.append(100 * _off(_centred(stored, known), _centred(own, known)) / size)
     if not differences:
         return None
-    return StoredPoints(len(differences), dict(relations.most_common()), float(f"{np.median(differences):.6g}"))
+    return StoredPoints(
+        len(differences), dict(relations.most_common()), float(f"{np.median(differences):.6g}")
+    )
 
 
-def _relation(stored: Points, own: Points, trans: Points, known: NDArray[np.bool_], flip: list[int]) -> str:
+def _relation(
+    stored: Points, own: Points, trans: Points, known: NDArray[np.bool_], flip: list[int]
+) -> str:
     """The first thing that makes stored points (J, 3) a body's own."""
     near = SAME * extent(own[known])
     here = _centred(own, known)
@@ -69,8 +81,14 @@ def _off(a: Points, b: Points) -> float:
     return float(np.abs(a - b).max())
 
 
-def side_facts(subjects: Sequence[Subject], words: Vocabulary, best: CameraFit | None, model: SmalModel | None) -> SideFacts:
-    """Whether left is left: on the model's template, in stored keypoint_3d, and in the image under the best camera of keypoint_2d."""
+def side_facts(
+    subjects: Sequence[Subject], words: Vocabulary, best: CameraFit | None, model: SmalModel | None
+) -> SideFacts:
+    """Whether left is left.
+
+    On the model's template, in stored keypoint_3d, and in the image under the best camera of
+    keypoint_2d.
+    """
     turns = Counter[int]()
     swapped = compared = 0
     for subject in spread(subjects, ANIMALS):
@@ -85,23 +103,33 @@ def side_facts(subjects: Sequence[Subject], words: Vocabulary, best: CameraFit |
 
 
 def handedness(points: Points, words: Vocabulary) -> int:
-    """1 if a body's (J, 3) named left lies to the left of forward and up, -1 if to the right, 0 if that cannot be told."""
+    """1 if a body's (J, 3) named left lies to the left of forward and up, -1 if to the right, 0 if
+    that cannot be told."""
     at = dict(zip(words.keypoints, points, strict=True))
     pairs = ("shoulder", "front_elbow", "back_knee", "front_paw", "back_paw")
     left = np.mean([at[f"left_{part}"] - at[f"right_{part}"] for part in pairs], axis=0)
     forward = at["neck"] - at["tail_base"]
-    up = (at["neck"] + at["tail_base"]) / 2 - np.mean([at[f"{side}_{end}_paw"] for side in ("left", "right") for end in ("front", "back")], axis=0)
+    up = (at["neck"] + at["tail_base"]) / 2 - np.mean(
+        [at[f"{side}_{end}_paw"] for side in ("left", "right") for end in ("front", "back")], axis=0
+    )
     axes = np.stack((forward, left, up))
-    volume = float(np.linalg.det(axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-12)))
+    volume = float(
+        np.linalg.det(axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-12))
+    )
     return 0 if abs(volume) < FLAT else (1 if volume > 0 else -1)
 
 
 def _swapped(subject: Subject, words: Vocabulary, best: CameraFit) -> bool | None:
-    """Whether an animal's keypoints fit far better with their sides exchanged; None if they cannot be compared."""
+    """Whether an animal's keypoints fit far better with their sides exchanged.
+
+    None if they cannot be compared.
+    """
     points, marks = POINTS[best.points](subject), TARGETS["keypoint_2d"](subject)
     if points is None or marks is None or len(points) != len(marks):
         return None
-    here, there = (_misfit(points * FRAMES[best.frame], labels) for labels in (marks, marks[list(words.flip)]))
+    here, there = (
+        _misfit(points * FRAMES[best.frame], labels) for labels in (marks, marks[list(words.flip)])
+    )
     return None if here is None or there is None else there < FAR_BETTER * here
 
 

@@ -1,7 +1,8 @@
 """The label cache: what was computed once is read the next time, by any process.
 
-A folder for each fingerprint of method, body and code holds segments (segments.py), one a writing process. Entries are found by the
-content that they were computed from, so nothing stale can be read: another config, code or annotation is another key.
+A folder for each fingerprint of method, body and code holds segments (segments.py), one a writing
+process. Entries are found by the content that they were computed from, so nothing stale can be
+read: another config, code or annotation is another key.
 """
 
 import os
@@ -37,7 +38,9 @@ class _State:
     writer: SegmentWriter | None
     looked: float
     problems: tuple[str, ...]
-    mapped: OrderedDict[int, None]  # numbers of the readers that hold a map, the one used last at the end
+    mapped: OrderedDict[
+        int, None
+    ]  # numbers of the readers that hold a map, the one used last at the end
 
 
 class LabelCache:
@@ -59,14 +62,19 @@ class LabelCache:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise DatasetFormatError(f"the cache's folder {self.folder} cannot be made: {error}") from error
+            raise DatasetFormatError(
+                f"the cache's folder {self.folder} cannot be made: {error}"
+            ) from error
         self._state: _State | None = None
 
     def __getstate__(self) -> dict[str, object]:
         return {"folder": self.folder, "_state": None}
 
     def get(self, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
-        """What is stored under a key, None if nothing is; and whether something was, but damaged."""
+        """What is stored under a key, None if nothing is.
+
+        And whether something was, but damaged.
+        """
         state = self._opened()
         found, damaged = self._read(state, key)
         if found is None and time.monotonic() - state.looked > REFRESH_S:
@@ -75,9 +83,14 @@ class LabelCache:
         return found, damaged
 
     def put(self, key: bytes, outcome: LabelRow | Rejection) -> None:
-        """Store an outcome; raises OSError if it cannot be written, and then nothing has changed."""
+        """Store an outcome.
+
+        Raises OSError if it cannot be written, and then nothing has changed.
+        """
         state = self._opened()
-        if state.writer is None or not state.writer.path.exists():  # somebody emptied the folder: a file without a name would take labels unseen
+        if (
+            state.writer is None or not state.writer.path.exists()
+        ):  # somebody emptied the folder: a file without a name would take labels unseen
             state.writer = SegmentWriter(self.folder)
             state.names.add(state.writer.path.name)
             state.readers.append(SegmentReader(state.writer.path))
@@ -90,21 +103,34 @@ class LabelCache:
         return len(state.halves)
 
     def problems(self) -> tuple[str, ...]:
-        """What is wrong with the files, in whole sentences; nothing in them is lost but what the sentences name, and that is made anew."""
+        """What is wrong with the files, in whole sentences.
+
+        Nothing in them is lost but what the sentences name, and that is made anew.
+        """
         return self._opened().problems
 
     def _problems_of(self, readers: list[SegmentReader]) -> tuple[str, ...]:
         told = []
         for reader in readers:
             if reader.damaged:
-                told.append(f"{reader.path.name} has {reader.damaged} damaged places: the disk or a program changed it; their labels are made anew")
+                told.append(
+                    f"{reader.path.name} has {reader.damaged} damaged places: the disk or a program"
+                    " changed it; their labels are made anew"
+                )
             if reader.unfinished:
-                told.append(f"{reader.path.name} ends within an entry: its process was killed or the file was cut; what is missing is made anew")
+                told.append(
+                    f"{reader.path.name} ends within an entry: its process was killed or the file"
+                    " was cut; what is missing is made anew"
+                )
         return tuple(told)
 
     def _opened(self) -> _State:
         if self._state is None or self._state.process != os.getpid():
-            empty = (np.zeros(0, np.uint64).data, np.zeros(0, np.int64).data, np.zeros(0, np.int64).data)
+            empty = (
+                np.zeros(0, np.uint64).data,
+                np.zeros(0, np.int64).data,
+                np.zeros(0, np.int64).data,
+            )
             self._state = _State(os.getpid(), [], set(), *empty, None, 0.0, (), OrderedDict())
             self._refresh(self._state)
         return self._state
@@ -114,9 +140,14 @@ class LabelCache:
         state.looked = time.monotonic()
         problems = []
         try:
-            names = sorted(entry.name for entry in os.scandir(self.folder) if entry.name.endswith(SUFFIX))
+            names = sorted(
+                entry.name for entry in os.scandir(self.folder) if entry.name.endswith(SUFFIX)
+            )
         except OSError as error:
-            names, problems = [], [f"the cache's folder cannot be read ({error}): what is not found is made anew"]
+            names, problems = (
+                [],
+                [f"the cache's folder cannot be read ({error}): what is not found is made anew"],
+            )
         for name in names:
             if name not in state.names:
                 state.names.add(name)
@@ -126,21 +157,30 @@ class LabelCache:
             try:
                 found = list(reader.new_entries())
             except (OSError, ValueError) as error:  # ValueError: cut while it was being mapped
-                problems.append(f"{reader.path.name} cannot be read ({error}): what is not found is made anew")
+                problems.append(
+                    f"{reader.path.name} cannot be read ({error}): what is not found is made anew"
+                )
                 continue
             self._use(state, number)
             new += [(_half(key), number, offset) for key, offset in found]
         if new:
             halves, segments, offsets = (
                 np.concatenate((held, np.array(column, dtype=held.format)))
-                for held, column in zip((state.halves, state.segments, state.offsets), zip(*new, strict=True), strict=True)
+                for held, column in zip(
+                    (state.halves, state.segments, state.offsets),
+                    zip(*new, strict=True),
+                    strict=True,
+                )
             )
             order = np.argsort(halves, kind="stable")
-            state.halves, state.segments, state.offsets = (column[order].data for column in (halves, segments, offsets))
+            state.halves, state.segments, state.offsets = (
+                column[order].data for column in (halves, segments, offsets)
+            )
         state.problems = (*problems, *self._problems_of(state.readers))
 
     def _use(self, state: _State, number: int) -> None:
-        """Note that a segment is looked at, and close those that have not been for longest if many are open."""
+        """Note that a segment is looked at, and close those that have not been for longest if many
+        are open."""
         state.mapped[number] = None
         state.mapped.move_to_end(number)
         if len(state.mapped) > MAPPED:

@@ -8,17 +8,22 @@ from animal3dbox.errors import ConfigError
 
 @dataclass(frozen=True)
 class LabelFilter:
-    """Limits that a label must keep; those at rest let pass whatever the picture shows. A measure that a label lacks fails its limit.
+    """Limits that a label must keep; those at rest let pass whatever the picture shows.
+
+    A measure that a label lacks fails its limit.
 
     Attributes:
-        min_mask_iou: overlap of the projected body with the mask, 0 to 1; the best judge of a pose (field notes).
+        min_mask_iou: overlap of the projected body with the mask, 0 to 1; the best judge of a pose
+            (field notes).
         min_inlier_share: part of the visible keypoints that fit, 0 to 1.
-        max_reprojection_error_px: mean distance of the visible keypoints from the projected landmarks.
+        max_reprojection_error_px: mean distance of the visible keypoints from the projected
+            landmarks.
         min_confidence: see CuboidLabel.confidence.
         max_truncation: part of the projected box outside the frame, 0 to 1.
         min_box_px: the longer side of the 2D box.
         allow_behind_camera: whether a corner may be nearer than the near plane.
-        allow_unseen: whether the frame may show nothing of the animal, as of one that another of several cameras sees.
+        allow_unseen: whether the frame may show nothing of the animal, as of one that another of
+            several cameras sees.
     """
 
     min_mask_iou: float | None = None
@@ -44,7 +49,13 @@ class LabelFilter:
         """The first limit that a label misses, and how; None if it keeps them all."""
         left, top, right, bottom = row.field("box").tolist()
         if not self.allow_unseen and not (left < right and top < bottom):
-            return "allow_unseen", "the frame shows nothing of the animal: this camera does not see it, or K, R or t are not this picture's"
+            return (
+                "allow_unseen",
+                (
+                    "the frame shows nothing of the animal: this camera does not see it, or K, R or"
+                    " t are not this picture's"
+                ),
+            )
         if self == _AT_REST:
             return None
         quality = row.quality
@@ -55,12 +66,21 @@ class LabelFilter:
             "min_confidence": quality["confidence"],
             "min_box_px": max(right - left, bottom - top),
         }
-        most = {"max_reprojection_error_px": quality["reprojection_error_px"], "max_truncation": float(row.field("truncation"))}
+        most = {
+            "max_reprojection_error_px": quality["reprojection_error_px"],
+            "max_truncation": float(row.field("truncation")),
+        }
         for sign, measures in ((1, least), (-1, most)):
             for name, value in measures.items():
                 limit = getattr(self, name)
                 if limit is not None and (value is None or sign * value < sign * limit):
-                    return name, f"{'is not known' if value is None else f'is {value:.3g}'}, the limit {limit:.3g}"
+                    return (
+                        name,
+                        (
+                            f"{'is not known' if value is None else f'is {value:.3g}'}, the limit"
+                            f" {limit:.3g}"
+                        ),
+                    )
         if not self.allow_behind_camera and bool(row.field("behind_camera")):
             return "allow_behind_camera", "a corner is nearer than the near plane"
         return None

@@ -1,4 +1,7 @@
-"""Boxes that a dataset comes with, as labels: nothing is estimated, all that follows from box and camera is computed."""
+"""Boxes that a dataset comes with, as labels.
+
+Nothing is estimated, all that follows from box and camera is computed.
+"""
 
 import numpy as np
 import torch
@@ -22,7 +25,9 @@ def given_label(record: CuboidRecord) -> CuboidLabel:
         SampleError: the camera or the box is none.
 
     """
-    K, center, rotation, size = (_tensor(record, name) for name in ("K", "center", "rotation", "size"))
+    K, center, rotation, size = (
+        _tensor(record, name) for name in ("K", "center", "rotation", "size")
+    )
     try:
         check_intrinsics("K", K)
         check_rotation("rotation", rotation)
@@ -33,7 +38,11 @@ def given_label(record: CuboidRecord) -> CuboidLabel:
     corners_2d, depth = project(K, corners)
     faces = face_visibility(cuboid, K, record.image_hw)
     in_front = corners_in_front(cuboid)
-    box = points_box(corners_2d, depth * in_front, record.image_hw).numpy() if record.box is None else record.box
+    box = (
+        points_box(corners_2d, depth * in_front, record.image_hw).numpy()
+        if record.box is None
+        else record.box
+    )
     quality = Quality(
         reprojection_error_px=None, n_keypoints=0, n_inliers=0, mask_iou=None, orientation_rule=GIVEN, pose_source="given", pose_hypothesis="given",
         bounds_source=GIVEN, mask_source="none", K_source="given", warnings=(),

@@ -1,4 +1,7 @@
-"""What each image of a dataset says without its numbers: all that a label in the cache needs of it, in one piece of bytes an image."""
+"""What each image of a dataset says without its numbers.
+
+All that a label in the cache needs of it, in one piece of bytes an image.
+"""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -24,7 +27,8 @@ class AnimalHead(NamedTuple):
         vocabulary: what the keypoints are; None of a box.
         in_runs: whether the mask comes as runs.
         mask_path: the mask as a picture; "" without.
-        content: bytes that name what is said of the animal and of a lasting body, the same in every process and place.
+        content: bytes that name what is said of the animal and of a lasting body, the same in every
+            process and place.
     """
 
     sample_id: str
@@ -60,7 +64,13 @@ def head_of(record: AnimalRecord | CuboidRecord, content: bytes) -> AnimalHead:
     known = str(record.sample_id), str(record.category), (int(height), int(width))
     if isinstance(record, CuboidRecord):
         return AnimalHead(*known, None, False, "", content)
-    return AnimalHead(*known, record.vocabulary, record.mask_runs is not None, str(record.mask_path or ""), content)
+    return AnimalHead(
+        *known,
+        record.vocabulary,
+        record.mask_runs is not None,
+        str(record.mask_path or ""),
+        content,
+    )
 
 
 class PackedHeads(Sequence[ImageHead]):
@@ -82,12 +92,18 @@ class PackedHeads(Sequence[ImageHead]):
 
     def __getitem__(self, index: int) -> ImageHead:  # type: ignore[override]  # no slices
         image_id, path, unread, first, animals = _DECODER.decode(self._arena[index])
-        heads = [AnimalHead(i, category, hw, self._words[n], runs, _name(mask), content) for i, category, hw, n, runs, mask, content in animals]
+        heads = [
+            AnimalHead(i, category, hw, self._words[n], runs, _name(mask), content)
+            for i, category, hw, n, runs, mask, content in animals
+        ]
         return ImageHead(image_id, _name(path), unread, first, tuple(heads))
 
 
 def _flat(head: ImageHead, numbers: dict[int, int]) -> tuple[object, ...]:
-    animals = [(*a[:3], numbers[id(a.vocabulary)], a.in_runs, _name_bytes(a.mask_path), a.content) for a in head.animals]
+    animals = [
+        (*a[:3], numbers[id(a.vocabulary)], a.in_runs, _name_bytes(a.mask_path), a.content)
+        for a in head.animals
+    ]
     return head.image_id, _name_bytes(head.image_path), head.unread, head.first, animals
 
 

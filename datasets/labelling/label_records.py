@@ -27,9 +27,10 @@ class Given:
 
     Attributes:
         record: the animal.
-        facts: of its picture's header; None: read when it is labelled, if there is a file. An EXIF orientation, which is not applied, is
-            among the label's warnings.
-        mask: the record's (H, W), if it has been decoded; None: decoded when it is labelled, if it has one.
+        facts: of its picture's header; None: read when it is labelled, if there is a file. An EXIF
+            orientation, which is not applied, is among the label's warnings.
+        mask: the record's (H, W), if it has been decoded; None: decoded when it is labelled, if it
+            has one.
     """
 
     record: AnimalRecord
@@ -39,7 +40,13 @@ class Given:
     def read(self) -> "Given":
         """The same with everything read; raises SampleError."""
         path = self.record.image_path
-        facts = self.facts if self.facts is not None else PhotoFacts() if path is None else header_facts(path)
+        facts = (
+            self.facts
+            if self.facts is not None
+            else PhotoFacts()
+            if path is None
+            else header_facts(path)
+        )
         return Given(self.record, facts, self.record.mask if self.mask is None else self.mask)
 
 
@@ -58,7 +65,8 @@ def label_record(
         bodies: its body's source.
         config: the method.
         facts: see Given.
-        scale: what makes the label metric where the dataset itself does not say; None: nothing, it is in the body's unit.
+        scale: what makes the label metric where the dataset itself does not say; None: nothing, it
+            is in the body's unit.
         mask: see Given.
 
     Raises:
@@ -71,9 +79,14 @@ def label_record(
 
 
 def label_records(
-    given: Sequence[Given], bodies: BodySource, config: LabelConfig, scale: ScaleSource | None = None
+    given: Sequence[Given],
+    bodies: BodySource,
+    config: LabelConfig,
+    scale: ScaleSource | None = None,
 ) -> list[CuboidLabel | Rejection | SampleError]:
-    """The labels of many records, the same as one by one, at less cost where cameras are known; an unusable one spoils no other.
+    """The labels of many records, the same as one by one, at less cost where cameras are known.
+
+    An unusable one spoils no other.
 
     Args:
         given: the animals.
@@ -94,7 +107,9 @@ def label_records(
             found[place] = error
     try:
         posed = many_bodies(bodies, [one.record for one in ready.values()])
-        outcomes = label_many([_arguments(one, body) for one, body in zip(ready.values(), posed, strict=True)], config)
+        outcomes = label_many(
+            [_arguments(one, body) for one, body in zip(ready.values(), posed, strict=True)], config
+        )
         for (place, one), body, outcome in zip(ready.items(), posed, outcomes, strict=True):
             found[place] = _finished(outcome, one, body, scale)
     except SampleError:  # one of them is unusable: which, is told one by one
@@ -127,8 +142,11 @@ def _arguments(given: Given, body: Body) -> dict[str, Any]:
     }
 
 
-def _finished(outcome: CuboidLabel | Rejection, given: Given, body: Body, scale: ScaleSource | None) -> CuboidLabel | Rejection:
-    """A label with what the record and its picture say of it, in metres if something tells the scale."""
+def _finished(
+    outcome: CuboidLabel | Rejection, given: Given, body: Body, scale: ScaleSource | None
+) -> CuboidLabel | Rejection:
+    """A label with what the record and its picture say of it, in metres if something tells the
+    scale."""
     if isinstance(outcome, Rejection):
         return outcome
     record, facts, quality = given.record, given.facts or PhotoFacts(), outcome.quality
@@ -145,24 +163,41 @@ def _finished(outcome: CuboidLabel | Rejection, given: Given, body: Body, scale:
         return outcome
     metres, source = scale.metres_per_unit(record, body, outcome)
     if metres is not None and not 0 < metres < float("inf"):
-        raise SampleError(record.sample_id, "scale", f"metres per unit must be positive, {type(scale).__name__} gave {metres}")
+        raise SampleError(
+            record.sample_id,
+            "scale",
+            f"metres per unit must be positive, {type(scale).__name__} gave {metres}",
+        )
     return in_metres(outcome, metres, source)
 
 
 def check_pose_policy(policy: PosePolicy, has_cameras: bool, notes: Sequence[str] = ()) -> None:
-    """Raise ConfigError if known cameras are asked for of a dataset that has none, or none that agrees with its keypoints."""
+    """Raise ConfigError if known cameras are asked for of a dataset that has none, or none that
+    agrees with its keypoints."""
     if policy == "exact" and not has_cameras:
         said = "".join(f" ({note})" for note in notes if "camera" in note)
-        raise ConfigError(f"pose 'exact' needs cameras that come with the dataset, and there are none to be trusted{said}: take 'hypothesis'")
+        raise ConfigError(
+            "pose 'exact' needs cameras that come with the dataset, and there are none to be"
+            f" trusted{said}: take 'hypothesis'"
+        )
 
 
 def posed_as_stored(record: AnimalRecord, policy: PosePolicy) -> AnimalRecord:
-    """The record with its dataset's own camera taken as known, if the policy is "exact" and there is one."""
-    return replace(record, pose=record.stored_pose) if policy == "exact" and record.pose is None else record
+    """The record with its dataset's own camera taken as known, if the policy is "exact" and there
+    is one."""
+    return (
+        replace(record, pose=record.stored_pose)
+        if policy == "exact" and record.pose is None
+        else record
+    )
 
 
-def camera_of(record: AnimalRecord, facts: PhotoFacts) -> tuple[NDArray[np.float64] | None, str | None]:
-    """The intrinsics (3, 3) of a record and where they are from: its own, its picture's EXIF header, its dataset's; None if nothing tells.
+def camera_of(
+    record: AnimalRecord, facts: PhotoFacts
+) -> tuple[NDArray[np.float64] | None, str | None]:
+    """The intrinsics (3, 3) of a record and where they are from.
+
+    Its own, its picture's EXIF header, its dataset's; None if nothing tells.
 
     A pose known exactly holds for the camera that it came with, and so keeps it.
     """

@@ -1,6 +1,7 @@
 """A label as one row of numbers: what a cache stores and what targets are made of.
 
-The row is float64 with a fixed layout, so that reading one costs no more than looking at it; booleans are 0 and 1.
+The row is float64 with a fixed layout, so that reading one costs no more than looking at it;
+booleans are 0 and 1.
 """
 
 from collections.abc import Sequence
@@ -21,10 +22,18 @@ LAYOUT: dict[str, tuple[int, ...]] = {
     "face_share_in_image": (6,), "K": (3, 3), "R": (3, 3), "t": (3,), "box": (4,), "truncation": (), "surface_share": (6,),
     "corner_in_front": (8,), "face_visible": (6,), "behind_camera": (),
 }  # fmt: skip
-"""Fields of a CuboidLabel in the row, in order, the boolean ones last; surface_share is all -1 where it was not measured."""
+"""Fields of a CuboidLabel in the row, in order, the boolean ones last.
+
+Surface_share is all -1 where it was not measured.
+"""
 BOOLEAN = ("corner_in_front", "face_visible", "behind_camera")
 _WIDTHS = {name: int(np.prod(shape)) for name, shape in LAYOUT.items()}
-SPANS = {name: (start, start + width) for (name, width), start in zip(_WIDTHS.items(), np.cumsum([0, *_WIDTHS.values()]).tolist(), strict=False)}
+SPANS = {
+    name: (start, start + width)
+    for (name, width), start in zip(
+        _WIDTHS.items(), np.cumsum([0, *_WIDTHS.values()]).tolist(), strict=False
+    )
+}
 """Where each field stands in the row."""
 WIDTH = sum(_WIDTHS.values())
 
@@ -37,7 +46,9 @@ def _plain(value: Any) -> Any:
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain)
 _Said = dict[str, str | bool | int | float | tuple[str, ...] | None]
-_ROW = msgspec.msgpack.Decoder(tuple[str, bytes, bytes | None, _Said, float | None, str, bytes | None])
+_ROW = msgspec.msgpack.Decoder(
+    tuple[str, bytes, bytes | None, _Said, float | None, str, bytes | None]
+)
 _REJECTION = msgspec.msgpack.Decoder(tuple[str | None, str, str])
 
 
@@ -73,7 +84,9 @@ def _in_frame(keypoints: NDArray[np.float64], image_hw: tuple[int, int]) -> NDAr
     """Keypoints (J, 3) whose visibility is 0 outside the frame."""
     px = keypoints[:, :2]
     inside = ((px >= -0.5) & (px <= (image_hw[1] - 0.5, image_hw[0] - 0.5))).all(1)
-    return keypoints if inside.all() else np.concatenate((px, (keypoints[:, 2] * inside)[:, None]), 1)
+    return (
+        keypoints if inside.all() else np.concatenate((px, (keypoints[:, 2] * inside)[:, None]), 1)
+    )
 
 
 def label_row(label: CuboidLabel) -> LabelRow:
@@ -81,19 +94,32 @@ def label_row(label: CuboidLabel) -> LabelRow:
     parts = []
     for name, width in _WIDTHS.items():
         value = getattr(label, name)
-        parts.append(np.full(width, -1.0) if value is None else value.numpy().ravel() if isinstance(value, Tensor) else (value,))
-    keypoints = None if label.keypoints is None else _in_frame(label.keypoints.numpy(), label.image_hw)
+        parts.append(
+            np.full(width, -1.0)
+            if value is None
+            else value.numpy().ravel()
+            if isinstance(value, Tensor)
+            else (value,)
+        )
+    keypoints = (
+        None if label.keypoints is None else _in_frame(label.keypoints.numpy(), label.image_hw)
+    )
     quality = {**vars(label.quality), "confidence": label.confidence}
     distortion = None if label.distortion is None else label.distortion.numpy()
     scale = (label.scale_m_per_unit, label.scale_source)
-    return LabelRow(label.sample_id or "", np.concatenate(parts), keypoints, quality, *scale, distortion)
+    return LabelRow(
+        label.sample_id or "", np.concatenate(parts), keypoints, quality, *scale, distortion
+    )
 
 
 def packed_outcome(outcome: LabelRow | Rejection) -> bytes:
     """The bytes of a row or a rejection."""
     if isinstance(outcome, Rejection):
         return b"R" + _ENCODER.encode((outcome.sample_id, outcome.reason, outcome.detail))
-    keypoints, distortion = (None if part is None else part.astype(np.float64).tobytes() for part in (outcome.keypoints, outcome.distortion))
+    keypoints, distortion = (
+        None if part is None else part.astype(np.float64).tobytes()
+        for part in (outcome.keypoints, outcome.distortion)
+    )
     told = (outcome.quality, outcome.scale_m_per_unit, outcome.scale_source, distortion)
     return b"L" + _ENCODER.encode((outcome.sample_id, outcome.values.tobytes(), keypoints, *told))
 
@@ -115,25 +141,48 @@ def unpacked_outcome(data: bytes) -> LabelRow | Rejection:
     if len(values) != WIDTH:
         raise ShapeError(f"a label row must have {WIDTH} numbers, got {len(values)}")
     keypoints = None if points is None else np.frombuffer(points).reshape(-1, 3)
-    return LabelRow(sample_id, values, keypoints, quality, scale, scale_source, None if lens is None else np.frombuffer(lens))
+    return LabelRow(
+        sample_id,
+        values,
+        keypoints,
+        quality,
+        scale,
+        scale_source,
+        None if lens is None else np.frombuffer(lens),
+    )
 
 
 def columns(rows: Sequence[LabelRow]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """The fields of several animals one after the other, each of all animals: the numbers, and the booleans. places says where each is."""
+    """The fields of several animals one after the other, each of all animals.
+
+    The numbers, and the booleans. places says where each is.
+    """
     count = len(rows)
-    flat = rows[0].values if count == 1 else np.concatenate([row.values for row in rows])[_by_field(count)] if rows else np.zeros(0)
+    flat = (
+        rows[0].values
+        if count == 1
+        else np.concatenate([row.values for row in rows])[_by_field(count)]
+        if rows
+        else np.zeros(0)
+    )
     booleans = SPANS[BOOLEAN[0]][0] * count
     return flat[:booleans].astype(np.float32), flat[booleans:].astype(np.bool_)
 
 
 def places(count: int, boolean: bool) -> dict[str, tuple[tuple[int, ...], int]]:
-    """Shape (N, ...) and first byte of the boolean fields of several animals in columns' booleans, or of the others in its numbers."""
+    """Shape (N, ...) and first byte of the boolean fields of several animals in columns' booleans,
+    or of the others in its numbers."""
     first, size = (SPANS[BOOLEAN[0]][0], 1) if boolean else (0, 4)
-    return {name: ((count, *LAYOUT[name]), (start - first) * count * size) for name, (start, _) in SPANS.items() if (name in BOOLEAN) == boolean}
+    return {
+        name: ((count, *LAYOUT[name]), (start - first) * count * size)
+        for name, (start, _) in SPANS.items()
+        if (name in BOOLEAN) == boolean
+    }
 
 
 @lru_cache(maxsize=64)
 def _by_field(count: int) -> NDArray[np.int64]:
-    """The order that puts the fields of several rows, one row after the other, together field by field."""
+    """The order that puts the fields of several rows, one row after the other, together field by
+    field."""
     places = np.arange(count * WIDTH).reshape(count, WIDTH)
     return np.concatenate([places[:, start:stop].ravel() for start, stop in SPANS.values()])

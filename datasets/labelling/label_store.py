@@ -1,4 +1,7 @@
-"""From an annotated animal to its label row: from the cache if it is there, made and stored otherwise."""
+"""From an annotated animal to its label row.
+
+From the cache if it is there, made and stored otherwise.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,13 +15,23 @@ from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.cache import LabelCache
 from animal3dbox.datasets.labelling.given_boxes import given_label
 from animal3dbox.datasets.labelling.image_index import AnimalHead
-from animal3dbox.datasets.labelling.label_records import Given, PosePolicy, label_records, posed_as_stored
+from animal3dbox.datasets.labelling.label_records import (
+    Given,
+    PosePolicy,
+    label_records,
+    posed_as_stored,
+)
 from animal3dbox.datasets.labelling.label_rows import LabelRow, label_row
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.sources import ImageSample, Record
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
-from animal3dbox.datasets.storage.fingerprint import code_digest, content_digest, digest, file_digest
+from animal3dbox.datasets.storage.fingerprint import (
+    code_digest,
+    content_digest,
+    digest,
+    file_digest,
+)
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import Rejection
@@ -35,7 +48,8 @@ class Asked(NamedTuple):
         sample: what is annotated in its image.
         animal: which of the sample's.
         facts: of the image's header.
-        key: names what its label is made from, as its files were before anything was decoded; empty without a cache.
+        key: names what its label is made from, as its files were before anything was decoded; empty
+            without a cache.
         mask: (H, W), if it has been decoded; None: decoded when it is needed, if it has one.
     """
 
@@ -54,7 +68,9 @@ class Asked(NamedTuple):
     def bodies(self) -> BodySource:
         """Where its body comes from; raises SampleError if nothing is known of that."""
         if self.sample.bodies is None:
-            raise SampleError(self.sample.animals[self.animal].sample_id, "body", "there is no source of bodies")
+            raise SampleError(
+                self.sample.animals[self.animal].sample_id, "body", "there is no source of bodies"
+            )
         return self.sample.bodies
 
 
@@ -66,7 +82,10 @@ class Answer(NamedTuple):
 
 
 class _Missing(NamedTuple):
-    """An animal that must be labelled: its place among those asked for, and what was wrong with the cache."""
+    """An animal that must be labelled.
+
+    Its place among those asked for, and what was wrong with the cache.
+    """
 
     place: int
     asked: Asked
@@ -88,7 +107,13 @@ class RowMaker:
     """
 
     def __init__(
-        self, bodies: bytes, config: LabelConfig, scale: ScaleSource | None, pose: PosePolicy, cache: Path | str | None, reuse: bool = True
+        self,
+        bodies: bytes,
+        config: LabelConfig,
+        scale: ScaleSource | None,
+        pose: PosePolicy,
+        cache: Path | str | None,
+        reuse: bool = True,
     ) -> None:
         if pose not in ("hypothesis", "exact"):
             raise ConfigError(f"pose must be 'hypothesis' or 'exact', got {pose!r}")
@@ -100,19 +125,26 @@ class RowMaker:
                 scaled = content_digest(scale)
             except TypeError as error:
                 raise ConfigError(
-                    f"scale has no name in a cache, for {error}: make it a dataclass of numbers and words, or leave out cache"
+                    f"scale has no name in a cache, for {error}: make it a dataclass of numbers and"
+                    " words, or leave out cache"
                 ) from error
             made_by = digest(code_digest(), bodies, content_digest(config), scaled, pose.encode())
             self.cache = LabelCache(Path(cache), made_by)
 
     def asked(self, sample: ImageSample, animal: int, facts: PhotoFacts) -> Asked:
-        """An animal to ask for, its mask not decoded yet; raises SampleError if its files cannot be read or it has no body."""
+        """An animal to ask for, its mask not decoded yet.
+
+        Raises SampleError if its files cannot be read or it has no body.
+        """
         head = sample.animals[animal]
         cached = self.cache is not None and head.vocabulary is not None  # a box is as it comes
         return Asked(sample, animal, facts, _key(head, sample.bodies, facts) if cached else b"")
 
     def rows(self, asked: Sequence[Asked | SampleError]) -> list[Answer]:
-        """What becomes of animals, in order; those that must be labelled are labelled together, and errors stay what they are."""
+        """What becomes of animals, in order.
+
+        Those that must be labelled are labelled together, and errors stay what they are.
+        """
         answers: dict[int, Answer] = {}
         missing: dict[int, list[_Missing]] = {}
         for place, one in enumerate(asked):
@@ -125,7 +157,9 @@ class RowMaker:
                 elif isinstance(one.record, CuboidRecord):
                     answers[place] = Answer(label_row(given_label(one.record)), cases)
                 else:
-                    missing.setdefault(id(one.bodies), []).append(_Missing(place, one, one.record, cases))
+                    missing.setdefault(id(one.bodies), []).append(
+                        _Missing(place, one, one.record, cases)
+                    )
             except SampleError as error:
                 answers[place] = Answer(error, [])
         for group in missing.values():
@@ -134,9 +168,14 @@ class RowMaker:
 
     def _made(self, group: Sequence[_Missing]) -> dict[int, Answer]:
         """The answers, by place, to animals with one source of bodies that the cache does not hold."""
-        given = [Given(posed_as_stored(one.record, self.pose), one.asked.facts, one.asked.mask) for one in group]
+        given = [
+            Given(posed_as_stored(one.record, self.pose), one.asked.facts, one.asked.mask)
+            for one in group
+        ]
         answers: dict[int, Answer] = {}
-        for one, outcome in zip(group, label_records(given, group[0].asked.bodies, self.config, self.scale), strict=True):
+        for one, outcome in zip(
+            group, label_records(given, group[0].asked.bodies, self.config, self.scale), strict=True
+        ):
             if isinstance(outcome, SampleError):
                 answers[one.place] = Answer(outcome, one.cases)
             else:
@@ -145,7 +184,10 @@ class RowMaker:
         return answers
 
     def fill(self, samples: Sequence[tuple[ImageSample, PhotoFacts]]) -> list[Case]:
-        """Store the rows of all animals of some samples, labelled together; what could not be, and why."""
+        """Store the rows of all animals of some samples, labelled together.
+
+        What could not be, and why.
+        """
         names: list[str] = []
         asked: list[Asked | SampleError] = []
         for sample, facts in samples:
@@ -175,7 +217,14 @@ class RowMaker:
         found, damaged = self.cache.get(asked.key) if self.reuse else (None, False)
         if damaged:
             cases.append(
-                _cache_case(head.sample_id, "its label was damaged and is made anew" if found is None else "one copy of its label is damaged")
+                _cache_case(
+                    head.sample_id,
+                    (
+                        "its label was damaged and is made anew"
+                        if found is None
+                        else "one copy of its label is damaged"
+                    ),
+                )
             )
         return found, cases
 
@@ -185,12 +234,18 @@ class RowMaker:
             return []
         name = asked.sample.animals[asked.animal].sample_id
         try:
-            if self.asked(asked.sample, asked.animal, asked.facts).key == asked.key:  # else a file was replaced meanwhile: which one was decoded?
+            if (
+                self.asked(asked.sample, asked.animal, asked.facts).key == asked.key
+            ):  # else a file was replaced meanwhile: which one was decoded?
                 self.cache.put(asked.key, made)
         except SampleError:  # or has vanished
             return []
         except OSError as error:
-            return [_cache_case(name, f"{NOT_STORED} ({error}): it is used, and made anew the next time")]
+            return [
+                _cache_case(
+                    name, f"{NOT_STORED} ({error}): it is used, and made anew the next time"
+                )
+            ]
         return []
 
     def _cases(self, cache: LabelCache, sample_id: str) -> list[Case]:
@@ -205,12 +260,19 @@ class RowMaker:
 
 def fault_case(error: SampleError) -> Case:
     """The case of an unusable sample."""
-    return Case(kind="fault", sample_id=error.sample_id or "sample", field=error.field, problem=error.problem)
+    return Case(
+        kind="fault",
+        sample_id=error.sample_id or "sample",
+        field=error.field,
+        problem=error.problem,
+    )
 
 
 def rejected_case(sample_id: str, rejection: Rejection) -> Case:
     """The case of an animal without a label."""
-    return Case(kind="rejected", sample_id=sample_id, field=rejection.reason, problem=rejection.detail)
+    return Case(
+        kind="rejected", sample_id=sample_id, field=rejection.reason, problem=rejection.detail
+    )
 
 
 def _key(head: AnimalHead, bodies: BodySource | None, facts: PhotoFacts) -> bytes:
@@ -219,8 +281,12 @@ def _key(head: AnimalHead, bodies: BodySource | None, facts: PhotoFacts) -> byte
     try:
         mask = file_digest(head.mask_path) if head.mask_path else b""
     except OSError as error:
-        raise SampleError(head.sample_id, "mask", f"{head.mask_path} cannot be read: {error}") from error
-    return digest(head.content, body, mask, b"" if facts == _NOTHING_TOLD else content_digest(facts))
+        raise SampleError(
+            head.sample_id, "mask", f"{head.mask_path} cannot be read: {error}"
+        ) from error
+    return digest(
+        head.content, body, mask, b"" if facts == _NOTHING_TOLD else content_digest(facts)
+    )
 
 
 def _cache_case(sample_id: str, problem: str) -> Case:

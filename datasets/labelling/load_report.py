@@ -1,7 +1,7 @@
 """What was left out and why, counted over all processes that load one dataset.
 
-A line a case, appended to one file: workers come and go, but what they wrote stays, also after kill -9. A line is written by a single
-call, which the file system does not mix with others'.
+A line a case, appended to one file: workers come and go, but what they wrote stays, also after kill
+-9. A line is written by a single call, which the file system does not mix with others'.
 """
 
 import os
@@ -25,8 +25,9 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     """One animal or image that did not come through.
 
     Attributes:
-        kind: "fault" (unusable), "rejected" (no label could be made), "filtered" (a label that a filter refused) or "cache" (a cached
-            label that was damaged and was made anew, or could not be stored; nothing is lost).
+        kind: "fault" (unusable), "rejected" (no label could be made), "filtered" (a label that a
+            filter refused) or "cache" (a cached label that was damaged and was made anew, or could
+            not be stored; nothing is lost).
         sample_id: which.
         field: of the record, or of the filter.
         problem: why, and what to do.
@@ -62,14 +63,17 @@ class LoadReport:
 
     def __str__(self) -> str:
         counted = ", ".join(f"{count} {kind}" for kind, count in self.counts.items()) or "nothing"
-        return "\n".join([f"left out: {counted}", *(f"  {case.kind}: {case}" for case in self.cases)])
+        return "\n".join(
+            [f"left out: {counted}", *(f"  {case.kind}: {case}" for case in self.cases)]
+        )
 
 
 class Ledger:
     """The file of cases of one dataset.
 
     Args:
-        path: kept, and read again by a later run; None: a temporary file, which is made for the first case and ends with the ledger.
+        path: kept, and read again by a later run; None: a temporary file, which is made for the
+            first case and ends with the ledger.
 
     """
 
@@ -104,7 +108,9 @@ class Ledger:
         except OSError as error:
             raise LedgerError(f"{case} could not be written to {self.path}: {error}") from error
         if written != len(line):
-            raise LedgerError(f"{case} could not be written whole to {self.path}: is the disk full?")
+            raise LedgerError(
+                f"{case} could not be written whole to {self.path}: is the disk full?"
+            )
         self._written.add(case)
 
     def report(self) -> LoadReport:
@@ -115,7 +121,12 @@ class Ledger:
             try:
                 case = msgspec.json.decode(line, type=Case)
             except msgspec.DecodeError:
-                case = Case(kind="fault", sample_id=self.path.name, field="line", problem=f"is damaged: {line[:80]!r}")
+                case = Case(
+                    kind="fault",
+                    sample_id=self.path.name,
+                    field="line",
+                    problem=f"is damaged: {line[:80]!r}",
+                )
             met[case] = None
         return LoadReport(tuple(met))
 

@@ -1,6 +1,7 @@
 """Metres: what a unit of an animal's body is worth, and who says so.
 
-A body's own unit is arbitrary, so a label is metric only if something tells its size. Whatever it is, is recorded.
+A body's own unit is arbitrary, so a label is metric only if something tells its size. Whatever it
+is, is recorded.
 """
 
 from collections.abc import Mapping
@@ -26,14 +27,18 @@ HEAD_AND_BODY_M: Mapping[str, float] = MappingProxyType({
     "rabbit": 0.4, "raccoon": 0.55, "rhino": 3.6, "rhinoceros": 3.6, "sheep": 1.2, "tiger": 1.9, "warthog": 1.2, "weasel": 0.22,
     "wolf": 1.2, "yak": 2.8, "zebra": 2.3,
 })  # fmt: skip
-"""Nominal head-and-body lengths of adults, nose to tail base along the back, in metres. Single animals differ by 30 % and more, breeds of
+"""Nominal head-and-body lengths of adults, nose to tail base along the back, in metres.
+
+Single animals differ by 30 % and more, breeds of
 dogs by a factor of five: for ranking and rough depth, not for measuring."""
 
 
 class ScaleSource(Protocol):
     """Tells how many metres a unit of an animal's body is."""
 
-    def metres_per_unit(self, record: AnimalRecord, body: Body, label: CuboidLabel) -> tuple[float | None, str]:
+    def metres_per_unit(
+        self, record: AnimalRecord, body: Body, label: CuboidLabel
+    ) -> tuple[float | None, str]:
         """The scale and what it is from; None and "unknown" if it cannot tell."""
         ...
 
@@ -52,7 +57,9 @@ class KnownScale:
         if not 0 < self.value < float("inf"):
             raise ConfigError(f"metres per unit must be positive, got {self.value}")
 
-    def metres_per_unit(self, record: AnimalRecord, body: Body, label: CuboidLabel) -> tuple[float | None, str]:
+    def metres_per_unit(
+        self, record: AnimalRecord, body: Body, label: CuboidLabel
+    ) -> tuple[float | None, str]:
         """The value."""
         return self.value, "user"
 
@@ -62,19 +69,28 @@ class SpeciesScale:
     """By the animal's species: its typical head-and-body length over the body's own.
 
     Attributes:
-        lengths_m: species -> length in metres from nose to tail base along the back. A category is looked up as it is, then by its last
-            word ("polar bear" is a bear).
+        lengths_m: species -> length in metres from nose to tail base along the back. A category is
+            looked up as it is, then by its last word ("polar bear" is a bear).
     """
 
-    lengths_m: Mapping[str, float] = field(default_factory=lambda: dict(HEAD_AND_BODY_M))  # a copy: HEAD_AND_BODY_M cannot be pickled
+    lengths_m: Mapping[str, float] = field(
+        default_factory=lambda: dict(HEAD_AND_BODY_M)
+    )  # a copy: HEAD_AND_BODY_M cannot be pickled
 
     def __post_init__(self) -> None:
-        wrong = {name: length for name, length in self.lengths_m.items() if not 0 < length < float("inf")}
+        wrong = {
+            name: length for name, length in self.lengths_m.items() if not 0 < length < float("inf")
+        }
         if wrong:
             raise ConfigError(f"lengths_m must be positive, got {wrong}")
 
-    def metres_per_unit(self, record: AnimalRecord, body: Body, label: CuboidLabel) -> tuple[float | None, str]:
-        """The scale by the table; unknown for other species, and for bodies without nose or tail base."""
+    def metres_per_unit(
+        self, record: AnimalRecord, body: Body, label: CuboidLabel
+    ) -> tuple[float | None, str]:
+        """The scale by the table.
+
+        Unknown for other species, and for bodies without nose or tail base.
+        """
         name = record.category.lower().replace("_", " ").strip()
         metres = self.lengths_m.get(name) or self.lengths_m.get(name.split(" ")[-1])
         length = head_and_body(record, body)
@@ -89,31 +105,48 @@ class AltitudeScale:
 
     Attributes:
         altitude_m: one for all images, or image -> metres.
-        down_cam: the direction of gravity in the camera frame, of any length; (0, 0, 1) looks straight down.
+        down_cam: the direction of gravity in the camera frame, of any length; (0, 0, 1) looks
+            straight down.
     """
 
     altitude_m: float | Mapping[str, float]
     down_cam: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        given = self.altitude_m.values() if isinstance(self.altitude_m, Mapping) else (self.altitude_m,)
+        given = (
+            self.altitude_m.values() if isinstance(self.altitude_m, Mapping) else (self.altitude_m,)
+        )
         if not all(0 < value < float("inf") for value in given) or not any(self.down_cam):
             raise ConfigError("altitude_m must be positive and down_cam a direction")
 
-    def metres_per_unit(self, record: AnimalRecord, body: Body, label: CuboidLabel) -> tuple[float | None, str]:
+    def metres_per_unit(
+        self, record: AnimalRecord, body: Body, label: CuboidLabel
+    ) -> tuple[float | None, str]:
         """Altitude over the depth of the box's lowest corner along gravity."""
-        altitude = self.altitude_m.get(record.image_id) if isinstance(self.altitude_m, Mapping) else self.altitude_m
+        altitude = (
+            self.altitude_m.get(record.image_id)
+            if isinstance(self.altitude_m, Mapping)
+            else self.altitude_m
+        )
         if altitude is None:
             return None, UNKNOWN
         down = torch.tensor(self.down_cam, dtype=torch.float64)
         below = float((label.corners_3d @ (down / down.norm())).amax())
         if not below > 0:
-            raise SampleError(record.sample_id, "altitude_m", "the animal stands above the camera by down_cam: does down_cam point to the ground?")
+            raise SampleError(
+                record.sample_id,
+                "altitude_m",
+                "the animal stands above the camera by down_cam: does down_cam point to the"
+                " ground?",
+            )
         return altitude / below, "altitude"
 
 
 def head_and_body(record: AnimalRecord, body: Body) -> float | None:
-    """Length of a body from nose over neck or withers to tail base, in its own unit; None if it lacks one of them."""
+    """Length of a body from nose over neck or withers to tail base, in its own unit.
+
+    None if it lacks one of them.
+    """
     places: dict[str, Tensor] = {}
     for row, names in enumerate(record.vocabulary.landmarks):
         if bool(torch.isfinite(body.landmarks[row]).all()):
@@ -122,12 +155,18 @@ def head_and_body(record: AnimalRecord, body: Body) -> float | None:
     middle = places.get("neck", places.get("withers"))
     if middle is None or "nose" not in places or "tail_base" not in places:
         return None
-    length = float(torch.linalg.vector_norm(places["nose"] - middle) + torch.linalg.vector_norm(middle - places["tail_base"]))
+    length = float(
+        torch.linalg.vector_norm(places["nose"] - middle)
+        + torch.linalg.vector_norm(middle - places["tail_base"])
+    )
     return length if length > 0 else None
 
 
 def in_metres(label: CuboidLabel, metres: float | None, source: str) -> CuboidLabel:
-    """A label with its camera-frame fields (corners_3d, center, size, t) in metres; R and t then map vertices that are scaled too."""
+    """A label with its camera-frame fields (corners_3d, center, size, t) in metres.
+
+    R and t then map vertices that are scaled too.
+    """
     if metres is None:
         return replace(label, scale_m_per_unit=None, scale_source=source)
     scaled = {name: getattr(label, name) * metres for name in ("corners_3d", "center", "size", "t")}

@@ -15,7 +15,12 @@ from animal3dbox.datasets.storage.fingerprint import content_digest
 from animal3dbox.datasets.synthetic.annotation import annotate
 from animal3dbox.datasets.synthetic.faults import faulty
 from animal3dbox.datasets.synthetic.scenes import SyntheticScene, synthetic_scene
-from animal3dbox.datasets.synthetic.synthetic_set import FORMAT, SyntheticSample, SyntheticSet, record_of
+from animal3dbox.datasets.synthetic.synthetic_set import (
+    FORMAT,
+    SyntheticSample,
+    SyntheticSet,
+    record_of,
+)
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
 
@@ -23,7 +28,8 @@ from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_n
 class SyntheticSource:
     """Scenes of a seed's world with their annotations, faults included; nothing is held.
 
-    Records know the camera for which their bodies were fitted as their stored pose: the bodies stand in the camera frame.
+    Records know the camera for which their bodies were fitted as their stored pose: the bodies
+    stand in the camera frame.
 
     Args:
         made: the scenes, their faults and what is marked.
@@ -60,18 +66,40 @@ class SyntheticSource:
         """The animals of a scene as annotated."""
         scene = _scene(self.made, index)
         said = [
-            SyntheticSample(scene, animal, faulty(annotate(animal, self.made.hidden), self.made.faults, self.made.seed)) for animal in scene.animals
+            SyntheticSample(
+                scene,
+                animal,
+                faulty(annotate(animal, self.made.hidden), self.made.faults, self.made.seed),
+            )
+            for animal in scene.animals
         ]
-        bodies = ParametersBody(load_quadruped(), {sample.annotation.sample_id: sample.annotation.parameters for sample in said})
+        bodies = ParametersBody(
+            load_quadruped(),
+            {sample.annotation.sample_id: sample.annotation.parameters for sample in said},
+        )
         records = tuple(_with_camera(sample) for sample in said)
         # Named by what they say, not by what they are drawn from: the code that draws may change.
-        animals = tuple(head_of(record, record_content(record, content_digest(record), bodies)) for record in records)
-        alone = None if records else CuboidImage(self.image_id(index), None, scene.camera.image_hw, scene.camera.K.numpy())
-        return ImageSample(ImageHead(self.image_id(index), "", False, 0, animals), lambda: records, bodies, alone)
+        animals = tuple(
+            head_of(record, record_content(record, content_digest(record), bodies))
+            for record in records
+        )
+        alone = (
+            None
+            if records
+            else CuboidImage(
+                self.image_id(index), None, scene.camera.image_hw, scene.camera.K.numpy()
+            )
+        )
+        return ImageSample(
+            ImageHead(self.image_id(index), "", False, 0, animals), lambda: records, bodies, alone
+        )
 
     def photo(self, sample: ImageSample) -> Photo:
         """The picture of a scene."""
-        return Photo(_scene(self.made, int(sample.image_id.rpartition("-")[2])).image.numpy().copy(), PhotoFacts())
+        return Photo(
+            _scene(self.made, int(sample.image_id.rpartition("-")[2])).image.numpy().copy(),
+            PhotoFacts(),
+        )
 
     def facts(self, sample: ImageSample) -> PhotoFacts:
         """Nothing."""

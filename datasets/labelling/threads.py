@@ -1,4 +1,7 @@
-"""One thread for what a sample needs: its problems are small, and threads of a forked parent hang their children."""
+"""One thread for what a sample needs.
+
+Its problems are small, and threads of a forked parent hang their children.
+"""
 
 import os
 from contextlib import AbstractContextManager
@@ -40,7 +43,10 @@ def _set_threads(of_torch: int, of_cv2: int) -> None:
 
 
 def _end_threads() -> None:
-    """End OpenCV's threads before a fork: a child has none of them, and would wait for them for ever as soon as it set their number."""
+    """End OpenCV's threads before a fork.
+
+    A child has none of them, and would wait for them for ever as soon as it set their number.
+    """
     _before_fork.append(cv2.getNumThreads())
     if _before_fork[-1] != 1:
         cv2.setNumThreads(1)
@@ -53,4 +59,6 @@ def _start_threads() -> None:
 
 
 if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
-    os.register_at_fork(before=_end_threads, after_in_parent=_start_threads, after_in_child=_before_fork.clear)
+    os.register_at_fork(
+        before=_end_threads, after_in_parent=_start_threads, after_in_child=_before_fork.clear
+    )

@@ -1,1 +1,4 @@
-"""Readers of annotation files: one format a file or folder, each giving a RecordSet or a CuboidSet."""
+"""Readers of annotation files.
+
+One format a file or folder, each giving a RecordSet or a CuboidSet.
+"""

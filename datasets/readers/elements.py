@@ -1,4 +1,7 @@
-"""Elements of annotation files, checked one by one: a bad one is an error that names its sample and field."""
+"""Elements of annotation files, checked one by one.
+
+A bad one is an error that names its sample and field.
+"""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -31,22 +34,36 @@ def _field_and_problem(error: msgspec.ValidationError) -> tuple[str, str]:
     return (where or missing or "entry"), text
 
 
-def image_size(height: int, width: int, sample_id: str, fields: str = "height, width") -> tuple[int, int]:
+def image_size(
+    height: int, width: int, sample_id: str, fields: str = "height, width"
+) -> tuple[int, int]:
     """(height, width), positive and not of more than MAX_PIXELS."""
     if height <= 0 or width <= 0 or height * width > MAX_PIXELS:
-        raise SampleError(sample_id, fields, f"must be positive and make at most {MAX_PIXELS} pixels, got {width} x {height}")
+        raise SampleError(
+            sample_id,
+            fields,
+            f"must be positive and make at most {MAX_PIXELS} pixels, got {width} x {height}",
+        )
     return height, width
 
 
-def read_rows(rows: list[list[float | None]], count: int, sample_id: str, field: str) -> NDArray[np.float64]:
+def read_rows(
+    rows: list[list[float | None]], count: int, sample_id: str, field: str
+) -> NDArray[np.float64]:
     """Keypoints (count, 3) of x, y, visibility; one with a null counts as missing."""
     if len(rows) != count or any(len(row) != 3 for row in rows):
         lengths = sorted({len(row) for row in rows})
-        raise SampleError(sample_id, field, f"must be {count} x 3 (x, y, visibility), got {len(rows)} rows of {lengths} numbers")
+        raise SampleError(
+            sample_id,
+            field,
+            f"must be {count} x 3 (x, y, visibility), got {len(rows)} rows of {lengths} numbers",
+        )
     return np.array([[0.0, 0.0, 0.0] if None in row else row for row in rows], dtype=np.float64)
 
 
-def read_box(numbers: Sequence[float], sample_id: str, field: str, form: str = "x, y, w, h") -> NDArray[np.float64]:
+def read_box(
+    numbers: Sequence[float], sample_id: str, field: str, form: str = "x, y, w, h"
+) -> NDArray[np.float64]:
     """A box (4,) xyxy px in our pixels, whose centres are whole numbers.
 
     Args:
@@ -60,12 +77,21 @@ def read_box(numbers: Sequence[float], sample_id: str, field: str, form: str = "
     if len(box) == 4 and form == "x, y, w, h":
         box[2:] += box[:2]
     if len(box) != 4 or not np.isfinite(box).all() or not (box[2:] > box[:2]).all():
-        raise SampleError(sample_id, field, f"must be [{form}] with a positive area, got {list(numbers)}")
+        raise SampleError(
+            sample_id, field, f"must be [{form}] with a positive area, got {list(numbers)}"
+        )
     return box - 0.5
 
 
-def check_in_box(keypoints: NDArray[np.float64], box: NDArray[np.float64], sample_id: str, fields: tuple[str, str]) -> None:
-    """Raise if most visible keypoints (J, 3) miss the animal's box, grown by a tenth: they are not pixels of this image, or not of this animal.
+def check_in_box(
+    keypoints: NDArray[np.float64],
+    box: NDArray[np.float64],
+    sample_id: str,
+    fields: tuple[str, str],
+) -> None:
+    """Raise if most visible keypoints (J, 3) miss the animal's box, grown by a tenth.
+
+    They are not pixels of this image, or not of this animal.
 
     Args:
         keypoints: x, y, visibility; (0, 0) counts as missing.
@@ -82,5 +108,6 @@ def check_in_box(keypoints: NDArray[np.float64], box: NDArray[np.float64], sampl
         raise SampleError(
             sample_id,
             fields[0],
-            f"only {inside} of {len(seen)} visible ones lie in or near {fields[1]} (from {said[:2]} to {said[2:]}): are they pixels of this image?",
+            f"only {inside} of {len(seen)} visible ones lie in or near {fields[1]} (from {said[:2]}"
+            f" to {said[2:]}): are they pixels of this image?",
         )

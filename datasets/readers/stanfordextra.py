@@ -6,7 +6,13 @@ import msgspec
 
 from animal3dbox.datasets.images.photos import resolve_inside
 from animal3dbox.datasets.images.segmentation import read_runs
-from animal3dbox.datasets.readers.elements import check_in_box, decoded, image_size, read_box, read_rows
+from animal3dbox.datasets.readers.elements import (
+    check_in_box,
+    decoded,
+    image_size,
+    read_box,
+    read_rows,
+)
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import read_json_list
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
@@ -45,10 +51,17 @@ def find_annotations(path: Path) -> Path:
         return path
     if not path.is_dir():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
-    found = sorted(p for p in path.glob("*.json") if p.stem == "annotations" or p.stem.lower().startswith("stanfordextra"))
+    found = sorted(
+        p
+        for p in path.glob("*.json")
+        if p.stem == "annotations" or p.stem.lower().startswith("stanfordextra")
+    )
     if len(found) != 1:
         seen = ", ".join(p.name for p in found) or "none"
-        raise DatasetNotFoundError(f"{path} must hold one annotations.json or StanfordExtra*.json, found {seen}: give the file itself")
+        raise DatasetNotFoundError(
+            f"{path} must hold one annotations.json or StanfordExtra*.json, found {seen}: give the"
+            " file itself"
+        )
     return found[0]
 
 
@@ -57,8 +70,8 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
 
     Args:
         path: the json, or the folder it lies in.
-        images: the folder that img_path is relative to; None: "images" beside the json if there is one, else the
-            json's folder.
+        images: the folder that img_path is relative to; None: "images" beside the json if there is
+            one, else the json's folder.
 
     Returns:
         The records in the file's order, and a fault for each that is unusable.
@@ -69,7 +82,11 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
 
     """
     annotations = find_annotations(path)
-    root = images or (annotations.parent / "images" if (annotations.parent / "images").is_dir() else annotations.parent)
+    root = images or (
+        annotations.parent / "images"
+        if (annotations.parent / "images").is_dir()
+        else annotations.parent
+    )
     if not root.is_dir():
         raise DatasetNotFoundError(f"there is no folder of images {root}")
     records: list[AnimalRecord] = []
@@ -83,7 +100,11 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
         try:
             record = _record(raw, i, root, seen)
             if (first := copies.setdefault(bytes(raw), i)) != i:
-                raise SampleError(record.sample_id, f"entry {i}", f"is entry {first} once more; remove one, or it counts twice")
+                raise SampleError(
+                    record.sample_id,
+                    f"entry {i}",
+                    f"is entry {first} once more; remove one, or it counts twice",
+                )
             records.append(record)
         except SampleError as error:
             faults.append(error)

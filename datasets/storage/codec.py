@@ -1,7 +1,9 @@
-"""Records, parameters and labels as bytes: compact, the same bytes for the same content, and nothing to execute.
+"""Records, parameters and labels as bytes.
 
-MessagePack, with arrays as an extension type. Frozen dataclasses become maps of their fields; what many of them share, such as a
-vocabulary, is named by a number.
+Compact, the same bytes for the same content, and nothing to execute.
+
+MessagePack, with arrays as an extension type. Frozen dataclasses become maps of their fields; what
+many of them share, such as a vocabulary, is named by a number.
 """
 
 from collections.abc import Sequence
@@ -25,7 +27,8 @@ class Codec:
     """Turns values into bytes and back.
 
     Args:
-        shared: objects that values refer to, told apart by equality; they are not written, only their place in this sequence.
+        shared: objects that values refer to, told apart by equality; they are not written, only
+            their place in this sequence.
 
     """
 
@@ -61,7 +64,9 @@ class Codec:
             for place, known in enumerate(self.shared):
                 if known is value or known == value:
                     return msgspec.msgpack.Ext(_SHARED, str(place).encode())
-            raise TypeError(f"a {type(value).__name__} inside what is packed must be among the shared objects")
+            raise TypeError(
+                f"a {type(value).__name__} inside what is packed must be among the shared objects"
+            )
         return value
 
     def _encode(self, value: Any) -> Any:
@@ -87,10 +92,15 @@ class Codec:
 
 
 def _array_bytes(array: np.ndarray) -> bytes:
-    """Where the numbers begin, how long type and shape are, these, zeros until numbers are aligned, numbers."""
+    """Where the numbers begin, how long type and shape are, these, zeros until numbers are aligned,
+    numbers."""
     told = _PARTS.encode((array.dtype.str, array.shape))
     begin = -(-(len(told) + 2) // _ALIGNMENT) * _ALIGNMENT
-    return bytes((begin, len(told))) + told.ljust(begin - 2, b"\0") + np.ascontiguousarray(array).tobytes()
+    return (
+        bytes((begin, len(told)))
+        + told.ljust(begin - 2, b"\0")
+        + np.ascontiguousarray(array).tobytes()
+    )
 
 
 @lru_cache(maxsize=1024)
@@ -105,5 +115,8 @@ def _tuples(value: Any) -> Any:
     if kind is list:
         return tuple(_tuples(part) if type(part) in (list, dict) else part for part in value)
     if kind is dict:
-        return {name: _tuples(part) if type(part) in (list, dict) else part for name, part in value.items()}
+        return {
+            name: _tuples(part) if type(part) in (list, dict) else part
+            for name, part in value.items()
+        }
     return value

@@ -36,7 +36,11 @@ def decode_json(path: Path, kind: Any) -> Any:
         raise DatasetFormatError(f"{path}: {error}") from error
     except msgspec.DecodeError as error:
         literal = next((word for word in (b"NaN", b"Infinity") if word in data), None)
-        hint = f"; it holds {literal.decode()}, which JSON does not have: write null" if literal else ""
+        hint = (
+            f"; it holds {literal.decode()}, which JSON does not have: write null"
+            if literal
+            else ""
+        )
         raise DatasetFormatError(f"{path} is not valid JSON: {error}{hint}") from error
     except UnicodeDecodeError as error:
         raise DatasetFormatError(f"{path} is not UTF-8: {error}") from error
@@ -45,6 +49,7 @@ def decode_json(path: Path, kind: Any) -> Any:
 
 
 def read_json_list(path: Path) -> list[msgspec.Raw]:
-    """The elements of a JSON file that is one list, each still undecoded, so that one bad element spoils no other."""
+    """The elements of a JSON file that is one list, each still undecoded, so that one bad element
+    spoils no other."""
     elements: list[msgspec.Raw] = decode_json(path, list[msgspec.Raw])
     return elements

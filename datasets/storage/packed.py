@@ -1,7 +1,8 @@
 """Annotations held in a few tensors instead of Python objects.
 
-A forked worker that only looks at a Python object writes its reference count, and with it copies its page: a list of dicts grows by
-hundreds of megabytes a worker. Bytes in a tensor are never written, and spawned workers get them through shared memory.
+A forked worker that only looks at a Python object writes its reference count, and with it copies
+its page: a list of dicts grows by hundreds of megabytes a worker. Bytes in a tensor are never
+written, and spawned workers get them through shared memory.
 """
 
 import hashlib
@@ -28,11 +29,17 @@ class Arena:
     def __init__(self, parts: Iterable[bytes]) -> None:
         held = list(parts)
         ends = np.cumsum([0, *(len(part) for part in held)], dtype=np.int64)
-        self._take(torch.from_numpy(ends), torch.from_numpy(np.frombuffer(bytearray(b"".join(held)), dtype=np.uint8).copy()))
+        self._take(
+            torch.from_numpy(ends),
+            torch.from_numpy(np.frombuffer(bytearray(b"".join(held)), dtype=np.uint8).copy()),
+        )
 
     def _take(self, ends: Tensor, content: Tensor) -> None:
         self._ends, self._content = ends, content
-        self._starts, self._view = ends.numpy().data, content.numpy().data  # the same memory: cheaper to look at than tensors
+        self._starts, self._view = (
+            ends.numpy().data,
+            content.numpy().data,
+        )  # the same memory: cheaper to look at than tensors
         self._places = ends.data_ptr(), content.data_ptr()
 
     def __getstate__(self) -> tuple[Tensor, Tensor]:
@@ -45,7 +52,10 @@ class Arena:
         return self._ends.shape[0] - 1
 
     def __getitem__(self, index: int) -> bytes:
-        if (self._ends.data_ptr(), self._content.data_ptr()) != self._places:  # torch moves what it sends to a spawned worker
+        if (
+            self._ends.data_ptr(),
+            self._content.data_ptr(),
+        ) != self._places:  # torch moves what it sends to a spawned worker
             self._take(self._ends, self._content)
         count = len(self._starts) - 1
         if not -count <= index < count:
@@ -60,7 +70,9 @@ class Arena:
 
 
 class PackedList(Sequence[T], Generic[T]):
-    """A sequence of frozen dataclasses of one kind, as bytes; each is made anew when it is asked for.
+    """A sequence of frozen dataclasses of one kind, as bytes.
+
+    Each is made anew when it is asked for.
 
     Args:
         kind: their class.
@@ -85,7 +97,11 @@ class PackedList(Sequence[T], Generic[T]):
         return self.kind(**{**self.codec.unpack(self._arena[index]), **changes})
 
     def __getitem__(self, index: Any) -> Any:
-        return [self[i] for i in range(*index.indices(len(self)))] if isinstance(index, slice) else self.unpacked(index)
+        return (
+            [self[i] for i in range(*index.indices(len(self)))]
+            if isinstance(index, slice)
+            else self.unpacked(index)
+        )
 
     @property
     def nbytes(self) -> int:
@@ -159,4 +175,8 @@ class PackedNames(Sequence[str]):
 
 def _hash(name: str) -> int:
     """64 bits of a name, the same in every process, as Python's own are not."""
-    return int.from_bytes(hashlib.blake2b(name.encode("utf-8", "surrogatepass"), digest_size=8).digest(), "little", signed=True)
+    return int.from_bytes(
+        hashlib.blake2b(name.encode("utf-8", "surrogatepass"), digest_size=8).digest(),
+        "little",
+        signed=True,
+    )

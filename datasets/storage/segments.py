@@ -1,7 +1,10 @@
-"""Files of cached entries: each written by one process only, by appending, and read by all through memory maps.
+"""Files of cached entries.
 
-An entry is a header (magic, length, key, checksum) and its payload. A process that is killed leaves at most one half entry, at the end of
-its own file; a flipped bit spoils one entry, which its checksum tells. Neither hides the entries beside it.
+Each written by one process only, by appending, and read by all through memory maps.
+
+An entry is a header (magic, length, key, checksum) and its payload. A process that is killed leaves
+at most one half entry, at the end of its own file; a flipped bit spoils one entry, which its
+checksum tells. Neither hides the entries beside it.
 """
 
 import mmap
@@ -39,8 +42,12 @@ class SegmentWriter:
         folder.mkdir(parents=True, exist_ok=True)
         self.path = folder / f"{uuid.uuid4().hex}{SUFFIX}"
         self.process = os.getpid()
-        self._descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o644)
-        self.close = weakref.finalize(self, os.close, self._descriptor)  # by hand, else when nobody refers to the writer any more
+        self._descriptor = os.open(
+            self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o644
+        )
+        self.close = weakref.finalize(
+            self, os.close, self._descriptor
+        )  # by hand, else when nobody refers to the writer any more
         self._size = 0
 
     def append(self, key: bytes, payload: bytes) -> int:
@@ -58,7 +65,9 @@ class SegmentWriter:
             raise
         if written != len(data):
             os.ftruncate(self._descriptor, start)
-            raise OSError(28, f"only {written} of {len(data)} bytes could be written", str(self.path))
+            raise OSError(
+                28, f"only {written} of {len(data)} bytes could be written", str(self.path)
+            )
         self._size = start + written
         return start
 
@@ -69,7 +78,8 @@ class SegmentReader:
     Attributes:
         path: of a file that another process may still be appending to.
         damaged: complete entries, or stretches between sound ones, whose checksum is wrong.
-        unfinished: whether the file ends within an entry and has done so for a while: its process was killed, or the file was cut.
+        unfinished: whether the file ends within an entry and has done so for a while: its process
+            was killed, or the file was cut.
     """
 
     def __init__(self, path: Path) -> None:
@@ -80,7 +90,10 @@ class SegmentReader:
         self._map: mmap.mmap | None = None
 
     def new_entries(self) -> Iterator[tuple[bytes, int]]:
-        """Key and offset of the sound entries since the last time; what is not sound is passed over, and counted."""
+        """Key and offset of the sound entries since the last time.
+
+        What is not sound is passed over, and counted.
+        """
         told = self.path.stat()
         if told.st_size <= self._scanned:
             return
@@ -94,14 +107,19 @@ class SegmentReader:
                 continue
             following = _next_sound(mapped, at + 1)
             if following is None and not _complete(mapped, at):
-                self.unfinished = time.time() - told.st_mtime > STILL_WRITING_S  # else looked at again when the file has grown
+                self.unfinished = (
+                    time.time() - told.st_mtime > STILL_WRITING_S
+                )  # else looked at again when the file has grown
                 break
             self.damaged += 1
             at = told.st_size if following is None else following
         self._scanned = at
 
     def payload(self, offset: int, key: bytes) -> bytes | None:
-        """The payload of an entry; None if its checksum, or its key, does not fit. Raises OSError if the file cannot be opened."""
+        """The payload of an entry; None if its checksum, or its key, does not fit.
+
+        Raises OSError if the file cannot be opened.
+        """
         return _payload(self._map or self._mapped(0), offset, key)
 
     def release(self) -> None:
@@ -116,7 +134,10 @@ class SegmentReader:
 
 
 def _payload(mapped: mmap.mmap, offset: int, key: bytes | None = None) -> bytes | None:
-    """The payload of an entry; None if its checksum, or the key that it should have, does not fit."""
+    """The payload of an entry.
+
+    None if its checksum, or the key that it should have, does not fit.
+    """
     start = offset + _HEADER.size
     if start > len(mapped):
         return None

@@ -1,7 +1,7 @@
 """Annotation faults as a dial: what annotators, fitters and programs get wrong, each by a number.
 
-Every fault draws from random numbers of its own, so that turning one dial leaves the others' draws as they are, and a
-larger number makes more of the same fault.
+Every fault draws from random numbers of its own, so that turning one dial leaves the others' draws
+as they are, and a larger number makes more of the same fault.
 """
 
 import zlib
@@ -21,7 +21,12 @@ from animal3dbox.smal.parameters import SmalParameters
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
 
 Swap = Literal["none", "all", "legs", "fore", "hind", "head"]
-_PARTS: dict[str, tuple[str, ...]] = {"legs": ("front_", "back_"), "fore": ("front_",), "hind": ("back_",), "head": ("eye", "ear", "mouth")}
+_PARTS: dict[str, tuple[str, ...]] = {
+    "legs": ("front_", "back_"),
+    "fore": ("front_",),
+    "hind": ("back_",),
+    "head": ("eye", "ear", "mouth"),
+}
 
 
 @dataclass(frozen=True)
@@ -32,13 +37,16 @@ class FaultConfig:
         noise_px: standard deviation of every marked keypoint, along u and along v.
         outliers: part of the marked keypoints that lie anywhere in the image instead.
         missing: part of the marked keypoints that are not marked.
-        zeros: part of the marked keypoints that are left at (0, 0) and still marked. label_animal takes such for missing;
-            this is for reproducing what happens to those who do not.
-        wrong_flags: part of the keypoints in the frame whose mark is the opposite of what it should be.
+        zeros: part of the marked keypoints that are left at (0, 0) and still marked. label_animal
+            takes such for missing; this is for reproducing what happens to those who do not.
+        wrong_flags: part of the keypoints in the frame whose mark is the opposite of what it should
+            be.
         swap: whose left and right keypoints are exchanged.
         swapped: part of the animals to which that happens.
-        focal_factor: the focal length told, by the true one; the body's depth is what it looks like under that.
-        joint_deg: standard deviation of the misfit of each joint's axis-angle entries, the root's left out.
+        focal_factor: the focal length told, by the true one; the body's depth is what it looks like
+            under that.
+        joint_deg: standard deviation of the misfit of each joint's axis-angle entries, the root's
+            left out.
         body_scale: size of the fitted body, by the true one.
         mask_px: the mask is grown by so many px, or shrunk if negative.
     """
@@ -59,11 +67,20 @@ class FaultConfig:
         for field in ("outliers", "missing", "zeros", "wrong_flags", "swapped"):
             if not 0 <= getattr(self, field) <= 1:
                 raise ConfigError(f"{field} must be a part from 0 to 1, got {getattr(self, field)}")
-        for field, low, high in (("noise_px", 0, 1e6), ("joint_deg", 0, 180), ("focal_factor", 0.01, 100), ("body_scale", 0.1, 10)):
+        for field, low, high in (
+            ("noise_px", 0, 1e6),
+            ("joint_deg", 0, 180),
+            ("focal_factor", 0.01, 100),
+            ("body_scale", 0.1, 10),
+        ):
             if not low <= getattr(self, field) <= high:
-                raise ConfigError(f"{field} must be from {low:g} to {high:g}, got {getattr(self, field)}")
+                raise ConfigError(
+                    f"{field} must be from {low:g} to {high:g}, got {getattr(self, field)}"
+                )
         if self.swap not in ("none", "all", *_PARTS):
-            raise ConfigError(f"swap must be one of none, all, {', '.join(_PARTS)}, got {self.swap!r}")
+            raise ConfigError(
+                f"swap must be one of none, all, {', '.join(_PARTS)}, got {self.swap!r}"
+            )
 
     @property
     def at_rest(self) -> bool:
@@ -77,7 +94,8 @@ def faulty(annotation: Annotation, faults: FaultConfig, seed: int = 0) -> Annota
 
     Args:
         annotation: left as it is.
-        faults: what goes wrong. Keypoints are swapped, then moved, then thrown, then lost; flags last.
+        faults: what goes wrong. Keypoints are swapped, then moved, then thrown, then lost; flags
+            last.
         seed: another seed makes the same faults elsewhere.
 
     """
@@ -88,22 +106,35 @@ def faulty(annotation: Annotation, faults: FaultConfig, seed: int = 0) -> Annota
         annotation,
         keypoints_2d=_keypoints(annotation, keypoints, faults, seed),
         mask=resized_mask(annotation.mask, faults.mask_px),
-        K=annotation.K @ torch.diag(torch.tensor([faults.focal_factor, faults.focal_factor, 1.0], dtype=torch.float64)),
+        K=annotation.K
+        @ torch.diag(
+            torch.tensor([faults.focal_factor, faults.focal_factor, 1.0], dtype=torch.float64)
+        ),
         parameters=_misfit(annotation, faults, seed),
     )
 
 
 def swap_order(vocabulary: Vocabulary, part: Swap) -> list[int]:
-    """Which keypoint (J,) each keypoint's place is taken from when the left and right of a part are exchanged."""
+    """Which keypoint (J,) each keypoint's place is taken from when the left and right of a part are
+    exchanged."""
     if part == "none":
         return list(range(len(vocabulary)))
-    names = [" ".join((keypoint, *places)) for keypoint, places in zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)]
+    names = [
+        " ".join((keypoint, *places))
+        for keypoint, places in zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)
+    ]
     concerned = [part == "all" or any(word in name for word in _PARTS[part]) for name in names]
-    return [vocabulary.flip[i] if concerned[i] and concerned[vocabulary.flip[i]] else i for i in range(len(vocabulary))]
+    return [
+        vocabulary.flip[i] if concerned[i] and concerned[vocabulary.flip[i]] else i
+        for i in range(len(vocabulary))
+    ]
 
 
 def resized_mask(mask: Tensor, px: int) -> Tensor:
-    """A mask (H, W) bool grown by a disc of so many px, or shrunk; the frame's border does not shrink it. Never empty unless it was."""
+    """A mask (H, W) bool grown by a disc of so many px, or shrunk.
+
+    The frame's border does not shrink it. Never empty unless it was.
+    """
     if px == 0:
         return mask
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * abs(px) + 1, 2 * abs(px) + 1))
@@ -117,9 +148,16 @@ def _keypoints(annotation: Annotation, keypoints: Tensor, faults: FaultConfig, s
     height, width = annotation.image_hw
     count, in_frame = len(keypoints), keypoints[:, :2].any(1)
     marked = keypoints[:, 2] > 0
-    chance = {name: _draw(annotation, seed, name, count) < getattr(faults, name) for name in ("outliers", "missing", "zeros", "wrong_flags")}
+    chance = {
+        name: _draw(annotation, seed, name, count) < getattr(faults, name)
+        for name in ("outliers", "missing", "zeros", "wrong_flags")
+    }
     px = keypoints[:, :2] + faults.noise_px * _normal(annotation, seed, "noise_px", (count, 2))
-    anywhere = _draw(annotation, seed, "anywhere", 2 * count).reshape(count, 2) * torch.tensor([width, height]) - 0.5
+    anywhere = (
+        _draw(annotation, seed, "anywhere", 2 * count).reshape(count, 2)
+        * torch.tensor([width, height])
+        - 0.5
+    )
     px = torch.where((marked & chance["outliers"])[:, None], anywhere, px)
     px = torch.where((marked & chance["zeros"])[:, None], 0.0, px)
     flags = marked & ~chance["missing"]
@@ -131,7 +169,8 @@ def _keypoints(annotation: Annotation, keypoints: Tensor, faults: FaultConfig, s
 def _misfit(annotation: Annotation, faults: FaultConfig, seed: int) -> SmalParameters:
     """The body's parameters with joints turned, its size and, by a wrong focal length, its depth changed.
 
-    Its root joint stays on the ray, and but for the focal length in the depth, where the true body has it.
+    Its root joint stays on the ray, and but for the focal length in the depth, where the true body
+    has it.
     """
     true, model = annotation.parameters, load_quadruped()
     pose = true.pose.clone()
@@ -146,14 +185,23 @@ def _misfit(annotation: Annotation, faults: FaultConfig, seed: int) -> SmalParam
 
 
 def _size_amount(model: SmalModel, scale: float) -> float:
-    """The amount of the column "size" that scales the template; the other columns are scaled by themselves."""
+    """The amount of the column "size" that scales the template.
+
+    The other columns are scaled by themselves.
+    """
     column = model.shapedirs[:, :, quadruped_names().columns.index("size")]
     growth = float((column * model.v_template).sum() / (model.v_template * model.v_template).sum())
     return (scale - 1) / growth
 
 
 def _generator(annotation: Annotation, seed: int, fault: str) -> np.random.Generator:
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, zlib.crc32(annotation.sample_id.encode()), *fault.encode()))))
+    return np.random.Generator(
+        np.random.PCG64(
+            np.random.SeedSequence(
+                (seed, zlib.crc32(annotation.sample_id.encode()), *fault.encode())
+            )
+        )
+    )
 
 
 def _draw(annotation: Annotation, seed: int, fault: str, count: int) -> Tensor:

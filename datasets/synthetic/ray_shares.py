@@ -1,4 +1,7 @@
-"""Which side of a box each pixel's ray enters by: the shares of its faces, counted instead of computed."""
+"""Which side of a box each pixel's ray enters by.
+
+The shares of its faces, counted instead of computed.
+"""
 
 import torch
 from torch import Tensor
@@ -7,10 +10,13 @@ from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.face_visibility import near_depth
 
 
-def face_shares_by_rays(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int], rays_per_pixel: int = 1) -> Tensor:
+def face_shares_by_rays(
+    cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int], rays_per_pixel: int = 1
+) -> Tensor:
     """Parts of the rays through the frame that enter a box by each of its faces.
 
-    Rays that enter nearer than the near plane are left out, as face_visibility clips there. From inside the box no ray enters.
+    Rays that enter nearer than the near plane are left out, as face_visibility clips there. From
+    inside the box no ray enters.
 
     Args:
         cuboid_cam: one box in the camera frame.
@@ -23,8 +29,14 @@ def face_shares_by_rays(cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]
 
     """
     height, width = image_hw
-    v, u = (((torch.arange(n * rays_per_pixel, dtype=torch.float64) + 0.5) / rays_per_pixel - 0.5) for n in (height, width))
-    pixels = torch.stack((*torch.meshgrid(u, v, indexing="xy"), torch.ones(len(v), len(u), dtype=torch.float64)), dim=-1).reshape(-1, 3)
+    v, u = (
+        ((torch.arange(n * rays_per_pixel, dtype=torch.float64) + 0.5) / rays_per_pixel - 0.5)
+        for n in (height, width)
+    )
+    pixels = torch.stack(
+        (*torch.meshgrid(u, v, indexing="xy"), torch.ones(len(v), len(u), dtype=torch.float64)),
+        dim=-1,
+    ).reshape(-1, 3)
     rays = pixels @ torch.linalg.inv(K).mT @ cuboid_cam.rotation  # in the box's frame, of depth 1
     eye = -cuboid_cam.center @ cuboid_cam.rotation
     to_low, to_high = ((sign * cuboid_cam.size / 2 - eye) / rays for sign in (-1, 1))

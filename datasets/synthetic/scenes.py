@@ -1,4 +1,6 @@
-"""Scenes of a synthetic world: a picture, its animals under a known camera, and everything that is true of them.
+"""Scenes of a synthetic world.
+
+A picture, its animals under a known camera, and everything that is true of them.
 
 The same (seed, index, config) gives the same scene to the byte, whatever else was drawn before.
 """
@@ -27,7 +29,10 @@ from animal3dbox.smal.model import SmalModel, trunk_rotation
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 LEAST_PIXELS = 60
-"""A further animal with fewer visible pixels is part of the picture, but is not told of: nobody would mark it. The first needs one."""
+"""A further animal with fewer visible pixels is part of the picture, but is not told of.
+
+Nobody would mark it. The first needs one.
+"""
 
 
 @dataclass(frozen=True)
@@ -116,9 +121,20 @@ class SyntheticAnimal:
 
     @cached_property
     def keypoint_visible(self) -> Tensor:
-        """(J,) bool: in the frame, and hidden by nothing, by rays from its vertices to the camera."""
+        """(J,) bool.
+
+        In the frame, and hidden by nothing, by rays from its vertices to the camera.
+        """
         span = (self.number * self.model.vertex_count, (self.number + 1) * self.model.vertex_count)
-        seen = visible_keypoints(self.vocabulary, self.model.landmark_groups, self.scene.vertices_cam, self.scene.faces, self.K, self.image_hw, span)
+        seen = visible_keypoints(
+            self.vocabulary,
+            self.model.landmark_groups,
+            self.scene.vertices_cam,
+            self.scene.faces,
+            self.K,
+            self.image_hw,
+            span,
+        )
         return seen & (self.keypoints_2d[:, 2] > 0)
 
     @cached_property
@@ -148,8 +164,11 @@ class SyntheticAnimal:
 
     @cached_property
     def surface_share(self) -> Tensor:
-        """(6,) parts of its own surface in the frame by the side it faces, as if nothing stood before it."""
-        return surface_share(self.vertices_cam, self.model.faces, self.cuboid.rotation, self.K, self.image_hw)
+        """(6,) parts of its own surface in the frame by the side it faces, as if nothing stood
+        before it."""
+        return surface_share(
+            self.vertices_cam, self.model.faces, self.cuboid.rotation, self.K, self.image_hw
+        )
 
     @property
     def visible_part(self) -> float:
@@ -165,8 +184,10 @@ class SyntheticScene:
         image_id: seed and index.
         image: (H, W, 3) uint8 RGB.
         camera: in the world.
-        animals: those that are seen, nearest to the camera's aim first; none if the only one is wholly hidden, or too small to fill a pixel.
-        owner: (H, W) int64, the number of the animal at each pixel's centre; numbers from len(plan.animals) on are things, -1 background.
+        animals: those that are seen, nearest to the camera's aim first; none if the only one is
+            wholly hidden, or too small to fill a pixel.
+        owner: (H, W) int64, the number of the animal at each pixel's centre; numbers from
+            len(plan.animals) on are things, -1 background.
         plan: what was drawn.
     """
 
@@ -190,7 +211,9 @@ def synthetic_scene(seed: int, index: int, config: WorldConfig | None = None) ->
         mask = made.owner == number
         if int(mask.sum()) >= (1 if number == 0 else LEAST_PIXELS):
             animals.append(_animal(animal, number, plan, config.vocabulary, made.image, mask, mesh))
-    return SyntheticScene(f"{seed}-{index:06d}", made.image, plan.camera, tuple(animals), made.owner, plan)
+    return SyntheticScene(
+        f"{seed}-{index:06d}", made.image, plan.camera, tuple(animals), made.owner, plan
+    )
 
 
 def synthetic_animal(
@@ -201,7 +224,9 @@ def synthetic_animal(
     preset: str | None = None,
     pose: str | None = None,
 ) -> SyntheticAnimal:
-    """A quadruped in a random pose and view, whole and well seen: the only animal of a scene with the config CLEAR.
+    """A quadruped in a random pose and view, whole and well seen.
+
+    The only animal of a scene with the config CLEAR.
 
     Args:
         seed: any, not negative.
@@ -223,20 +248,34 @@ def synthetic_animal(
     return synthetic_scene(seed, index, config).animals[0]
 
 
-def exact_keypoints(landmarks: Tensor, K: Tensor, R: Tensor, t: Tensor, image_hw: tuple[int, int]) -> Tensor:
-    """Where landmarks are seen: (J, 3) x, y px and 1, or zeros outside the frame and where the body has none."""
+def exact_keypoints(
+    landmarks: Tensor, K: Tensor, R: Tensor, t: Tensor, image_hw: tuple[int, int]
+) -> Tensor:
+    """Where landmarks are seen.
+
+    (J, 3) x, y px and 1, or zeros outside the frame and where the body has none.
+    """
     px, depth = project(K, landmarks @ R.mT + t)
     height, width = image_hw
-    inside = (depth > 0) & (px >= -0.5).all(-1) & (px[:, 0] < width - 0.5) & (px[:, 1] < height - 0.5)
+    inside = (
+        (depth > 0) & (px >= -0.5).all(-1) & (px[:, 0] < width - 0.5) & (px[:, 1] < height - 0.5)
+    )
     keypoints = torch.cat((px, torch.ones_like(px[:, :1])), dim=1)
     return torch.where(inside[:, None], keypoints, torch.zeros_like(keypoints))
 
 
 def _animal(
-    animal: StandingAnimal, number: int, plan: ScenePlan, vocabulary: Vocabulary, image: Tensor, mask: Tensor, mesh: SceneMesh
+    animal: StandingAnimal,
+    number: int,
+    plan: ScenePlan,
+    vocabulary: Vocabulary,
+    image: Tensor,
+    mask: Tensor,
+    mesh: SceneMesh,
 ) -> SyntheticAnimal:
     return SyntheticAnimal(
-        sample_id=f"{animal.preset}-{animal.pose_name}-{plan.index}" + (f"#{number}" if number else ""),
+        sample_id=f"{animal.preset}-{animal.pose_name}-{plan.index}"
+        + (f"#{number}" if number else ""),
         image=image,
         mask=mask,
         vertices=animal.vertices,

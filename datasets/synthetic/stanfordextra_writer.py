@@ -18,7 +18,9 @@ ANNOTATIONS = "annotations.json"
 
 
 def write_stanfordextra(made: SyntheticSet, root: Path, progress: bool = False) -> int:
-    """Write images, annotations.json and truth.json; cameras and bodies have no place in this format.
+    """Write images, annotations.json and truth.json.
+
+    Cameras and bodies have no place in this format.
 
     Args:
         made: with StanfordExtra's keypoints.
@@ -33,16 +35,25 @@ def write_stanfordextra(made: SyntheticSet, root: Path, progress: bool = False) 
 
     """
     if made.config.vocabulary.name != "stanfordextra24":
-        raise ConfigError(f"StanfordExtra has the keypoints of stanfordextra24, got a world with {made.config.vocabulary.name}")
+        raise ConfigError(
+            "StanfordExtra has the keypoints of stanfordextra24, got a world with"
+            f" {made.config.vocabulary.name}"
+        )
     entries: list[dict[str, Any]] = []
     truths = []
-    for sample in tqdm(made.samples(), desc="animals", unit="animal", disable=None if progress else True):
+    for sample in tqdm(
+        made.samples(), desc="animals", unit="animal", disable=None if progress else True
+    ):
         entry = _entry(sample)
-        count = sum(other["img_path"] == entry["img_path"] for other in entries[-made.config.animals[1] :])
+        count = sum(
+            other["img_path"] == entry["img_path"] for other in entries[-made.config.animals[1] :]
+        )
         if count == 0:
             write_picture(root / "images" / entry["img_path"], sample.scene.image.numpy())
         entries.append(entry)
-        truths.append(truth_of(sample, entry["img_path"] + (f"#{count}" if count else ""), entry["img_path"]))
+        truths.append(
+            truth_of(sample, entry["img_path"] + (f"#{count}" if count else ""), entry["img_path"])
+        )
     write_whole(root / ANNOTATIONS, msgspec.json.encode(entries))
     write_truth(root / "truth.json", made, truths)
     return len(truths)

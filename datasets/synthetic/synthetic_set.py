@@ -1,4 +1,7 @@
-"""A whole synthetic dataset in memory: scenes, their annotations, and the records that labelling takes."""
+"""A whole synthetic dataset in memory.
+
+Scenes, their annotations, and the records that labelling takes.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -39,7 +42,9 @@ class SyntheticSample:
 
 @dataclass(frozen=True)
 class SyntheticSet:
-    """The first scenes of a seed's world; scenes are drawn when they are asked for, always the same.
+    """The first scenes of a seed's world.
+
+    Scenes are drawn when they are asked for, always the same.
 
     Attributes:
         seed: of the world, and of its faults.
@@ -57,7 +62,9 @@ class SyntheticSet:
 
     def __post_init__(self) -> None:
         if self.images < 1:
-            raise ConfigError(f"a synthetic dataset must have at least one image, got {self.images}")
+            raise ConfigError(
+                f"a synthetic dataset must have at least one image, got {self.images}"
+            )
 
     def __len__(self) -> int:
         return self.images
@@ -67,26 +74,37 @@ class SyntheticSet:
         for index in range(self.images):
             scene = synthetic_scene(self.seed, index, self.config)
             for animal in scene.animals:
-                yield SyntheticSample(scene, animal, faulty(annotate(animal, self.hidden), self.faults, self.seed))
+                yield SyntheticSample(
+                    scene, animal, faulty(annotate(animal, self.hidden), self.faults, self.seed)
+                )
 
     @cached_property
     def _annotated(self) -> tuple[tuple[AnimalRecord, Annotation], ...]:
         """Every animal's record and annotation, without its picture."""
-        return tuple((record_of(sample), replace(sample.annotation, mask=sample.annotation.mask[:0])) for sample in self.samples())
+        return tuple(
+            (record_of(sample), replace(sample.annotation, mask=sample.annotation.mask[:0]))
+            for sample in self.samples()
+        )
 
     def records(self, stored_pose: bool = False) -> RecordSet:
         """What labelling takes, each with its own K.
 
         Args:
-            stored_pose: whether the records know the camera for which their bodies were fitted, as Animal3D's do.
+            stored_pose: whether the records know the camera for which their bodies were fitted, as
+                Animal3D's do.
 
         """
         camera = (np.eye(3), np.zeros(3)) if stored_pose else None
-        return RecordSet(FORMAT, tuple(replace(record, stored_pose=camera) for record, _ in self._annotated), ())
+        return RecordSet(
+            FORMAT, tuple(replace(record, stored_pose=camera) for record, _ in self._annotated), ()
+        )
 
     def bodies(self) -> ParametersBody:
         """The animals' bodies as annotated, misfits included, in the camera frame."""
-        return ParametersBody(load_quadruped(), {record.sample_id: annotation.parameters for record, annotation in self._annotated})
+        return ParametersBody(
+            load_quadruped(),
+            {record.sample_id: annotation.parameters for record, annotation in self._annotated},
+        )
 
 
 def record_of(sample: SyntheticSample) -> AnimalRecord:
@@ -106,6 +124,11 @@ def record_of(sample: SyntheticSample) -> AnimalRecord:
 
 
 def animal3d_world(config: WorldConfig) -> WorldConfig:
-    """The config with the only camera and keypoints that Animal3D's format can tell: 1000 px, centred, its 26 points."""
+    """The config with the only camera and keypoints that Animal3D's format can tell.
+
+    1000 px, centred, its 26 points.
+    """
     focal = (ANIMAL3D_FOCAL_PX, ANIMAL3D_FOCAL_PX)
-    return replace(config, focal_px=focal, principal_offset=0.0, vocabulary=VOCABULARIES["animal3d26"])
+    return replace(
+        config, focal_px=focal, principal_offset=0.0, vocabulary=VOCABULARIES["animal3d26"]
+    )

@@ -18,7 +18,10 @@ SCHEMA, VERSION = "animal3dbox.truth", 1
 
 
 def truth_of(sample: SyntheticSample, sample_id: str, image: str) -> dict[str, Any]:
-    """One animal's truth, in the camera frame and the body's unit, as docs/formats.md says; by its names in the dataset's files."""
+    """One animal's truth, in the camera frame and the body's unit, as docs/formats.md says.
+
+    By its names in the dataset's files.
+    """
     animal, faces = sample.animal, sample.animal.faces_seen
     by_rays = face_shares_by_rays(animal.cuboid, animal.K, animal.image_hw)
     return {
@@ -38,14 +41,27 @@ def truth_of(sample: SyntheticSample, sample_id: str, image: str) -> dict[str, A
 def write_truth(path: Path, made: SyntheticSet, animals: list[dict[str, Any]]) -> None:
     """The file of all animals' truths."""
     config = {**asdict(made.config), "vocabulary": made.config.vocabulary.name}
-    head = {"schema": SCHEMA, "version": VERSION, "seed": made.seed, "images": made.images, "world": config, "faults": asdict(made.faults)}
-    layout = {"face_names": FACE_NAMES, "corner_signs": CORNER_SIGNS, "keypoint_names": made.config.vocabulary.keypoints}
+    head = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "seed": made.seed,
+        "images": made.images,
+        "world": config,
+        "faults": asdict(made.faults),
+    }
+    layout = {
+        "face_names": FACE_NAMES,
+        "corner_signs": CORNER_SIGNS,
+        "keypoint_names": made.config.vocabulary.keypoints,
+    }
     write_whole(path, msgspec.json.encode({**head, **layout, "animals": animals}))
 
 
 def _keypoints(animal: SyntheticAnimal) -> list[list[float] | None]:
     """Exact px of the keypoints in the frame; None of the others."""
-    return [[float(x), float(y)] if inside else None for x, y, inside in animal.keypoints_2d.tolist()]
+    return [
+        [float(x), float(y)] if inside else None for x, y, inside in animal.keypoints_2d.tolist()
+    ]
 
 
 def _list(tensor: Tensor) -> Any:

@@ -1,4 +1,7 @@
-"""``animal3dbox check``: what is wrong with labels and cuboids on disk, by the checks of training loops."""
+"""``animal3dbox check``.
+
+What is wrong with labels and cuboids on disk, by the checks of training loops.
+"""
 
 import json
 from collections.abc import Callable
@@ -37,9 +40,21 @@ def test_good_labels_pass(tmp_path: Path, good: Content) -> None:
 
 
 SPOILT: dict[str, tuple[Callable[[Content], None], str, str]] = {
-    "mirrored corners": (lambda a: a.update(corners_3d=[a["corners_3d"][k] for k in (3, 2, 1, 0, 7, 6, 5, 4)]), "corner_order", "corners_3d"),
-    "another K": (lambda a: a["K"][0].__setitem__(0, a["K"][0][0] * 1.5), "projection", "corners_2d"),
-    "opposite faces": (lambda a: a.update(face_visible=[True] * 6), "opposite_faces", "face_visible"),
+    "mirrored corners": (
+        lambda a: a.update(corners_3d=[a["corners_3d"][k] for k in (3, 2, 1, 0, 7, 6, 5, 4)]),
+        "corner_order",
+        "corners_3d",
+    ),
+    "another K": (
+        lambda a: a["K"][0].__setitem__(0, a["K"][0][0] * 1.5),
+        "projection",
+        "corners_2d",
+    ),
+    "opposite faces": (
+        lambda a: a.update(face_visible=[True] * 6),
+        "opposite_faces",
+        "face_visible",
+    ),
     "shares": (lambda a: a.update(face_share=[0.5] * 6), "shares", "face_share"),
     "truncation": (lambda a: a.update(truncation=0.5), "truncation", "truncation"),
     "box turned": (lambda a: a.update(box=[a["box"][k] for k in (2, 3, 0, 1)]), "boxes", "boxes"),
@@ -50,8 +65,16 @@ SPOILT: dict[str, tuple[Callable[[Content], None], str, str]] = {
     "a word for a side": (lambda a: a.update(side="sinister"), "side", "side"),
     "surface side": (lambda a: a.update(surface_side="bottom"), "side", "surface_side"),
     "azimuth": (lambda a: a.update(azimuth_deg=a["azimuth_deg"] + 1), "viewpoint", "azimuth_deg"),
-    "elevation": (lambda a: a.update(elevation_deg=a["elevation_deg"] - 1), "viewpoint", "elevation_deg"),
-    "viewpoint": (lambda a: a.update(viewpoint="front" if a["viewpoint"] != "front" else "back"), "viewpoint", "viewpoint"),
+    "elevation": (
+        lambda a: a.update(elevation_deg=a["elevation_deg"] - 1),
+        "viewpoint",
+        "elevation_deg",
+    ),
+    "viewpoint": (
+        lambda a: a.update(viewpoint="front" if a["viewpoint"] != "front" else "back"),
+        "viewpoint",
+        "viewpoint",
+    ),
     "a word for a viewpoint": (lambda a: a.update(viewpoint="above"), "viewpoint", "viewpoint"),
     "confidence": (lambda a: a.update(confidence=7), "confidence", "confidence"),
     "negative confidence": (lambda a: a.update(confidence=-0.1), "confidence", "confidence"),
@@ -67,7 +90,10 @@ def test_spoilt_labels_are_named_with_their_check(tmp_path: Path, good: Content,
     code, said = checked(tmp_path, content, "--json")
     assert code == 4
     report = json.loads(said)
-    assert any(f["check"] == check and f["field"] == field and f["sample_id"] == "a.jpg" for f in report["faults"]), report["faults"]
+    assert any(
+        f["check"] == check and f["field"] == field and f["sample_id"] == "a.jpg"
+        for f in report["faults"]
+    ), report["faults"]
     code, said = checked(tmp_path, content)
     assert code == 4
     assert f" x {check}" in said
@@ -83,7 +109,9 @@ UNREADABLE: dict[str, tuple[Callable[[Content], object], str, str]] = {
 
 
 @pytest.mark.parametrize("case", UNREADABLE)
-def test_a_row_that_cannot_be_used_is_named_and_the_others_are_checked_and_exported(tmp_path: Path, good: Content, case: str) -> None:
+def test_a_row_that_cannot_be_used_is_named_and_the_others_are_checked_and_exported(
+    tmp_path: Path, good: Content, case: str
+) -> None:
     spoil, name, field = UNREADABLE[case]
     content = json.loads(json.dumps(good))
     content["animals"] += json.loads(json.dumps(content["animals"] * 2))
@@ -103,18 +131,33 @@ def test_a_row_that_cannot_be_used_is_named_and_the_others_are_checked_and_expor
     assert len(json.loads((tmp_path / "coco.json").read_text())["annotations"]) == 2
 
 
-@pytest.mark.parametrize(("field", "order"), [("face_names", (0, 1, 3, 2, 4, 5)), ("corner_signs", (3, 2, 1, 0, 7, 6, 5, 4))])
-def test_faces_or_corners_in_another_order_are_refused(tmp_path: Path, good: Content, field: str, order: tuple[int, ...]) -> None:
+@pytest.mark.parametrize(
+    ("field", "order"),
+    [("face_names", (0, 1, 3, 2, 4, 5)), ("corner_signs", (3, 2, 1, 0, 7, 6, 5, 4))],
+)
+def test_faces_or_corners_in_another_order_are_refused(
+    tmp_path: Path, good: Content, field: str, order: tuple[int, ...]
+) -> None:
     content = {**good, field: [good[field][k] for k in order]}
     code, said = checked(tmp_path, content)
-    assert (code, f"labels.json: {field} must be [" in said, f"put {field} back" in said) == (3, True, True)
+    assert (code, f"labels.json: {field} must be [" in said, f"put {field} back" in said) == (
+        3,
+        True,
+        True,
+    )
     code, said = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
     assert (code, f"labels.json: {field} must be [" in said) == (3, True)
     assert not (tmp_path / "coco.json").exists()
 
 
 def test_labels_of_a_scale_that_cannot_be_are_not_exported(tmp_path: Path, good: Content) -> None:
-    content = {**good, "animals": [*good["animals"], {**good["animals"][0], "sample_id": "b.jpg", "scale_m_per_unit": -1.0}]}
+    content = {
+        **good,
+        "animals": [
+            *good["animals"],
+            {**good["animals"][0], "sample_id": "b.jpg", "scale_m_per_unit": -1.0},
+        ],
+    }
     (tmp_path / "labels.json").write_text(json.dumps(content))
     code, said = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
     assert code == 4
@@ -124,7 +167,9 @@ def test_labels_of_a_scale_that_cannot_be_are_not_exported(tmp_path: Path, good:
 def test_every_check_of_rows_has_its_line_in_the_documents() -> None:
     page = (Path(__file__).parents[2] / "docs" / "checks.md").read_text()
     assert {check for _, check, _ in SPOILT.values()} >= set(ROW_CHECKS)
-    assert [name for name, meaning in ROW_CHECKS.items() if f"| `{name}` | {meaning} |" not in page] == []
+    assert [
+        name for name, meaning in ROW_CHECKS.items() if f"| `{name}` | {meaning} |" not in page
+    ] == []
 
 
 def test_an_omni3d_file_is_checked_too(tmp_path: Path) -> None:
@@ -138,7 +183,10 @@ def test_an_omni3d_file_is_checked_too(tmp_path: Path) -> None:
     assert code == 4
     report = json.loads(said[said.index("{") :])
     assert report["animals"] == 10
-    assert {(f["check"], f["sample_id"]) for f in report["faults"]} == {("reading", "images/0.jpg"), ("boxes_in_frame", "images/0.jpg#1")}
+    assert {(f["check"], f["sample_id"]) for f in report["faults"]} == {
+        ("reading", "images/0.jpg"),
+        ("boxes_in_frame", "images/0.jpg#1"),
+    }
 
 
 def test_nothing_to_check_is_an_input_error(tmp_path: Path) -> None:
@@ -152,7 +200,10 @@ def test_a_dataset_is_labelled_and_checked(animals: Path) -> None:
     code, said = ran("check", animals, *known, "--json")
     report = json.loads(said)
     assert (code, report["faults"]) == (0, [])
-    assert report["animals"] == sum(len(json.loads((animals / name).read_text())["data"]) for name in ("train.json", "test.json"))
+    assert report["animals"] == sum(
+        len(json.loads((animals / name).read_text())["data"])
+        for name in ("train.json", "test.json")
+    )
 
 
 def test_a_dataset_s_bad_samples_are_named(copied: Path) -> None:
@@ -174,10 +225,22 @@ def test_labels_under_a_lens_are_checked_with_it_and_not_exported_without(tmp_pa
     camera_with(distortion=[-0.2, 0.05, 0.001, 0.0])(capture)
     assert ran("label", capture, "--out", tmp_path / "out")[0] in (0, 4)
     content: Content = json.loads((tmp_path / "out" / "labels.json").read_text())
-    lenses = [row["sample_id"] for row in content["animals"] if row["distortion"] and any(row["distortion"])]
+    lenses = [
+        row["sample_id"]
+        for row in content["animals"]
+        if row["distortion"] and any(row["distortion"])
+    ]
     assert lenses
     assert ran("check", tmp_path / "out")[0] == 0
-    code, said = ran("export", tmp_path / "out", "--to", "omni3d", "--out", tmp_path / "boxes.json", "--scale-free")
+    code, said = ran(
+        "export",
+        tmp_path / "out",
+        "--to",
+        "omni3d",
+        "--out",
+        tmp_path / "boxes.json",
+        "--scale-free",
+    )
     assert code == 4
     assert all(f"{name}: distortion: is a lens" in said for name in lenses)
     for row in content["animals"]:

@@ -1,4 +1,7 @@
-"""The command line, end to end: a dataset with every fault in it, wrong usage, and what is left on disk."""
+"""The command line, end to end.
+
+A dataset with every fault in it, wrong usage, and what is left on disk.
+"""
 
 import contextlib
 import csv
@@ -51,15 +54,23 @@ class Ran:
 def ran(*arguments: str | Path) -> Ran:
     """Run a command in this process."""
     out, err = io.StringIO(), io.StringIO()
-    with pytest.raises(SystemExit) as left, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    with (
+        pytest.raises(SystemExit) as left,
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
         main([str(a) for a in arguments])
     code = left.value.code
-    return Ran(code if isinstance(code, int) else 0 if code is None else 1, out.getvalue(), err.getvalue())
+    return Ran(
+        code if isinstance(code, int) else 0 if code is None else 1, out.getvalue(), err.getvalue()
+    )
 
 
 def dog_scene() -> Scene:
     """The embedded dog, which the command labels with unless told otherwise."""
-    body = preset_body("dog").body(AnimalRecord("", "", Path(), HW, WORDS, np.zeros((24, 3)), None, "dog"))
+    body = preset_body("dog").body(
+        AnimalRecord("", "", Path(), HW, WORDS, np.zeros((24, 3)), None, "dog")
+    )
     return Scene(body.vertices, body.faces, body.landmarks)
 
 
@@ -82,7 +93,10 @@ class Faulty:
 
 def few(entry: Entry, visible: int) -> Entry:
     """Only the first so many joints are seen."""
-    return {**entry, "joints": [[x, y, v if i < visible else 0] for i, (x, y, v) in enumerate(entry["joints"])]}
+    return {
+        **entry,
+        "joints": [[x, y, v if i < visible else 0] for i, (x, y, v) in enumerate(entry["joints"])],
+    }
 
 
 def at_zero(entry: Entry) -> Entry:
@@ -95,14 +109,31 @@ def faulty(tmp_path_factory: pytest.TempPathFactory, views: dict[str, View]) -> 
     root = tmp_path_factory.mktemp("faulty") / "set"
     spoilt = {name: add_fault(root, views["left.jpg"], name) for name in FAULTS}
     good = [add_photo(root, view, name) for name, view in views.items()]
-    refused = [few(add_photo(root, views["left.jpg"], "few.jpg"), 5), at_zero(add_photo(root, views["left.jpg"], "zero.jpg"))]
+    refused = [
+        few(add_photo(root, views["left.jpg"], "few.jpg"), 5),
+        at_zero(add_photo(root, views["left.jpg"], "zero.jpg")),
+    ]
     bad = [s.entry for s in spoilt.values()]
-    write_annotations(root, [good[0], *bad[: len(bad) // 2], good[1], *bad[len(bad) // 2 :], *refused, good[1], good[2]])
+    write_annotations(
+        root,
+        [
+            good[0],
+            *bad[: len(bad) // 2],
+            good[1],
+            *bad[len(bad) // 2 :],
+            *refused,
+            good[1],
+            good[2],
+        ],
+    )
     result = ran("label", root, "--out", root / "out", "--json")
-    return Faulty(root, root / "out", result, json.loads((root / "out" / "report.json").read_text()), spoilt)
+    return Faulty(
+        root, root / "out", result, json.loads((root / "out" / "report.json").read_text()), spoilt
+    )
 
 
-# A dataset with every fault in it -------------------------------------------------------------------------------------
+# A dataset with every fault in it
+# -------------------------------------------------------------------------------------
 
 
 def test_faults_end_with_their_own_exit_code(faulty: Faulty) -> None:
@@ -110,22 +141,38 @@ def test_faults_end_with_their_own_exit_code(faulty: Faulty) -> None:
 
 
 @pytest.mark.parametrize("name", list(FAULTS))
-def test_the_report_names_each_faulty_sample_with_field_and_reason(faulty: Faulty, name: str) -> None:
+def test_the_report_names_each_faulty_sample_with_field_and_reason(
+    faulty: Faulty, name: str
+) -> None:
     fault = FAULTS[name]
-    expected = f"entry {list(FAULTS).index(name) + 1 + (list(FAULTS).index(name) >= len(FAULTS) // 2)}" if fault.sample == "entry " else None
-    rows = [row for row in faulty.report["faults"] if row["sample_id"] == (expected or faulty.spoilt[name].sample_id)]
+    expected = (
+        f"entry {list(FAULTS).index(name) + 1 + (list(FAULTS).index(name) >= len(FAULTS) // 2)}"
+        if fault.sample == "entry "
+        else None
+    )
+    rows = [
+        row
+        for row in faulty.report["faults"]
+        if row["sample_id"] == (expected or faulty.spoilt[name].sample_id)
+    ]
     assert len(rows) == 1
     assert fault.field in rows[0]["field"]
     assert fault.reason in rows[0]["problem"]
 
 
 def test_the_run_goes_on_past_every_fault_and_labels_the_others(faulty: Faulty) -> None:
-    assert {row.image: row.side for row in read_labels_json(faulty.out / "labels.json").animals} == {name: side for name, (_, side) in SIDES.items()}
+    assert {
+        row.image: row.side for row in read_labels_json(faulty.out / "labels.json").animals
+    } == {name: side for name, (_, side) in SIDES.items()}
 
 
 def test_every_animal_of_the_input_is_counted_once(faulty: Faulty) -> None:
     counts = {key: faulty.report[key] for key in ("animals", "rejected", "faulty")}
-    assert counts == {"animals": 3 + 2 + len(FAULTS) + 1, "rejected": 2, "faulty": len(FAULTS) + 1}  # and one that comes twice
+    assert counts == {
+        "animals": 3 + 2 + len(FAULTS) + 1,
+        "rejected": 2,
+        "faulty": len(FAULTS) + 1,
+    }  # and one that comes twice
     assert faulty.report["kept"] + faulty.report["flagged"] == 3
     assert len(faulty.report["faults"]) == faulty.report["faulty"]
 
@@ -135,10 +182,20 @@ def test_an_entry_that_comes_twice_is_labelled_once_and_reported(faulty: Faulty)
     assert "once more; remove one" in row["problem"]
 
 
-@pytest.mark.parametrize(("name", "detail"), [("few.jpg", "5 visible keypoints, but min_keypoints is 6"), ("zero.jpg", "0 visible keypoints")])
-def test_too_few_keypoints_are_a_rejection_and_no_fault(faulty: Faulty, name: str, detail: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "detail"),
+    [
+        ("few.jpg", "5 visible keypoints, but min_keypoints is 6"),
+        ("zero.jpg", "0 visible keypoints"),
+    ],
+)
+def test_too_few_keypoints_are_a_rejection_and_no_fault(
+    faulty: Faulty, name: str, detail: str
+) -> None:
     assert faulty.report["reasons"] == {"too_few_keypoints": 2}
-    (row,) = [row for row in read_labels_json(faulty.out / "labels.json").rejected if row.image == name]
+    (row,) = [
+        row for row in read_labels_json(faulty.out / "labels.json").rejected if row.image == name
+    ]
     assert (row.sample_id, row.animal, row.reason) == (name, 0, "too_few_keypoints")
     assert detail in row.detail
 
@@ -149,7 +206,8 @@ def test_json_prints_the_report_and_nothing_else(faulty: Faulty) -> None:
     assert faulty.ran.stderr == ""
 
 
-# A good dataset -------------------------------------------------------------------------------------------------------
+# A good dataset
+# -------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +217,9 @@ def good(tmp_path_factory: pytest.TempPathFactory, views: dict[str, View]) -> Pa
     entries = [add_photo(root, view, name) for name, view in views.items()]
     entries.append(add_photo(root, views["left.jpg"], "<script>alert(1)<&.jpg"))
     entries.append({**add_photo(root, views["back.jpg"], "two.jpg"), "seg": None})
-    entries.append({**add_photo(root, views["back.jpg"], "two.jpg"), "seg": None, "is_multiple_dogs": True})
+    entries.append(
+        {**add_photo(root, views["back.jpg"], "two.jpg"), "seg": None, "is_multiple_dogs": True}
+    )
     write_annotations(root, entries)
     assert ran("label", root, "--out", root / "out").code == 0
     return root
@@ -189,7 +249,10 @@ def test_known_bodies_are_labelled_with_the_side_the_camera_sees(good: Path) -> 
 
 
 def test_two_animals_of_one_image_have_numbers_and_overlays_of_their_own(good: Path) -> None:
-    assert [(row.sample_id, row.animal) for row in rows_of(good)[4:]] == [("two.jpg", 0), ("two.jpg#1", 1)]
+    assert [(row.sample_id, row.animal) for row in rows_of(good)[4:]] == [
+        ("two.jpg", 0),
+        ("two.jpg#1", 1),
+    ]
     assert {"two.png", "two-1.png"} <= {path.name for path in (good / "out" / "overlays").iterdir()}
 
 
@@ -206,7 +269,10 @@ def test_labels_csv_has_a_row_an_animal_with_the_same_numbers(good: Path) -> Non
     assert [(row["image"], row["animal"], row["side"], row["viewpoint"]) for row in table] == [
         (row.image, str(row.animal), row.side, row.viewpoint) for row in rows_of(good)
     ]
-    assert all(float(written["share_left"]) == pytest.approx(row.face_share[2], abs=1e-4) for written, row in zip(table, rows_of(good), strict=True))
+    assert all(
+        float(written["share_left"]) == pytest.approx(row.face_share[2], abs=1e-4)
+        for written, row in zip(table, rows_of(good), strict=True)
+    )
 
 
 def test_the_gallery_escapes_names_and_loads_nothing(good: Path) -> None:
@@ -219,7 +285,9 @@ def test_the_gallery_escapes_names_and_loads_nothing(good: Path) -> None:
 
 def test_a_second_run_into_the_same_folder_changes_no_byte(good: Path) -> None:
     def contents() -> dict[Path, bytes]:
-        return {path: path.read_bytes() for path in sorted((good / "out").rglob("*")) if path.is_file()}
+        return {
+            path: path.read_bytes() for path in sorted((good / "out").rglob("*")) if path.is_file()
+        }
 
     before = contents()
     assert ran("label", good, "--out", good / "out", "--format", "stanfordextra").code == 0
@@ -240,28 +308,68 @@ def test_words_tell_the_counts_and_where_to_look(tmp_path: Path, views: dict[str
 
 
 def test_min_keypoints_decides_what_is_rejected(tmp_path: Path, views: dict[str, View]) -> None:
-    write_annotations(tmp_path, [{**few(add_photo(tmp_path, views["left.jpg"], "a.jpg"), 8), "seg": None}])
+    write_annotations(
+        tmp_path, [{**few(add_photo(tmp_path, views["left.jpg"], "a.jpg"), 8), "seg": None}]
+    )
     for least, rejected in ((8, 0), (9, 1)):
-        report = json.loads(ran("label", tmp_path, "--out", tmp_path / "out", "--min-keypoints", str(least), "--json").stdout)
+        report = json.loads(
+            ran(
+                "label",
+                tmp_path,
+                "--out",
+                tmp_path / "out",
+                "--min-keypoints",
+                str(least),
+                "--json",
+            ).stdout
+        )
         assert report["rejected"] == rejected
 
 
 def test_a_mesh_of_another_topology_labels_a_dataset(tmp_path: Path) -> None:
     scene = toy_scene()
-    here, marks = scene.vertices[:, [0, 2, 1]], scene.landmarks[:, [0, 2, 1]]  # y up, as modelling programs write it:
+    here, marks = (
+        scene.vertices[:, [0, 2, 1]],
+        scene.landmarks[:, [0, 2, 1]],
+    )  # y up, as modelling programs write it:
     here[:, 2], marks[:, 2] = -here[:, 2], -marks[:, 2]  # (x, z, -y)
     obj = ["mtllib toy.mtl", *(f"v {x!r} {y!r} {z!r}" for x, y, z in here.tolist()), "usemtl coat"]
-    (tmp_path / "toy.obj").write_text("\n".join([*obj, *(f"f {a} {b} {c}" for a, b, c in (scene.faces + 1).tolist())]))
-    places = {name: {"point": mark} for name, mark in zip(WORDS.keypoints, marks.tolist(), strict=True) if np.isfinite(mark).all()}
+    (tmp_path / "toy.obj").write_text(
+        "\n".join([*obj, *(f"f {a} {b} {c}" for a, b, c in (scene.faces + 1).tolist())])
+    )
+    places = {
+        name: {"point": mark}
+        for name, mark in zip(WORDS.keypoints, marks.tolist(), strict=True)
+        if np.isfinite(mark).all()
+    }
     (tmp_path / "toy.json").write_text(json.dumps(places))
-    write_annotations(tmp_path, [add_photo(tmp_path, view_of(scene, azimuth), name) for name, (azimuth, _) in SIDES.items()])
-    result = ran("label", tmp_path, "--out", tmp_path / "out", "--body", tmp_path / "toy.obj", "--landmarks", tmp_path / "toy.json", "--json")
+    write_annotations(
+        tmp_path,
+        [
+            add_photo(tmp_path, view_of(scene, azimuth), name)
+            for name, (azimuth, _) in SIDES.items()
+        ],
+    )
+    result = ran(
+        "label",
+        tmp_path,
+        "--out",
+        tmp_path / "out",
+        "--body",
+        tmp_path / "toy.obj",
+        "--landmarks",
+        tmp_path / "toy.json",
+        "--json",
+    )
     assert result.code == 0
     assert json.loads(result.stdout)["body"] == "mesh:toy.obj"
-    assert {row.image: row.side for row in rows_of(tmp_path)} == {name: side for name, (_, side) in SIDES.items()}
+    assert {row.image: row.side for row in rows_of(tmp_path)} == {
+        name: side for name, (_, side) in SIDES.items()
+    }
 
 
-# Wrong usage ----------------------------------------------------------------------------------------------------------
+# Wrong usage
+# ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -281,17 +389,29 @@ def small(tmp_path: Path, views: dict[str, View]) -> Path:
         (["--body", "{}/body.obj"], 2, ["body.obj", "--landmarks"]),
         (["--body", "{}/body.glb", "--landmarks", "{}/marks.json"], 2, [".obj, .ply, .stl, .off"]),
         (["--body", "dog", "--landmarks", "{}/marks.json"], 2, [".obj", "horse"]),
-        (["--body", "{}/none.obj", "--landmarks", "{}/marks.json"], 3, ["there is no file", "none.obj"]),
-        (["--body", "{}/body.obj", "--landmarks", "{}/marks.json"], 3, ["body.obj", "must have four vertices"]),
+        (
+            ["--body", "{}/none.obj", "--landmarks", "{}/marks.json"],
+            3,
+            ["there is no file", "none.obj"],
+        ),
+        (
+            ["--body", "{}/body.obj", "--landmarks", "{}/marks.json"],
+            3,
+            ["body.obj", "must have four vertices"],
+        ),
         (["--min-keypoints", "3"], 2, ["min_keypoints must be at least 4", "got 3"]),
         (["--out", "{}/file"], 2, ["file is a file: give a folder"]),
         (["--out", "{}/file/below"], 2, ["file/below cannot be made"]),
         (["--images", "{}/nowhere"], 3, ["there is no folder of images", "nowhere"]),
     ],
 )
-def test_wrong_options_end_with_a_code_and_a_remedy(small: Path, options: list[str], code: int, words: list[str]) -> None:
+def test_wrong_options_end_with_a_code_and_a_remedy(
+    small: Path, options: list[str], code: int, words: list[str]
+) -> None:
     given = [option.format(small) for option in options]
-    result = ran("label", small, *([] if "--out" in given else ["--out", str(small / "out")]), *given)
+    result = ran(
+        "label", small, *([] if "--out" in given else ["--out", str(small / "out")]), *given
+    )
     assert result.code == code
     assert result.stderr.startswith("animal3dbox: ")
     assert all(word in result.stderr for word in words)
@@ -310,7 +430,9 @@ def test_wrong_options_end_with_a_code_and_a_remedy(small: Path, options: list[s
         [],
     ],
 )
-def test_arguments_that_make_no_command_end_with_the_code_for_usage(small: Path, arguments: list[str]) -> None:
+def test_arguments_that_make_no_command_end_with_the_code_for_usage(
+    small: Path, arguments: list[str]
+) -> None:
     assert ran(*(a.format(small) for a in arguments)).code == 2
 
 
@@ -359,11 +481,14 @@ def test_an_input_that_cannot_be_read_ends_with_code_3_and_its_name(
     assert not (small / "out").exists()
 
 
-# In a process of its own ----------------------------------------------------------------------------------------------
+# In a process of its own
+# ----------------------------------------------------------------------------------------------
 
 
 def alone(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, *map(str, arguments)], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, *map(str, arguments)], capture_output=True, text=True, check=False
+    )
 
 
 def test_help_answers_without_loading_torch() -> None:
@@ -380,17 +505,26 @@ except SystemExit as left:
         result = alone("-c", code, *arguments)
         assert (result.returncode, result.stderr) == (0, "")
         assert "label" in result.stdout
-    assert all(option in result.stdout for option in ("--body", "--landmarks", "--min-keypoints", "--images", "PATH"))
+    assert all(
+        option in result.stdout
+        for option in ("--body", "--landmarks", "--min-keypoints", "--images", "PATH")
+    )
 
 
 def test_the_module_can_be_run_and_leaves_no_traceback(small: Path) -> None:
-    result = alone("-W", "error", "-m", "animal3dbox", "label", small / "nowhere", "--out", small / "out")
+    result = alone(
+        "-W", "error", "-m", "animal3dbox", "label", small / "nowhere", "--out", small / "out"
+    )
     assert result.returncode == 3
-    assert result.stderr.splitlines() == [f"animal3dbox: there is no file or folder {small / 'nowhere'}"]
+    assert result.stderr.splitlines() == [
+        f"animal3dbox: there is no file or folder {small / 'nowhere'}"
+    ]
 
 
 def test_stdout_of_a_process_is_one_json(small: Path) -> None:
-    result = alone("-W", "error", "-m", "animal3dbox", "label", small, "--out", small / "out", "--json")
+    result = alone(
+        "-W", "error", "-m", "animal3dbox", "label", small, "--out", small / "out", "--json"
+    )
     assert (result.returncode, result.stderr) == (0, "")
     assert json.loads(result.stdout)["reasons"] == {"too_few_keypoints": 1}
 

@@ -32,7 +32,12 @@ def test_a_pickle_is_converted_and_loads_the_same(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_model_is_refused_with_its_exit_code(
-    tmp_path: Path, content: bytes, target: str, code: int, says: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    content: bytes,
+    target: str,
+    code: int,
+    says: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     (tmp_path / "smal.pkl").write_bytes(content)
     assert run("convert-model", str(tmp_path / "smal.pkl"), str(tmp_path / target)) == code
@@ -40,6 +45,8 @@ def test_what_is_no_model_is_refused_with_its_exit_code(
     assert not (tmp_path / target).exists()
 
 
-def test_a_missing_file_is_input_that_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_file_is_input_that_cannot_be_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run("convert-model", str(tmp_path / "none.pkl"), str(tmp_path / "out.safetensors")) == 3
     assert "none.pkl" in capsys.readouterr().err

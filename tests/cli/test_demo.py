@@ -13,7 +13,9 @@ def run(*arguments: str) -> int:
     return caught.value.code
 
 
-def test_the_demo_labels_animals_close_to_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_demo_labels_animals_close_to_the_truth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run("demo", "--out", str(tmp_path), "--n", "5", "--json") == 0
     results = {row["method"]: row for row in json.loads(capsys.readouterr().out)}
     assert list(results) == ["basic", "paper (vector)", "paper (literal)", "default"]
@@ -27,19 +29,30 @@ def test_the_demo_labels_animals_close_to_the_truth(tmp_path: Path, capsys: pyte
     assert json.loads((tmp_path / "demo.json").read_text()) == list(results.values())
 
 
-def test_without_noise_the_default_finds_every_keypoint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_noise_the_default_finds_every_keypoint(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run("demo", "--out", str(tmp_path), "--n", "2", "--noise-px", "0", "--json") == 0
     default = json.loads(capsys.readouterr().out)[-1]
     assert default["keypoint_px_p95"] < 1e-3
 
 
-def test_the_table_names_each_method_and_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_names_each_method_and_the_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run("demo", "--out", str(tmp_path), "--n", "1") == 0
     printed = capsys.readouterr().out
-    assert all(method in printed for method in ("basic", "paper (vector)", "paper (literal)", "default", "gallery.html"))
+    assert all(
+        method in printed
+        for method in ("basic", "paper (vector)", "paper (literal)", "default", "gallery.html")
+    )
 
 
-@pytest.mark.parametrize("options", [("--n", "0"), ("--noise-px", "-1"), ("--outliers", "1.5"), ("--noise-px", "nan")])
-def test_impossible_options_are_wrong_usage(options: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    "options", [("--n", "0"), ("--noise-px", "-1"), ("--outliers", "1.5"), ("--noise-px", "nan")]
+)
+def test_impossible_options_are_wrong_usage(
+    options: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run("demo", "--out", str(tmp_path), *options) == 2
     assert "--noise-px not negative" in capsys.readouterr().err

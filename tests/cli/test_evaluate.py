@@ -16,10 +16,15 @@ def run(*arguments: str) -> int:
     return caught.value.code
 
 
-def test_the_tables_are_the_same_bytes_for_the_same_seed_and_any_number_of_workers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_tables_are_the_same_bytes_for_the_same_seed_and_any_number_of_workers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run("evaluate", "--out", str(tmp_path / "a"), "--n", "2", "--workers", "1") == 0
     assert "evaluation.html" in capsys.readouterr().out
-    assert run("evaluate", "--out", str(tmp_path / "b"), "--n", "2", "--workers", "2", "--no-pictures") == 0
+    assert (
+        run("evaluate", "--out", str(tmp_path / "b"), "--n", "2", "--workers", "2", "--no-pictures")
+        == 0
+    )
     for name in FILES[:2]:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     content = json.loads((tmp_path / "a" / "evaluation.json").read_text())
@@ -32,35 +37,78 @@ def test_the_tables_are_the_same_bytes_for_the_same_seed_and_any_number_of_worke
     assert (tmp_path / "b" / FILES[2]).read_text().count("data:image/png") == 5
 
 
-@pytest.mark.parametrize("options", [("--n", "0"), ("--workers", "0"), ("--seed", "-1"), ("--model", "x.pkl")])
+@pytest.mark.parametrize(
+    "options", [("--n", "0"), ("--workers", "0"), ("--seed", "-1"), ("--model", "x.pkl")]
+)
 def test_impossible_options_are_wrong_usage(options: tuple[str, str], tmp_path: Path) -> None:
     assert run("evaluate", "--out", str(tmp_path), *options) == 2
 
 
 @pytest.mark.parametrize("format", ["animal3d", "stanfordextra"])
-def test_a_dataset_is_evaluated_by_what_is_annotated_and_by_the_truth_beside_it(format: str, tmp_path: Path) -> None:
+def test_a_dataset_is_evaluated_by_what_is_annotated_and_by_the_truth_beside_it(
+    format: str, tmp_path: Path
+) -> None:
     world, out = tmp_path / "world", tmp_path / "out"
-    assert run("synth", "--out", str(world), "--n", "6", "--format", format, "--width", "160", "--height", "120") == 0
-    options = ("--model", str(tmp_path / "world-model.pkl")) if format == "animal3d" else ("--body", "dog")
+    assert (
+        run(
+            "synth",
+            "--out",
+            str(world),
+            "--n",
+            "6",
+            "--format",
+            format,
+            "--width",
+            "160",
+            "--height",
+            "120",
+        )
+        == 0
+    )
+    options = (
+        ("--model", str(tmp_path / "world-model.pkl"))
+        if format == "animal3d"
+        else ("--body", "dog")
+    )
     assert run("evaluate", str(world), "--out", str(out), *options) == 0
     assert all((out / name).is_file() for name in FILES)
-    rows = {row["method"]: row for row in json.loads((out / "evaluation.json").read_text())["tables"]["dataset"]["rows"]}
+    rows = {
+        row["method"]: row
+        for row in json.loads((out / "evaluation.json").read_text())["tables"]["dataset"]["rows"]
+    }
     assert list(rows) == ["basic", "paper (vector)", "paper (literal)", "default"]
     default = rows["default"]
     assert default["animals"] >= default["labelled"] >= 1
     assert default["annotated median px"] is not None
-    assert (default["IoU3D median"] is not None) == (default["rotation median deg"] is not None) == (world / "truth.json").is_file()
+    assert (
+        (default["IoU3D median"] is not None)
+        == (default["rotation median deg"] is not None)
+        == (world / "truth.json").is_file()
+    )
     if format == "animal3d":
         assert default["annotated median px"] < 0.5
         assert default["mask IoU median"] > 0.6
         assert default["rotation median deg"] < 10
 
 
-def test_a_truth_that_is_none_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_truth_that_is_none_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     world = tmp_path / "world"
     assert run("synth", "--out", str(world), "--n", "6", "--width", "160", "--height", "120") == 0
     (world / "truth.json").write_text(
-        '{"animals": [{"sample_id": "a", "center": [0, 0, 1], "size": [1, 1, 1], "rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}]}'
+        '{"animals": [{"sample_id": "a", "center": [0, 0, 1], "size": [1, 1, 1], "rotation": [[2,'
+        " 0, 0], [0, 1, 0], [0, 0, 1]]}]}"
     )
-    assert run("evaluate", str(world), "--model", str(tmp_path / "world-model.pkl"), "--out", str(tmp_path / "out")) == 3
+    assert (
+        run(
+            "evaluate",
+            str(world),
+            "--model",
+            str(tmp_path / "world-model.pkl"),
+            "--out",
+            str(tmp_path / "out"),
+        )
+        == 3
+    )
     assert "truth.json: a: rotation" in capsys.readouterr().err

@@ -37,7 +37,9 @@ def row(labels: Path) -> AnimalRow:
     return read_labels_json(labels / "labels.json").animals[0]
 
 
-def test_labels_without_scale_are_refused_with_the_remedy_and_nothing_is_written(labels: Path, tmp_path: Path) -> None:
+def test_labels_without_scale_are_refused_with_the_remedy_and_nothing_is_written(
+    labels: Path, tmp_path: Path
+) -> None:
     for to in ("omni3d", "kitti"):
         code, said = ran("export", labels, "--to", to, "--out", tmp_path / "out")
         assert code == 2
@@ -46,19 +48,35 @@ def test_labels_without_scale_are_refused_with_the_remedy_and_nothing_is_written
     assert not (tmp_path / "out").exists()
 
 
-def test_labels_become_omni3d_and_sides_keep_their_names(labels: Path, tmp_path: Path, row: AnimalRow) -> None:
-    code, said = ran("export", labels / "labels.json", "--to", "omni3d", "--out", tmp_path / "out", "--metres-per-unit", "0.5")
+def test_labels_become_omni3d_and_sides_keep_their_names(
+    labels: Path, tmp_path: Path, row: AnimalRow
+) -> None:
+    code, said = ran(
+        "export",
+        labels / "labels.json",
+        "--to",
+        "omni3d",
+        "--out",
+        tmp_path / "out",
+        "--metres-per-unit",
+        "0.5",
+    )
     assert code == 0
     assert "1 animals have no label" in said
     back = read_omni3d(tmp_path / "out" / "annotations.json").records[0]
-    assert (back.image_id, back.category, back.heading_known, back.metric) == ("herd/a.jpg", "dog", True, True)
+    assert (back.image_id, back.category, back.heading_known, back.metric) == (
+        "herd/a.jpg",
+        "dog",
+        True,
+        True,
+    )
     assert np.abs(back.size - 0.5 * np.array(row.size)).max() < 1e-9
     assert np.abs(back.center - 0.5 * np.array(row.center)).max() < 1e-9
     assert back.truncation == row.truncation
     corners = back.center + (np.array(CORNER_SIGNS) * back.size / 2) @ back.rotation.T
-    assert [n for n, seen in zip(FACE_NAMES, visible_faces(corners, np.zeros(3)), strict=True) if seen] == [
-        n for n, seen in zip(FACE_NAMES, row.face_visible, strict=True) if seen
-    ]
+    assert [
+        n for n, seen in zip(FACE_NAMES, visible_faces(corners, np.zeros(3)), strict=True) if seen
+    ] == [n for n, seen in zip(FACE_NAMES, row.face_visible, strict=True) if seen]
 
 
 def test_labels_that_state_their_scale_are_metres_already(labels: Path, tmp_path: Path) -> None:
@@ -69,7 +87,19 @@ def test_labels_that_state_their_scale_are_metres_already(labels: Path, tmp_path
     assert code == 0
     back = read_omni3d(tmp_path / "a.json").records[0]
     assert np.abs(back.size - np.array(file.animals[0].size)).max() < 1e-9
-    assert ran("export", labels, "--to", "omni3d", "--out", tmp_path / "a.json", "--metres-per-unit", "2")[0] == 2
+    assert (
+        ran(
+            "export",
+            labels,
+            "--to",
+            "omni3d",
+            "--out",
+            tmp_path / "a.json",
+            "--metres-per-unit",
+            "2",
+        )[0]
+        == 2
+    )
 
 
 def test_labels_written_before_there_was_a_scale_are_read(labels: Path) -> None:
@@ -83,7 +113,9 @@ def test_labels_written_before_there_was_a_scale_are_read(labels: Path) -> None:
 
 def test_labels_become_coco_and_kitti(labels: Path, tmp_path: Path, row: AnimalRow) -> None:
     assert ran("export", labels, "--to", "coco", "--out", tmp_path / "coco.json")[0] == 0
-    keypoints = np.array(json.loads((tmp_path / "coco.json").read_text())["annotations"][0]["keypoints"]).reshape(9, 3)
+    keypoints = np.array(
+        json.loads((tmp_path / "coco.json").read_text())["annotations"][0]["keypoints"]
+    ).reshape(9, 3)
     assert np.abs(keypoints[:8, :2] - np.array(row.corners_2d)).max() < 1e-9
     code, said = ran("export", labels, "--to", "kitti", "--out", tmp_path / "kitti", "--scale-free")
     assert code == 0
@@ -96,7 +128,9 @@ def test_an_omni3d_file_becomes_any_format_and_its_faults_set_the_exit_code(tmp_
     for to in ("omni3d", "coco", "kitti"):
         code, said = ran("export", tmp_path / "in.json", "--to", to, "--out", tmp_path / to)
         assert (code, "10 boxes in 5 images" in said) == (0, True)
-    assert (tmp_path / "omni3d" / "annotations.json").read_bytes() == (tmp_path / "in.json").read_bytes()
+    assert (tmp_path / "omni3d" / "annotations.json").read_bytes() == (
+        tmp_path / "in.json"
+    ).read_bytes()
     content = json.loads((tmp_path / "in.json").read_text())
     content["annotations"][0]["category_id"] = 5
     (tmp_path / "in.json").write_text(json.dumps(content))
@@ -114,7 +148,19 @@ def test_wrong_use_of_export_has_its_exit_codes(labels: Path, tmp_path: Path) ->
         (3, (tmp_path, "--to", "coco", "--out", tmp_path / "x")),
         (2, (labels, "--to", "yolo", "--out", tmp_path / "x")),
         (2, (labels, "--to", "kitti", "--out", tmp_path / "file", "--scale-free")),
-        (2, (labels, "--to", "kitti", "--out", tmp_path / "x", "--scale-free", "--metres-per-unit", "1")),
+        (
+            2,
+            (
+                labels,
+                "--to",
+                "kitti",
+                "--out",
+                tmp_path / "x",
+                "--scale-free",
+                "--metres-per-unit",
+                "1",
+            ),
+        ),
         (2, (labels, "--to", "coco", "--out", tmp_path / "x", "--images", tmp_path)),
         (5, (labels, "--to", "coco", "--out", tmp_path / "file" / "x.json")),
     ]

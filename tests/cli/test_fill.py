@@ -26,11 +26,24 @@ def entries(cache: Path) -> int:
     return len(LabelCache(cache, bytes.fromhex(folder.name)))
 
 
-def test_shards_fill_the_cache_of_a_dataset_with_the_same_options(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_shards_fill_the_cache_of_a_dataset_with_the_same_options(
+    animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     cache = tmp_path / "cache"
     for shard in ("1/2", "2/2"):
         code, out, _ = run(
-            capsys, "label", animals, "--model", model_of(animals), "--stored-pose", "exact", "--cache", cache, "--shard", shard, "--json"
+            capsys,
+            "label",
+            animals,
+            "--model",
+            model_of(animals),
+            "--stored-pose",
+            "exact",
+            "--cache",
+            cache,
+            "--shard",
+            shard,
+            "--json",
         )
         assert code == 0, out
     dataset = small_dataset(animals, cache=cache)
@@ -42,8 +55,19 @@ def test_shards_fill_the_cache_of_a_dataset_with_the_same_options(animals: Path,
     assert entries(cache) == animals_in_all  # and it had nothing to make
 
 
-def test_resuming_makes_only_what_is_missing(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    common = ("label", animals, "--model", model_of(animals), "--stored-pose", "exact", "--cache", tmp_path / "cache")
+def test_resuming_makes_only_what_is_missing(
+    animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    common = (
+        "label",
+        animals,
+        "--model",
+        model_of(animals),
+        "--stored-pose",
+        "exact",
+        "--cache",
+        tmp_path / "cache",
+    )
     run(capsys, *common, "--shard", "1/2")
     half = entries(tmp_path / "cache")
     run(capsys, *common, "--resume")
@@ -54,17 +78,31 @@ def test_resuming_makes_only_what_is_missing(animals: Path, tmp_path: Path, caps
     assert entries(tmp_path / "cache") == 2 * whole  # without --resume all are made anew
 
 
-def test_what_cannot_be_labelled_is_told_and_ends_with_code_4(copied: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_labelled_is_told_and_ends_with_code_4(
+    copied: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     mask = small_dataset(copied).source.sample(2).records[0].mask_path  # type: ignore[union-attr]
     assert mask is not None
     mask.write_bytes(b"no png")
-    code, out, _ = run(capsys, "label", copied, "--model", model_of(copied), "--stored-pose", "exact", "--cache", tmp_path / "cache")
+    code, out, _ = run(
+        capsys,
+        "label",
+        copied,
+        "--model",
+        model_of(copied),
+        "--stored-pose",
+        "exact",
+        "--cache",
+        tmp_path / "cache",
+    )
     assert code == 4
     assert small_dataset(copied).image_id(2) in out
     assert "mask: " in out
 
 
-def test_images_that_cannot_be_used_are_told_before_an_epoch_meets_them(copied: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_images_that_cannot_be_used_are_told_before_an_epoch_meets_them(
+    copied: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     dataset = small_dataset(copied)
     faulty = dataset.source.sample(1), dataset.source.sample(2)
     junk, resized = (sample.records[0].image_path for sample in faulty)
@@ -72,11 +110,28 @@ def test_images_that_cannot_be_used_are_told_before_an_epoch_meets_them(copied: 
     assert resized is not None
     junk.write_bytes(b"junk")
     Image.new("RGB", (8, 9)).save(resized)
-    code, out, _ = run(capsys, "label", copied, "--model", model_of(copied), "--stored-pose", "exact", "--cache", tmp_path / "cache", "--json")
+    code, out, _ = run(
+        capsys,
+        "label",
+        copied,
+        "--model",
+        model_of(copied),
+        "--stored-pose",
+        "exact",
+        "--cache",
+        tmp_path / "cache",
+        "--json",
+    )
     told = json.loads(out)
     assert code == 4
-    assert {(case["sample_id"], case["field"]) for case in told["cases"]} == {(head.sample_id, "image") for one in faulty for head in one.animals}
-    assert told["stored"] == told["animals"] - sum(len(one.animals) for one in faulty) == entries(tmp_path / "cache")
+    assert {(case["sample_id"], case["field"]) for case in told["cases"]} == {
+        (head.sample_id, "image") for one in faulty for head in one.animals
+    }
+    assert (
+        told["stored"]
+        == told["animals"] - sum(len(one.animals) for one in faulty)
+        == entries(tmp_path / "cache")
+    )
 
 
 @pytest.mark.parametrize(
@@ -92,7 +147,11 @@ def test_images_that_cannot_be_used_are_told_before_an_epoch_meets_them(copied: 
     ],
 )
 def test_options_that_contradict_each_other_are_refused(
-    animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], says: str
+    animals: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    says: str,
 ) -> None:
     here = tuple(str(tmp_path / word) if word in ("C", "O") else word for word in options)
     code, _, err = run(capsys, "label", animals, *here)
@@ -100,7 +159,9 @@ def test_options_that_contradict_each_other_are_refused(
     assert says in err
 
 
-def test_labels_in_metres_say_so(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_labels_in_metres_say_so(
+    animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     one = tmp_path / "one"
     (one).mkdir()
     content = json.loads((animals / "train.json").read_text())
@@ -123,14 +184,28 @@ def test_labels_in_metres_say_so(animals: Path, tmp_path: Path, capsys: pytest.C
     )
     (row,) = json.loads((tmp_path / "o" / "labels.json").read_text())["animals"]
     assert (row["scale_m_per_unit"], row["scale_source"]) == (0.5, "user")
-    dataset = Animal3DDataset(one, model_of(animals), images=animals, pose="exact", scale=KnownScale(0.5))
+    dataset = Animal3DDataset(
+        one, model_of(animals), images=animals, pose="exact", scale=KnownScale(0.5)
+    )
     sample = dataset[0]
     assert not isinstance(sample, Skipped)
     assert sample[1]["center"][0].tolist() == pytest.approx(row["center"], rel=1e-6)
 
 
-def test_labels_made_together_are_those_made_one_by_one(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(capsys, "label", animals, "--model", model_of(animals), "--stored-pose", "exact", "--cache", tmp_path / "cache")
+def test_labels_made_together_are_those_made_one_by_one(
+    animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(
+        capsys,
+        "label",
+        animals,
+        "--model",
+        model_of(animals),
+        "--stored-pose",
+        "exact",
+        "--cache",
+        tmp_path / "cache",
+    )
     stored, made = small_dataset(animals, cache=tmp_path / "cache"), small_dataset(animals)
     held = entries(tmp_path / "cache")
     for index in range(len(made)):
@@ -141,10 +216,23 @@ def test_labels_made_together_are_those_made_one_by_one(animals: Path, tmp_path:
     assert entries(tmp_path / "cache") == held
 
 
-def test_the_masks_overlap_is_stored_for_datasets_whose_filters_ask_for_it(animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    common = ("label", animals, "--model", model_of(animals), "--stored-pose", "exact", "--cache", tmp_path / "cache")
+def test_the_masks_overlap_is_stored_for_datasets_whose_filters_ask_for_it(
+    animals: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    common = (
+        "label",
+        animals,
+        "--model",
+        model_of(animals),
+        "--stored-pose",
+        "exact",
+        "--cache",
+        tmp_path / "cache",
+    )
     run(capsys, *common, "--mask-iou")
     held = entries(tmp_path / "cache")
-    dataset = small_dataset(animals, cache=tmp_path / "cache", filters=LabelFilter(min_mask_iou=0.1))
+    dataset = small_dataset(
+        animals, cache=tmp_path / "cache", filters=LabelFilter(min_mask_iou=0.1)
+    )
     assert not isinstance(dataset[0], Skipped)
     assert entries(tmp_path / "cache") == held

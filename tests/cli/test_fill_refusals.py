@@ -10,8 +10,16 @@ from small_animals import model_of
 from animal3dbox.datasets.storage.segments import SegmentWriter
 
 
-@pytest.mark.parametrize(("options", "says"), [(("--body", "dog"), "give one of them"), (("--workers", "-1"), "--workers must not be negative")])
-def test_options_that_contradict_are_refused(animals: Path, tmp_path: Path, options: tuple[str, str], says: str) -> None:
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--body", "dog"), "give one of them"),
+        (("--workers", "-1"), "--workers must not be negative"),
+    ],
+)
+def test_options_that_contradict_are_refused(
+    animals: Path, tmp_path: Path, options: tuple[str, str], says: str
+) -> None:
     code, said = ran("label", animals, "--model", model_of(animals), "--cache", tmp_path, *options)
     assert code == 2
     assert says in said
@@ -23,7 +31,9 @@ def test_a_negative_number_of_workers_is_no_traceback(animals: Path) -> None:
     assert "--workers must not be negative" in said
 
 
-def test_labels_that_found_no_room_are_not_said_to_be_in_the_cache(animals: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_labels_that_found_no_room_are_not_said_to_be_in_the_cache(
+    animals: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def full(writer: SegmentWriter, key: bytes, payload: bytes) -> int:
         raise OSError(28, "No space left on device")
 

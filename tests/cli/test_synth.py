@@ -16,12 +16,38 @@ def run(*arguments: str) -> int:
     return caught.value.code
 
 
-def test_a_synthetic_animal3d_folder_is_written_and_labelled_with_its_own_bodies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("synth", "--out", str(tmp_path / "made"), "--n", "5", "--seed", "3", "--mark-hidden", *SMALL) == 0
+def test_a_synthetic_animal3d_folder_is_written_and_labelled_with_its_own_bodies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        run(
+            "synth",
+            "--out",
+            str(tmp_path / "made"),
+            "--n",
+            "5",
+            "--seed",
+            "3",
+            "--mark-hidden",
+            *SMALL,
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     model = tmp_path / "made-model.pkl"
     assert f"--model {model}" in said
-    assert run("label", str(tmp_path / "made"), "--model", str(model), "--out", str(tmp_path / "labels"), "--json") == 0
+    assert (
+        run(
+            "label",
+            str(tmp_path / "made"),
+            "--model",
+            str(model),
+            "--out",
+            str(tmp_path / "labels"),
+            "--json",
+        )
+        == 0
+    )
     captured = capsys.readouterr()
     report = json.loads(captured.out)
     assert "camera frame is x right, y down, z forward" in captured.err
@@ -30,21 +56,63 @@ def test_a_synthetic_animal3d_folder_is_written_and_labelled_with_its_own_bodies
     labels = json.loads((tmp_path / "labels" / "labels.json").read_text())
     assert labels["body"].startswith("parameters:")
     dropped = tmp_path / "dropped"
-    assert run("label", str(tmp_path / "made"), "--model", str(model), "--out", str(dropped), "--tail", "drop", "--json") == 0
-    without = {animal["sample_id"]: animal for animal in json.loads((dropped / "labels.json").read_text())["animals"]}
-    assert any(without[animal["sample_id"]]["size"][0] < 0.95 * animal["size"][0] for animal in labels["animals"] if animal["sample_id"] in without)
+    assert (
+        run(
+            "label",
+            str(tmp_path / "made"),
+            "--model",
+            str(model),
+            "--out",
+            str(dropped),
+            "--tail",
+            "drop",
+            "--json",
+        )
+        == 0
+    )
+    without = {
+        animal["sample_id"]: animal
+        for animal in json.loads((dropped / "labels.json").read_text())["animals"]
+    }
+    assert any(
+        without[animal["sample_id"]]["size"][0] < 0.95 * animal["size"][0]
+        for animal in labels["animals"]
+        if animal["sample_id"] in without
+    )
     assert {animal["quality"]["K_source"] for animal in labels["animals"]} == {"dataset"}
-    truth = {told["sample_id"]: told for told in json.loads((tmp_path / "made" / "truth.json").read_text())["animals"]}
+    truth = {
+        told["sample_id"]: told
+        for told in json.loads((tmp_path / "made" / "truth.json").read_text())["animals"]
+    }
     sizes = [(animal["size"], truth[animal["sample_id"]]["size"]) for animal in labels["animals"]]
     assert all(a == pytest.approx(b, rel=0.25) for a, b in sizes)
 
 
 def test_the_same_seed_writes_the_same_files(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        assert run("synth", "--out", str(tmp_path / name), "--n", "2", "--format", "stanfordextra", "--noise-px", "1", *SMALL) == 0
-    files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
+        assert (
+            run(
+                "synth",
+                "--out",
+                str(tmp_path / name),
+                "--n",
+                "2",
+                "--format",
+                "stanfordextra",
+                "--noise-px",
+                "1",
+                *SMALL,
+            )
+            == 0
+        )
+    files = sorted(
+        path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file()
+    )
     assert len(files) == 4
-    assert all((tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes() for file in files)
+    assert all(
+        (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+        for file in files
+    )
 
 
 @pytest.mark.parametrize(
@@ -53,26 +121,59 @@ def test_the_same_seed_writes_the_same_files(tmp_path: Path) -> None:
         (("--n", "0"), "at least one image"),
         (("--seed", "-1"), "must not be negative"),
         (("--outliers", "2"), "outliers must be a part"),
-        (("--format", "stanfordextra", "--model", "body.pkl"), "--model is for the parameters of animal3d"),
+        (
+            ("--format", "stanfordextra", "--model", "body.pkl"),
+            "--model is for the parameters of animal3d",
+        ),
     ],
 )
-def test_impossible_options_are_wrong_usage(options: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_impossible_options_are_wrong_usage(
+    options: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run("synth", "--out", str(tmp_path / "made"), *options) == 2
     assert says in capsys.readouterr().err
     assert not (tmp_path / "made").exists()
 
 
-def test_a_folder_with_other_files_is_not_written_into(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_with_other_files_is_not_written_into(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "other.txt").write_text("mine")
     assert run("synth", "--out", str(tmp_path), "--n", "1") == 2
     assert "must be a new or an empty folder" in capsys.readouterr().err
 
 
-def test_a_model_and_a_body_at_once_are_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("label", str(tmp_path), "--out", str(tmp_path / "labels"), "--model", "a.pkl", "--body", "dog") == 2
+def test_a_model_and_a_body_at_once_are_wrong_usage(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        run(
+            "label",
+            str(tmp_path),
+            "--out",
+            str(tmp_path / "labels"),
+            "--model",
+            "a.pkl",
+            "--body",
+            "dog",
+        )
+        == 2
+    )
     assert "give one of them" in capsys.readouterr().err
 
 
 def test_one_synthetic_image_can_be_read_back_although_one_split_is_empty(tmp_path: Path) -> None:
-    assert run("synth", "--out", str(tmp_path / "made"), "--n", "1", "--model", str(tmp_path / "body.pkl"), *SMALL) == 0
+    assert (
+        run(
+            "synth",
+            "--out",
+            str(tmp_path / "made"),
+            "--n",
+            "1",
+            "--model",
+            str(tmp_path / "body.pkl"),
+            *SMALL,
+        )
+        == 0
+    )
     assert len(read_animal3d(tmp_path / "made").records.records) >= 1

@@ -12,7 +12,15 @@ from deeplabcut_files import table, write_csv, write_images
 from mesh_folder_dataset import write_mesh_folder
 from PIL import Image
 
-from animal3dbox.datasets import CocoKeypointsDataset, DeepLabCutDataset, LabelDataset, MeshFolderDataset, Omni3DDataset, Skipped, collate
+from animal3dbox.datasets import (
+    CocoKeypointsDataset,
+    DeepLabCutDataset,
+    LabelDataset,
+    MeshFolderDataset,
+    Omni3DDataset,
+    Skipped,
+    collate,
+)
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.label_dataset import Target
 from animal3dbox.geometry.camera import project
@@ -38,7 +46,9 @@ def omni3d(folder: Path, **options: object) -> LabelDataset:
     boxes = random_set()
     for image in boxes.images:
         (folder / "images").mkdir(exist_ok=True)
-        Image.fromarray(np.zeros((*image.image_hw, 3), np.uint8)).save(folder / str(image.image_path))
+        Image.fromarray(np.zeros((*image.image_hw, 3), np.uint8)).save(
+            folder / str(image.image_path)
+        )
     write_omni3d(boxes, folder / "boxes.json")
     return Omni3DDataset(folder / "boxes.json", heading_known=True, **options)  # type: ignore[arg-type]
 
@@ -49,7 +59,12 @@ def deeplabcut(folder: Path, **options: object) -> LabelDataset:
     return DeepLabCutDataset(folder, on_bad="skip", **options)  # type: ignore[arg-type]
 
 
-MAKE: dict[str, Callable[..., LabelDataset]] = {"coco": coco, "deeplabcut": deeplabcut, "mesh_folder": mesh_folder, "omni3d": omni3d}
+MAKE: dict[str, Callable[..., LabelDataset]] = {
+    "coco": coco,
+    "deeplabcut": deeplabcut,
+    "mesh_folder": mesh_folder,
+    "omni3d": omni3d,
+}
 
 
 @pytest.mark.parametrize("name", MAKE)
@@ -59,11 +74,18 @@ def test_targets_agree_with_themselves(tmp_path: Path, name: str) -> None:
     assert used, dataset.report()
     for image, target in used:
         assert image.dtype == torch.uint8
-        box = Cuboid(target["center"].double(), target["rotation"].double(), target["size"].double())
+        box = Cuboid(
+            target["center"].double(), target["rotation"].double(), target["size"].double()
+        )
         assert torch.allclose(box.corners(), target["corners_3d"].double(), atol=1e-4)
         if "distortion" not in target:
             seen = project(target["K"].double(), target["corners_3d"].double())[0]
-            assert torch.allclose(seen[target["corner_in_front"]], target["corners_2d"][target["corner_in_front"]].double(), atol=0.1, rtol=1e-3)
+            assert torch.allclose(
+                seen[target["corner_in_front"]],
+                target["corners_2d"][target["corner_in_front"]].double(),
+                atol=0.1,
+                rtol=1e-3,
+            )
 
 
 @pytest.mark.parametrize("name", MAKE)
@@ -84,7 +106,12 @@ def test_the_animals_of_an_image_come_together(tmp_path: Path) -> None:
 
 def test_known_cameras_and_units_of_a_mesh_folder_are_used(tmp_path: Path) -> None:
     dataset = mesh_folder(tmp_path)
-    sources = {q["pose_source"] for i in range(len(dataset)) if not isinstance(sample := dataset[i], Skipped) for q in sample[1]["quality"]}
+    sources = {
+        q["pose_source"]
+        for i in range(len(dataset))
+        if not isinstance(sample := dataset[i], Skipped)
+        for q in sample[1]["quality"]
+    }
     assert "given" in sources
 
 
@@ -99,7 +126,9 @@ def test_boxes_that_come_as_they_are_need_no_animal(tmp_path: Path) -> None:
         assert target["scale_known"].all()
     assert list(counts.values()) == [4, 1, 0, 2, 3]
     centers = torch.cat([used(dataset, i)[1]["center"] for i in range(len(dataset))])
-    assert torch.allclose(centers, torch.from_numpy(np.stack([r.center for r in boxes.records])).float(), atol=1e-5)
+    assert torch.allclose(
+        centers, torch.from_numpy(np.stack([r.center for r in boxes.records])).float(), atol=1e-5
+    )
 
 
 def test_faces_have_no_names_while_the_heading_is_unknown(tmp_path: Path) -> None:

@@ -21,7 +21,12 @@ from animal3dbox.datasets.label_dataset import LabelDataset, Skipped, Target
 from animal3dbox.datasets.labelling.filters import LabelFilter
 from animal3dbox.datasets.labelling.label_records import label_record
 from animal3dbox.datasets.labelling.label_rows import SPANS, WIDTH, LabelRow
-from animal3dbox.datasets.labelling.scale import AltitudeScale, KnownScale, SpeciesScale, head_and_body
+from animal3dbox.datasets.labelling.scale import (
+    AltitudeScale,
+    KnownScale,
+    SpeciesScale,
+    head_and_body,
+)
 from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.fingerprint import code_files
@@ -51,10 +56,15 @@ def used(dataset: LabelDataset, index: int = 0) -> tuple[torch.Tensor, Target]:
 
 def crowded(dataset: LabelDataset) -> int:
     """An image with several animals, of train.json."""
-    return next(i for i in range(len(dataset)) if len(dataset.source.sample(i).records) > 1 and "/train/" in f"/{dataset.image_id(i)}")
+    return next(
+        i
+        for i in range(len(dataset))
+        if len(dataset.source.sample(i).records) > 1 and "/train/" in f"/{dataset.image_id(i)}"
+    )
 
 
-# What comes out ---------------------------------------------------------------------------------------------------------
+# What comes out
+# ---------------------------------------------------------------------------------------------------------
 
 
 def test_a_sample_is_an_image_and_a_target_of_the_documented_shapes(animals: Path) -> None:
@@ -69,8 +79,14 @@ def test_a_sample_is_an_image_and_a_target_of_the_documented_shapes(animals: Pat
         assert target["K"].shape == (3, 3)
         assert target["image_id"] == dataset.image_id(index)
         assert len(target["quality"]) == len(target["scale_source"]) == count
-        assert [dataset.classes[n] for n in target["labels"]] == [record.category for record in dataset.source.sample(index).records]
-        assert not any(torch.isnan(v).any() for v in target.values() if isinstance(v, torch.Tensor) and v.is_floating_point())
+        assert [dataset.classes[n] for n in target["labels"]] == [
+            record.category for record in dataset.source.sample(index).records
+        ]
+        assert not any(
+            torch.isnan(v).any()
+            for v in target.values()
+            if isinstance(v, torch.Tensor) and v.is_floating_point()
+        )
 
 
 def test_the_image_is_the_file(animals: Path) -> None:
@@ -84,14 +100,28 @@ def test_labels_are_those_that_the_records_get(animals: Path) -> None:
     dataset = small_dataset(animals, pose="hypothesis", config=LabelConfig())
     read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
     assert read.bodies is not None
-    made = {record.sample_id: label_record(record, read.bodies, LabelConfig()) for record in read.records.records[:4]}
+    made = {
+        record.sample_id: label_record(record, read.bodies, LabelConfig())
+        for record in read.records.records[:4]
+    }
     seen = 0
     for index in range(len(dataset)):
         for number, record in enumerate(dataset.source.sample(index).records):
             label = made.get(record.sample_id)
             if isinstance(label, CuboidLabel):
                 _, target = used(dataset, index)
-                for name in ("corners_3d", "center", "rotation", "size", "corners_2d", "face_share", "R", "t", "surface_share", "keypoints"):
+                for name in (
+                    "corners_3d",
+                    "center",
+                    "rotation",
+                    "size",
+                    "corners_2d",
+                    "face_share",
+                    "R",
+                    "t",
+                    "surface_share",
+                    "keypoints",
+                ):
                     assert torch.equal(target[name][number], getattr(label, name).float()), name
                 assert torch.equal(target["boxes"][number], label.box.float())
                 assert target["quality"][number]["mask_iou"] == label.quality.mask_iou
@@ -100,7 +130,10 @@ def test_labels_are_those_that_the_records_get(animals: Path) -> None:
 
 
 def test_a_stored_camera_is_a_guess_unless_told_otherwise(animals: Path) -> None:
-    guessed, exact = used(small_dataset(animals, pose="hypothesis"))[1], used(small_dataset(animals, pose="exact"))[1]
+    guessed, exact = (
+        used(small_dataset(animals, pose="hypothesis"))[1],
+        used(small_dataset(animals, pose="exact"))[1],
+    )
     assert {q["pose_source"] for q in guessed["quality"]} == {"estimated"}
     assert {q["pose_source"] for q in exact["quality"]} == {"given"}
     assert torch.equal(exact["R"][0], torch.eye(3))
@@ -108,7 +141,11 @@ def test_a_stored_camera_is_a_guess_unless_told_otherwise(animals: Path) -> None
 
 def test_one_body_can_serve_all_animals(animals: Path) -> None:
     dataset = Animal3DDataset(animals, body="cat", on_bad="skip")
-    assert dataset.source.fingerprint == preset_body("cat").fingerprint != preset_body("dog").fingerprint
+    assert (
+        dataset.source.fingerprint
+        == preset_body("cat").fingerprint
+        != preset_body("dog").fingerprint
+    )
 
 
 def test_masks_can_be_left_out(animals: Path) -> None:
@@ -143,13 +180,18 @@ def test_the_synthetic_world_needs_no_files() -> None:
     image, target = used(dataset, 2)
     assert image.shape == (3, *HW)
     assert target["image_id"] == "0-000002"
-    truth = [animal.cuboid.center for animal in SyntheticSet(0, 3, world).samples().__next__().scene.animals]
-    assert torch.allclose(used(dataset, 0)[1]["center"], torch.stack(truth).float(), atol=0.05)  # the label's box, of torso vertices
+    truth = [
+        animal.cuboid.center
+        for animal in SyntheticSet(0, 3, world).samples().__next__().scene.animals
+    ]
+    assert torch.allclose(
+        used(dataset, 0)[1]["center"], torch.stack(truth).float(), atol=0.05
+    )  # the label's box, of torso vertices
 
 
 def test_a_dataset_survives_pickling(animals: Path) -> None:
     dataset = small_dataset(animals)
-    again = pickle.loads(pickle.dumps(dataset))  # noqa: S301
+    again = pickle.loads(pickle.dumps(dataset))
     assert torch.equal(used(dataset, 3)[1]["corners_3d"], used(again, 3)[1]["corners_3d"])
 
 
@@ -157,10 +199,13 @@ def test_the_number_of_a_class_can_be_fixed(animals: Path) -> None:
     own = small_dataset(animals)
     classes = ("unicorn", *reversed(own.classes))
     dataset = small_dataset(animals, classes=classes)
-    assert [classes[n] for n in used(dataset)[1]["labels"]] == [own.classes[n] for n in used(own)[1]["labels"]]
+    assert [classes[n] for n in used(dataset)[1]["labels"]] == [
+        own.classes[n] for n in used(own)[1]["labels"]
+    ]
 
 
-# What is left out -------------------------------------------------------------------------------------------------------
+# What is left out
+# -------------------------------------------------------------------------------------------------------
 
 
 def corrupt_image(folder: Path, dataset: LabelDataset, index: int) -> str:
@@ -185,13 +230,17 @@ def test_skipping_says_what_was_skipped_and_why(copied: Path) -> None:
     assert (sample.index, sample.image_id, len(sample.cases)) == (2, image, 1)
     dataset[2], dataset[3]
     report = dataset.report()
-    assert [(case.kind, case.sample_id, case.field) for case in report.cases] == [("fault", image, "image")]
+    assert [(case.kind, case.sample_id, case.field) for case in report.cases] == [
+        ("fault", image, "image")
+    ]
     assert len(dataset.ledger.path.read_text().splitlines()) == 1
     assert image in str(report)
     assert report.counts == {"fault": 1}
 
 
-def test_a_dataset_leaves_no_file_behind(copied: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_dataset_leaves_no_file_behind(
+    copied: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     (place := tmp_path / "temporary").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(place))
     dataset = small_dataset(copied, on_bad="skip")
@@ -222,7 +271,9 @@ def test_a_bad_animal_takes_nothing_from_its_neighbours(copied: Path) -> None:
 
 def test_partial_images_are_left_out_with_a_word_on_their_good_animals(copied: Path) -> None:
     place = crowded(small_dataset(copied))
-    first, second, *_ = (record.sample_id for record in small_dataset(copied).source.sample(place).records)
+    first, second, *_ = (
+        record.sample_id for record in small_dataset(copied).source.sample(place).records
+    )
 
     def change(entries: list[dict[str, Any]]) -> None:
         entry = next(entry for entry in entries if entry["img_path"] == first)
@@ -231,11 +282,16 @@ def test_partial_images_are_left_out_with_a_word_on_their_good_animals(copied: P
     spoiled(copied, change)
     dataset = small_dataset(copied, on_bad="skip", partial="skip", pose="hypothesis")
     assert isinstance(dataset[place], Skipped)
-    assert [(case.kind, case.sample_id) for case in dataset.report().cases] == [("rejected", first), ("filtered", second)]
+    assert [(case.kind, case.sample_id) for case in dataset.report().cases] == [
+        ("rejected", first),
+        ("filtered", second),
+    ]
 
 
 @pytest.mark.parametrize("name", ["a#b.jpg", "a#1.jpg", "a#1"])
-def test_an_image_with_a_mark_in_its_name_is_known_to_have_unread_animals(copied: Path, name: str) -> None:
+def test_an_image_with_a_mark_in_its_name_is_known_to_have_unread_animals(
+    copied: Path, name: str
+) -> None:
     place = crowded(small_dataset(copied))
     old = small_dataset(copied).image_id(place)
     (copied / old).rename(copied / name)
@@ -281,7 +337,9 @@ def test_a_rejection_is_an_error_or_is_reported_with_its_reason(copied: Path) ->
         strict[0]
     dataset = small_dataset(copied, **options, on_bad="skip")
     dataset[0]
-    assert [(case.kind, case.field) for case in dataset.report().cases] == [("rejected", "too_few_keypoints")]
+    assert [(case.kind, case.field) for case in dataset.report().cases] == [
+        ("rejected", "too_few_keypoints")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -289,13 +347,17 @@ def test_a_rejection_is_an_error_or_is_reported_with_its_reason(copied: Path) ->
     [{"min_mask_iou": 1.0}, {"min_inlier_share": 1.0}, {"max_reprojection_error_px": 0.0}, {"min_confidence": 1.0}, {"min_box_px": 1e4},
      {"max_truncation": 0.0}],
 )  # fmt: skip
-def test_a_filter_leaves_out_what_misses_it_and_says_so(animals: Path, limits: dict[str, float]) -> None:
+def test_a_filter_leaves_out_what_misses_it_and_says_so(
+    animals: Path, limits: dict[str, float]
+) -> None:
     dataset = small_dataset(animals, filters=LabelFilter(**limits), pose="hypothesis")  # type: ignore[arg-type]
     whole = small_dataset(animals, pose="hypothesis")
     kept = [sample for i in range(4) if not isinstance(sample := dataset[i], Skipped)]
     cases = dataset.report().of("filtered")
     assert {case.field for case in cases} <= set(limits)
-    assert sum(len(target["labels"]) for _, target in kept) + len(cases) == sum(len(whole.source.sample(i).records) for i in range(4))
+    assert sum(len(target["labels"]) for _, target in kept) + len(cases) == sum(
+        len(whole.source.sample(i).records) for i in range(4)
+    )
     assert cases or limits.keys() & {"max_truncation", "min_inlier_share"}
 
 
@@ -306,7 +368,13 @@ def test_keypoints_outside_the_frame_are_not_visible(copied: Path) -> None:
 
     spoiled(copied, moved)
     dataset = small_dataset(copied, on_bad="skip")
-    points = torch.cat([sample[1]["keypoints"] for i in range(len(dataset)) if not isinstance(sample := dataset[i], Skipped)])
+    points = torch.cat(
+        [
+            sample[1]["keypoints"]
+            for i in range(len(dataset))
+            if not isinstance(sample := dataset[i], Skipped)
+        ]
+    )
     moved_out = points[:, 3, 0] == -4
     assert bool(moved_out.any())
     assert not bool(points[moved_out, 3, 2].any())
@@ -316,20 +384,43 @@ def test_keypoints_outside_the_frame_are_not_visible(copied: Path) -> None:
 def test_the_limits_of_inliers_and_truncation() -> None:
     values = np.zeros(WIDTH)
     values[slice(*SPANS["truncation"])], values[slice(*SPANS["box"])] = 0.3, (0, 0, 9, 9)
-    row = LabelRow("a", values, None, {"n_keypoints": 10, "n_inliers": 7, "mask_iou": None, "confidence": 0.5, "reprojection_error_px": 2.0})
+    row = LabelRow(
+        "a",
+        values,
+        None,
+        {
+            "n_keypoints": 10,
+            "n_inliers": 7,
+            "mask_iou": None,
+            "confidence": 0.5,
+            "reprojection_error_px": 2.0,
+        },
+    )
     assert LabelFilter(min_inlier_share=0.7, max_truncation=0.3).problem(row) is None
-    assert LabelFilter(min_inlier_share=0.71).problem(row) == ("min_inlier_share", "is 0.7, the limit 0.71")
-    assert LabelFilter(max_truncation=0.29).problem(row) == ("max_truncation", "is 0.3, the limit 0.29")
+    assert LabelFilter(min_inlier_share=0.71).problem(row) == (
+        "min_inlier_share",
+        "is 0.7, the limit 0.71",
+    )
+    assert LabelFilter(max_truncation=0.29).problem(row) == (
+        "max_truncation",
+        "is 0.3, the limit 0.29",
+    )
     values[slice(*SPANS["behind_camera"])] = 1
     assert LabelFilter().problem(row) is None
-    assert (LabelFilter(allow_behind_camera=False).problem(row) or ("",))[0] == "allow_behind_camera"
+    assert (LabelFilter(allow_behind_camera=False).problem(row) or ("",))[
+        0
+    ] == "allow_behind_camera"
     values[slice(*SPANS["box"])] = 9, 0, 9, 9
     assert (LabelFilter().problem(row) or ("",))[0] == "allow_unseen"
     assert LabelFilter(allow_unseen=True).problem(row) is None
 
 
 def test_a_measure_that_is_missing_fails_its_limit(animals: Path) -> None:
-    dataset = small_dataset(animals, filters=LabelFilter(min_mask_iou=0.1), config=LabelConfig(surface_share=False, mask_iou=False))
+    dataset = small_dataset(
+        animals,
+        filters=LabelFilter(min_mask_iou=0.1),
+        config=LabelConfig(surface_share=False, mask_iou=False),
+    )
     assert isinstance(dataset[0], Skipped)
     assert "is not known" in dataset.report().cases[0].problem
 
@@ -353,7 +444,9 @@ def test_the_report_can_be_kept(copied: Path, tmp_path: Path) -> None:
     [({"on_bad": "ignore"}, "on_bad must be"), ({"partial": "drop"}, "partial must be"), ({"pose": "trust"}, "pose must be"),
      ({"classes": ("a", "a")}, "classes must differ")],
 )  # fmt: skip
-def test_wrong_options_say_what_they_can_be(animals: Path, options: dict[str, Any], says: str) -> None:
+def test_wrong_options_say_what_they_can_be(
+    animals: Path, options: dict[str, Any], says: str
+) -> None:
     with pytest.raises(ConfigError, match=says):
         small_dataset(animals, **options)
 
@@ -369,7 +462,8 @@ def test_an_index_out_of_range_ends_iteration(animals: Path, index: int) -> None
         small_dataset(animals)[index]
 
 
-# Cameras and metres -----------------------------------------------------------------------------------------------------
+# Cameras and metres
+# -----------------------------------------------------------------------------------------------------
 
 
 def test_a_photo_s_own_focal_length_beats_the_dataset_s(copied: Path) -> None:
@@ -379,13 +473,18 @@ def test_a_photo_s_own_focal_length_beats_the_dataset_s(copied: Path) -> None:
     Image.open(image).save(image, exif=exif, quality=95)
     target = used(small_dataset(copied, pose="hypothesis"))[1]
     assert target["K_source"] == "exif"
-    assert float(target["K"][0, 0]) == pytest.approx(100 / np.hypot(36, 24) * np.hypot(*HW), rel=1e-6)
+    assert float(target["K"][0, 0]) == pytest.approx(
+        100 / np.hypot(36, 24) * np.hypot(*HW), rel=1e-6
+    )
     exact = used(small_dataset(copied))[1]  # a pose that is known holds for the camera it came with
     assert (exact["K_source"], float(exact["K"][0, 0])) == ("dataset", 1000.0)
 
 
 def test_labels_are_metric_only_if_something_tells_the_scale(animals: Path) -> None:
-    plain, metric = used(small_dataset(animals))[1], used(small_dataset(animals, scale=KnownScale(2.0)))[1]
+    plain, metric = (
+        used(small_dataset(animals))[1],
+        used(small_dataset(animals, scale=KnownScale(2.0)))[1],
+    )
     assert not plain["scale_known"].any()
     assert set(plain["scale_source"]) == {"unknown"}
     for name in ("corners_3d", "center", "size", "t"):
@@ -404,11 +503,15 @@ def test_the_species_table_makes_an_animal_as_long_as_its_kind(animals: Path) ->
         for number, record in enumerate(sample.records):
             known = record.category in ("bear", "dog")
             assert bool(target["scale_known"][number]) == known
-            assert target["scale_source"][number] == (f"species:{record.category}" if known else "unknown")
+            assert target["scale_source"][number] == (
+                f"species:{record.category}" if known else "unknown"
+            )
             if known:
                 length = head_and_body(record, sample.bodies.body(record))  # type: ignore[union-attr,arg-type]
                 assert length is not None
-                assert float(target["scale_m_per_unit"][number]) * length == pytest.approx({"bear": 1.8, "dog": 0.85}[record.category], rel=1e-5)
+                assert float(target["scale_m_per_unit"][number]) * length == pytest.approx(
+                    {"bear": 1.8, "dog": 0.85}[record.category], rel=1e-5
+                )
 
 
 def test_a_known_altitude_puts_the_lowest_corner_that_far_below(animals: Path) -> None:
@@ -424,7 +527,13 @@ def test_a_known_altitude_puts_the_lowest_corner_that_far_below(animals: Path) -
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: KnownScale(0.0), lambda: AltitudeScale(-1.0), lambda: AltitudeScale(1.0, (0, 0, 0)), lambda: SpeciesScale({"dog": -1.0})]
+    "make",
+    [
+        lambda: KnownScale(0.0),
+        lambda: AltitudeScale(-1.0),
+        lambda: AltitudeScale(1.0, (0, 0, 0)),
+        lambda: SpeciesScale({"dog": -1.0}),
+    ],
 )
 def test_a_scale_that_is_none_is_refused(make: Any) -> None:
     with pytest.raises(ConfigError):
@@ -433,11 +542,13 @@ def test_a_scale_that_is_none_is_refused(make: Any) -> None:
 
 @pytest.mark.parametrize("scale", [SpeciesScale(), KnownScale(2.0), AltitudeScale(3.0)])
 def test_a_scale_reaches_spawned_workers(scale: Any) -> None:
-    assert pickle.loads(pickle.dumps(scale)) == scale  # noqa: S301
+    assert pickle.loads(pickle.dumps(scale)) == scale
 
 
 @pytest.mark.parametrize("metres", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_scale_of_the_user_s_own_that_gives_nonsense_is_a_fault(animals: Path, metres: float) -> None:
+def test_a_scale_of_the_user_s_own_that_gives_nonsense_is_a_fault(
+    animals: Path, metres: float
+) -> None:
     class Own:
         def metres_per_unit(self, record: Any, body: Any, label: Any) -> tuple[float, str]:
             return metres, "own"
@@ -452,14 +563,29 @@ def test_the_format_is_recognised(animals: Path) -> None:
 
 def test_the_label_code_s_digest_sees_every_file_that_labels_depend_on() -> None:
     seen = {f"{path.parent.name}/{path.name}" for path in code_files()}
-    assert {"labels/label.py", "images/photos.py", "images/rle.py", "images/exif.py", "bodies/mesh_formats.py", "bodies/sources.py"} <= seen
-    assert {"geometry/rasterizer.py", "smal/model.py", "labelling/scale.py", "storage/codec.py", "mesh_folder/reader.py"} <= seen
+    assert {
+        "labels/label.py",
+        "images/photos.py",
+        "images/rle.py",
+        "images/exif.py",
+        "bodies/mesh_formats.py",
+        "bodies/sources.py",
+    } <= seen
+    assert {
+        "geometry/rasterizer.py",
+        "smal/model.py",
+        "labelling/scale.py",
+        "storage/codec.py",
+        "mesh_folder/reader.py",
+    } <= seen
     assert any(path.suffix == ".npz" for path in code_files())
 
 
 def test_known_cameras_are_not_pretended(animals: Path) -> None:
     with pytest.raises(ConfigError, match="pose 'exact' needs cameras that come with the dataset"):
-        Animal3DDataset(animals, body="dog", pose="exact")  # without a model nothing tells whether the stored ones are right
+        Animal3DDataset(
+            animals, body="dog", pose="exact"
+        )  # without a model nothing tells whether the stored ones are right
 
 
 @pytest.mark.parametrize("index", [[0, 1], slice(0, 2), None, (1, 2, 3), "0", 1.5])
@@ -495,4 +621,6 @@ def test_animals_keep_their_names_when_their_neighbours_are_left_out(copied: Pat
     assert isinstance(first, AnimalRecord)
     assert first.mask_path is not None
     first.mask_path.write_bytes(b"no png")
-    assert used(small_dataset(copied, on_bad="skip"), place)[1]["sample_ids"] == [record.sample_id for record in others]
+    assert used(small_dataset(copied, on_bad="skip"), place)[1]["sample_ids"] == [
+        record.sample_id for record in others
+    ]

@@ -13,7 +13,14 @@ from loading import in_bytes
 from small_animals import model_of, small_dataset, spoiled
 from torch.utils.data import DataLoader, Subset
 
-from animal3dbox.datasets import LabelDataset, LabelFilter, Skipped, SyntheticDataset, SyntheticSet, collate
+from animal3dbox.datasets import (
+    LabelDataset,
+    LabelFilter,
+    Skipped,
+    SyntheticDataset,
+    SyntheticSet,
+    collate,
+)
 from animal3dbox.datasets.bodies.sources import Body, ParametersBody
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.images.photos import read_mask
@@ -44,26 +51,53 @@ def with_faults(animals: Path, folder: Path) -> Path:
     return root
 
 
-@pytest.mark.parametrize("options", [{}, {"pose": "hypothesis"}, {"partial": "skip"}, {"filters": LabelFilter(max_truncation=0.05)}, {"cache": True}])
-def test_a_batch_holds_what_its_samples_are_one_by_one(animals: Path, tmp_path: Path, options: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"pose": "hypothesis"},
+        {"partial": "skip"},
+        {"filters": LabelFilter(max_truncation=0.05)},
+        {"cache": True},
+    ],
+)
+def test_a_batch_holds_what_its_samples_are_one_by_one(
+    animals: Path, tmp_path: Path, options: dict[str, Any]
+) -> None:
     root = with_faults(animals, tmp_path)
     if "cache" in options:
         options = {"cache": tmp_path / "cache"}
     alone = small_dataset(root, on_bad="skip", **options)
     expected = [told(alone[i]) for i in range(len(alone))]
-    together = small_dataset(root, on_bad="skip", **{**options, **({"cache": tmp_path / "other"} if options.get("cache") else {})})
+    together = small_dataset(
+        root,
+        on_bad="skip",
+        **{**options, **({"cache": tmp_path / "other"} if options.get("cache") else {})},
+    )
     for indices in ([*range(len(together))], [2, 0], [5, 5, 1, -1, 3]):
-        assert [told(sample) for sample in together.__getitems__(indices)] == [expected[i] for i in indices]
-    assert any(isinstance(sample, Skipped) for sample in together.__getitems__([*range(len(together))]))
-    assert sorted(case.sample_id for case in alone.report().of("fault"))[:2] == sorted({case.sample_id for case in together.report().of("fault")})[:2]
+        assert [told(sample) for sample in together.__getitems__(indices)] == [
+            expected[i] for i in indices
+        ]
+    assert any(
+        isinstance(sample, Skipped) for sample in together.__getitems__([*range(len(together))])
+    )
+    assert (
+        sorted(case.sample_id for case in alone.report().of("fault"))[:2]
+        == sorted({case.sample_id for case in together.report().of("fault")})[:2]
+    )
 
 
 def test_synthetic_samples_are_the_same_in_batches() -> None:
     dataset = SyntheticDataset(SyntheticSet(2, 4), pose="exact")
-    assert [told(sample) for sample in dataset.__getitems__([3, 1])] == [told(dataset[3]), told(dataset[1])]
+    assert [told(sample) for sample in dataset.__getitems__([3, 1])] == [
+        told(dataset[3]),
+        told(dataset[1]),
+    ]
 
 
-def test_known_cameras_of_a_batch_are_labelled_in_one_go(animals: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_known_cameras_of_a_batch_are_labelled_in_one_go(
+    animals: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sizes: list[int] = []
 
     def counted(bodies: Any, *rest: Any) -> Any:
@@ -74,14 +108,21 @@ def test_known_cameras_of_a_batch_are_labelled_in_one_go(animals: Path, monkeypa
     dataset = small_dataset(animals)
     loader: Any = DataLoader(dataset, batch_size=4, collate_fn=collate)
     targets = [target for _, batch in loader for target in batch]
-    assert sizes == [sum(len(target["sample_ids"]) for target in targets[k : k + 4]) for k in range(0, len(targets), 4)]
+    assert sizes == [
+        sum(len(target["sample_ids"]) for target in targets[k : k + 4])
+        for k in range(0, len(targets), 4)
+    ]
     sizes.clear()
     next(iter(DataLoader(Subset(dataset, [0, 2]), batch_size=2, collate_fn=collate)))
     assert len(sizes) == 1
 
 
-def test_a_faulty_sample_of_a_batch_is_the_same_error_as_alone(animals: Path, tmp_path: Path) -> None:
-    dataset = small_dataset(with_faults(animals, tmp_path), on_bad="skip")  # which takes entries that cannot be read
+def test_a_faulty_sample_of_a_batch_is_the_same_error_as_alone(
+    animals: Path, tmp_path: Path
+) -> None:
+    dataset = small_dataset(
+        with_faults(animals, tmp_path), on_bad="skip"
+    )  # which takes entries that cannot be read
     skipped = [isinstance(dataset[i], Skipped) for i in range(len(dataset))]
     bad, good = skipped.index(True), skipped.index(False)
     dataset.on_bad = "error"
@@ -99,7 +140,9 @@ def test_a_subclass_that_changes_samples_changes_those_of_batches(animals: Path)
             image, target = super().__getitem__(index)  # type: ignore[misc]
             return image, {**target, "site": "north"}
 
-    loader: Any = DataLoader(Named(small_dataset(animals).source, pose="exact"), batch_size=4, collate_fn=collate)
+    loader: Any = DataLoader(
+        Named(small_dataset(animals).source, pose="exact"), batch_size=4, collate_fn=collate
+    )
     targets: list[Target] = [target for _, batch in loader for target in batch]
     assert targets
     assert all(target["site"] == "north" for target in targets)
@@ -134,14 +177,22 @@ def test_bodies_of_ones_own_are_asked_for_theirs(animals: Path) -> None:
 
 def test_what_is_no_source_of_bodies_is_refused_by_what_it_lacks(animals: Path) -> None:
     read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
-    with pytest.raises(ConfigError, match="object is no source of bodies: it lacks fingerprint, lasting, content, body"):
+    with pytest.raises(
+        ConfigError,
+        match="object is no source of bodies: it lacks fingerprint, lasting, content, body",
+    ):
         FileSource(read.records, object())  # type: ignore[arg-type]
 
 
 def test_records_may_hold_numpys_numbers_and_words(animals: Path) -> None:
     read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
     odd = [
-        replace(one, image_hw=tuple(np.array(one.image_hw)), category=np.str_(one.category), image_id=np.str_(one.image_id))
+        replace(
+            one,
+            image_hw=tuple(np.array(one.image_hw)),
+            category=np.str_(one.category),
+            image_id=np.str_(one.image_id),
+        )
         for one in read.records.records
     ]
     records = (read.records, replace(read.records, records=tuple(odd)))
@@ -157,7 +208,10 @@ def test_a_mask_that_is_replaced_while_it_is_read_leaves_no_wrong_label(
     shutil.copy(model_of(animals), tmp_path / "set-model.pkl")
     dataset = small_dataset(root, cache=tmp_path / "cache")
     path = Path(dataset.source.sample(0).animals[0].mask_path)
-    old, moved = path.read_bytes(), np.roll(np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)), 9, axis=1)
+    old, moved = (
+        path.read_bytes(),
+        np.roll(np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)), 9, axis=1),
+    )
     new = cv2.imencode(".png", moved)[1].tobytes()
 
     def replaced(*arguments: Any) -> Any:
@@ -172,10 +226,14 @@ def test_a_mask_that_is_replaced_while_it_is_read_leaves_no_wrong_label(
     monkeypatch.undo()
     for content in (new, old):
         path.write_bytes(content)
-        assert told(small_dataset(root, cache=tmp_path / "cache")[0]) == told(small_dataset(root)[0])
+        assert told(small_dataset(root, cache=tmp_path / "cache")[0]) == told(
+            small_dataset(root)[0]
+        )
 
 
-def test_what_is_wrong_with_the_cache_is_told_even_if_a_sample_of_the_batch_raises(animals: Path, tmp_path: Path) -> None:
+def test_what_is_wrong_with_the_cache_is_told_even_if_a_sample_of_the_batch_raises(
+    animals: Path, tmp_path: Path
+) -> None:
     root = with_faults(animals, tmp_path)
     dataset = small_dataset(root, on_bad="skip", cache=tmp_path / "cache")
     samples = dataset.__getitems__([*range(len(dataset))])

@@ -18,7 +18,9 @@ def tables() -> dict[str, list[dict[str, Any]]]:
 
 
 def row(records: list[dict[str, Any]], **wanted: str) -> dict[str, Any]:
-    return next(record for record in records if all(record[key] == value for key, value in wanted.items()))
+    return next(
+        record for record in records if all(record[key] == value for key, value in wanted.items())
+    )
 
 
 def test_every_class_of_view_agrees_with_the_rays(tables: dict[str, list[dict[str, Any]]]) -> None:
@@ -29,7 +31,9 @@ def test_every_class_of_view_agrees_with_the_rays(tables: dict[str, list[dict[st
         assert record["share max error"] is None or record["share max error"] <= 0.01
 
 
-def test_our_axes_are_nearer_to_the_trunk_than_the_papers_and_pca(tables: dict[str, list[dict[str, Any]]]) -> None:
+def test_our_axes_are_nearer_to_the_trunk_than_the_papers_and_pca(
+    tables: dict[str, list[dict[str, Any]]],
+) -> None:
     found = {record["rule"]: record["median deg"] for record in tables["accuracy"]}
     assert found["ours, mesh"] < 4
     assert found["ours, landmarks"] < 4
@@ -37,9 +41,14 @@ def test_our_axes_are_nearer_to_the_trunk_than_the_papers_and_pca(tables: dict[s
     assert found["ours, mesh"] < found["landmarks (paper)"] < found["pca of mesh"]
 
 
-def test_the_default_pose_beats_the_papers_against_clean_keypoints(tables: dict[str, list[dict[str, Any]]]) -> None:
+def test_the_default_pose_beats_the_papers_against_clean_keypoints(
+    tables: dict[str, list[dict[str, Any]]],
+) -> None:
     for setting in ("2 px", "2 px, 10 % outliers"):
-        ours, squared = (row(tables["pose"], setting=setting, method=method) for method in ("default", "paper (vector)"))
+        ours, squared = (
+            row(tables["pose"], setting=setting, method=method)
+            for method in ("default", "paper (vector)")
+        )
         assert ours["animals"] == 40
         assert ours["labelled"] >= 30
         assert ours["clean median px"] < 2.5
@@ -50,4 +59,7 @@ def test_the_default_pose_beats_the_papers_against_clean_keypoints(tables: dict[
 def test_the_papers_figures_are_marked_as_such(tables: dict[str, list[dict[str, Any]]]) -> None:
     assert row(tables["pose"], method="basic, PAPER")["annotated mean px"] == 75.28
     assert row(tables["stability"], protocol="(PAPER)", rule="pca")["theta_R deg"] == 120.68
-    assert row(tables["reproduction"], keypoints="(PAPER, Animal3D)", method="theirs")["mean px"] == 7.56
+    assert (
+        row(tables["reproduction"], keypoints="(PAPER, Animal3D)", method="theirs")["mean px"]
+        == 7.56
+    )

@@ -12,7 +12,12 @@ from animal3dbox.evaluate.accuracy import NAMED, accuracy_rows, accuracy_table, 
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.face_study import FaceRow, face_rows, seen_by_rays, window_shares
 from animal3dbox.evaluate.face_views import BEHIND, CLASSES, draw_view
-from animal3dbox.evaluate.orientation import RULES, float32_angle_deg, stability_rows, stability_table
+from animal3dbox.evaluate.orientation import (
+    RULES,
+    float32_angle_deg,
+    stability_rows,
+    stability_table,
+)
 from animal3dbox.evaluate.pose_study import depth_flip, pose_rows, pose_table
 from animal3dbox.evaluate.reproduction import DROPPED, FED, PARTS, reproduction_rows
 from animal3dbox.evaluate.subject import Subject, subject
@@ -40,23 +45,34 @@ def test_an_evaluation_of_nobody_is_refused() -> None:
         EvaluateConfig(animals=0)
 
 
-def test_what_is_said_of_a_subject_has_the_body_in_the_camera_frame_and_no_pose(someone: Subject) -> None:
+def test_what_is_said_of_a_subject_has_the_body_in_the_camera_frame_and_no_pose(
+    someone: Subject,
+) -> None:
     given = someone.annotated(FaultConfig())
     assert_close(given.vertices, someone.animal.vertices_cam, rtol=0, atol=1e-9)
 
 
-def test_noise_on_image_keypoints_alone_turns_no_axes_in_the_bodys_frame_and_all_in_the_cameras(someone: Subject) -> None:
+def test_noise_on_image_keypoints_alone_turns_no_axes_in_the_bodys_frame_and_all_in_the_cameras(
+    someone: Subject,
+) -> None:
     rows = stability_rows(someone)
     still = [row.theta_deg for row in rows if row.protocol == "image"]
     assert len(still) == 5 * len(RULES)
     assert max(still) < 1e-9
-    moving = [row.theta_deg for row in rows if row.protocol == "camera" and row.rule == "ours, mesh"]
+    moving = [
+        row.theta_deg for row in rows if row.protocol == "camera" and row.rule == "ours, mesh"
+    ]
     assert len(moving) == 5
     assert 0.05 < max(moving) < 40
-    loud = [row.theta_deg for row in rows if row.protocol == "model units" and row.rule == "landmarks (paper)"]
+    loud = [
+        row.theta_deg
+        for row in rows
+        if row.protocol == "model units" and row.rule == "landmarks (paper)"
+    ]
     assert max(loud) > 45
     on_mesh, on_landmarks = (
-        max(r.theta_deg for r in rows if (r.protocol, r.rule) == ("pixel-equivalent", rule)) for rule in ("ours, mesh", "ours, landmarks")
+        max(r.theta_deg for r in rows if (r.protocol, r.rule) == ("pixel-equivalent", rule))
+        for rule in ("ours, mesh", "ours, landmarks")
     )
     assert 0 < on_mesh < on_landmarks
     published = [row for row in stability_table(rows).rows if "PAPER" in str(row[0])]
@@ -64,14 +80,18 @@ def test_noise_on_image_keypoints_alone_turns_no_axes_in_the_bodys_frame_and_all
 
 
 def test_the_papers_formula_in_float32_sees_turns_where_there_are_none() -> None:
-    angles = torch.linspace(0.1, 3, 200, dtype=F64)[:, None] * torch.nn.functional.normalize(torch.tensor([0.3, -0.5, 0.8], dtype=F64), dim=0)
+    angles = torch.linspace(0.1, 3, 200, dtype=F64)[:, None] * torch.nn.functional.normalize(
+        torch.tensor([0.3, -0.5, 0.8], dtype=F64), dim=0
+    )
     floor = torch.tensor([float32_angle_deg(R, R) for R in rotation_from_axis_angle(angles)])
     assert 1e-3 < float(floor.mean()) < 0.05
     turned = rotation_from_axis_angle(torch.tensor([0.5, 0.0, 0.0], dtype=F64))
     assert float32_angle_deg(turned, torch.eye(3, dtype=F64)) == pytest.approx(28.6479, abs=1e-3)
 
 
-def test_accuracy_knows_a_front_from_a_back_where_principal_components_do_not(someone: Subject) -> None:
+def test_accuracy_knows_a_front_from_a_back_where_principal_components_do_not(
+    someone: Subject,
+) -> None:
     rows = {row.rule: row for row in accuracy_rows(someone)}
     assert rows["ours, mesh"].angle_deg < 10
     assert rows["ours, re-meshed"].angle_deg < 15
@@ -94,7 +114,12 @@ def test_a_remeshed_body_is_another_mesh_of_nearly_the_same_extent() -> None:
 def test_a_turn_by_half_about_the_vertical_is_a_depth_flip_and_a_small_one_is_not() -> None:
     truth = rotation_from_axis_angle(torch.tensor([0.1, 0.4, -0.2], dtype=F64))
     for angle, flips in ((torch.pi, True), (0.3, False)):
-        assert depth_flip(rotation_from_axis_angle(torch.tensor([0.0, angle, 0.0], dtype=F64)) @ truth, truth) is flips
+        assert (
+            depth_flip(
+                rotation_from_axis_angle(torch.tensor([0.0, angle, 0.0], dtype=F64)) @ truth, truth
+            )
+            is flips
+        )
 
 
 def test_without_faults_every_pose_but_the_papers_squared_one_is_exact(someone: Subject) -> None:
@@ -112,16 +137,25 @@ def test_without_faults_every_pose_but_the_papers_squared_one_is_exact(someone: 
 
 
 def test_outliers_count_in_the_annotated_error_and_not_in_the_clean_one(someone: Subject) -> None:
-    row = next(r for r in pose_rows(someone, {"2 px, 30 % outliers": FaultConfig(noise_px=2, outliers=0.3)}) if r.method == "default")
+    row = next(
+        r
+        for r in pose_rows(someone, {"2 px, 30 % outliers": FaultConfig(noise_px=2, outliers=0.3)})
+        if r.method == "default"
+    )
     assert row.annotated_px is not None
     assert row.clean_px is not None
     assert row.annotated_px > 3 * row.clean_px
 
 
-def test_keypoints_at_zero_ruin_the_error_where_they_are_fed_and_not_where_they_are_dropped(someone: Subject) -> None:
+def test_keypoints_at_zero_ruin_the_error_where_they_are_fed_and_not_where_they_are_dropped(
+    someone: Subject,
+) -> None:
     rows = reproduction_rows(someone)
     assert len(rows) == len(PARTS) * (len(FED) + len(DROPPED))
-    worst = {fed: max(row.error_px for row in rows if row.fed is fed and row.error_px is not None) for fed in (True, False)}
+    worst = {
+        fed: max(row.error_px for row in rows if row.fed is fed and row.error_px is not None)
+        for fed in (True, False)
+    }
     assert worst[True] > 20
     assert worst[False] < 5
 
@@ -147,7 +181,9 @@ def test_a_view_is_of_its_class(someone: Subject) -> None:
         assert bool(corners_in_front(seen).all()) == (view != BEHIND)
         cuts[view] = float(face_visibility(seen, camera.K, camera.image_hw).truncation)
         if view == "UAV nadir":
-            assert float(camera.T_cam_world[2, 2]) < -0.98  # the optical axis, in the world, points down
+            assert (
+                float(camera.T_cam_world[2, 2]) < -0.98
+            )  # the optical axis, in the world, points down
     assert cuts["in frame"] == 0 < cuts["truncated"]
 
 
@@ -155,4 +191,11 @@ def test_a_box_straight_ahead_shows_its_front_to_the_rays_by_hand() -> None:
     columns = torch.tensor([[0.0, 0, -1], [1.0, 0, 0], [0.0, -1, 0]], dtype=F64).T.contiguous()
     box = Cuboid(torch.tensor([0.0, 0, 4], dtype=F64), columns, torch.ones(3, dtype=F64))
     assert seen_by_rays(box).tolist() == [name == "front" for name in FACE_NAMES]
-    assert window_shares(box, intrinsics(60.0, (60, 80)), (60, 80), True).tolist() == [1.0, 0, 0, 0, 0, 0]
+    assert window_shares(box, intrinsics(60.0, (60, 80)), (60, 80), True).tolist() == [
+        1.0,
+        0,
+        0,
+        0,
+        0,
+        0,
+    ]

@@ -12,7 +12,13 @@ from animal3dbox.evaluate.pictures import pictures_of
 from animal3dbox.evaluate.plots import plots_of
 from animal3dbox.evaluate.tables import PAPER, Table, mean, percent, quantile, shown
 
-TABLE = Table("t", "A table", ("A note.",), ("method", "px", "n"), (("ours", 1.25, 3), ("theirs", None, 0), (f"({PAPER})", 75.28, 1)))
+TABLE = Table(
+    "t",
+    "A table",
+    ("A note.",),
+    ("method", "px", "n"),
+    (("ours", 1.25, 3), ("theirs", None, 0), (f"({PAPER})", 75.28, 1)),
+)
 
 
 def test_numbers_are_shown_with_about_four_digits_and_the_unknown_as_a_dash() -> None:
@@ -43,7 +49,9 @@ def test_the_json_has_a_row_by_its_columns_and_null_for_the_unknown(tmp_path: Pa
     assert content["tables"]["t"]["rows"][1] == {"method": "theirs", "px": None, "n": 0}
 
 
-def test_the_page_without_matplotlib_says_how_to_get_the_plots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_without_matplotlib_says_how_to_get_the_plots(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert plots_of((TABLE,)) is None

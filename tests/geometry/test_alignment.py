@@ -7,7 +7,10 @@ from animal3dbox.geometry.rigid import alignment_variation
 
 
 def test_alignment_variation_is_one_minus_the_cosine_and_keeps_tiny_angles() -> None:
-    x, y = torch.tensor([2.0, 0, 0], dtype=torch.float64), torch.tensor([0.0, 3, 0], dtype=torch.float64)
+    x, y = (
+        torch.tensor([2.0, 0, 0], dtype=torch.float64),
+        torch.tensor([0.0, 3, 0], dtype=torch.float64),
+    )
     assert float(alignment_variation(x, x)) == 0
     assert_close(float(alignment_variation(x, y)), 1.0)
     assert_close(float(alignment_variation(x, -x)), 2.0)

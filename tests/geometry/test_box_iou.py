@@ -40,15 +40,24 @@ def turned(rng: np.random.Generator, rotation: Array, angle: Array | float) -> A
 
 
 def iou_by_half_spaces(a: Boxes, b: Boxes) -> Array:
-    """IoU (N,) one pair at a time: Chebyshev centre, half-space intersection, hull; in the first box's axes and half sizes."""
+    """IoU (N,) one pair at a time: Chebyshev centre, half-space intersection, hull.
+
+    In the first box's axes and half sizes.
+    """
     ious = []
     for center_a, rotation_a, size_a, center_b, rotation_b, size_b in zip(*a, *b, strict=True):
         normals = np.concatenate((rotation_b.T, -rotation_b.T)) @ rotation_a * (size_a / 2)
-        offsets = np.concatenate((rotation_b.T, -rotation_b.T)) @ (center_b - center_a) + np.tile(size_b / 2, 2)
-        planes = np.concatenate((normals, -offsets[:, None]), axis=1) / np.linalg.norm(normals, axis=1, keepdims=True)
+        offsets = np.concatenate((rotation_b.T, -rotation_b.T)) @ (center_b - center_a) + np.tile(
+            size_b / 2, 2
+        )
+        planes = np.concatenate((normals, -offsets[:, None]), axis=1) / np.linalg.norm(
+            normals, axis=1, keepdims=True
+        )
         planes = np.concatenate((np.eye(3, 4) - np.eye(4)[3], -np.eye(3, 4) - np.eye(4)[3], planes))
         balls = np.concatenate((planes[:, :3], np.ones((12, 1))), axis=1)
-        best = linprog([0, 0, 0, -1], A_ub=balls, b_ub=-planes[:, 3], bounds=[(None, None)] * 3 + [(0, None)])
+        best = linprog(
+            [0, 0, 0, -1], A_ub=balls, b_ub=-planes[:, 3], bounds=[(None, None)] * 3 + [(0, None)]
+        )
         volume = 0.0
         if best.x is not None and best.x[3] > 1e-10:
             corners = HalfspaceIntersection(planes, best.x[:3], qhull_options="Qt").intersections
@@ -58,8 +67,16 @@ def iou_by_half_spaces(a: Boxes, b: Boxes) -> Array:
 
 
 def generic_pairs(kind: str, rng: np.random.Generator, n: int) -> tuple[Boxes, Boxes]:
-    rotation, size_a, size_b = random_rotation(rng, n), rng.uniform(0.3, 2, (n, 3)), rng.uniform(0.3, 2, (n, 3))
-    shape = {"needle": np.array([1, 1e-3, 1e-3]), "finer needle": np.array([1, 1e-5, 1e-5]), "flat": np.array([1, 1, 1e-3])}.get(kind, np.ones(3))
+    rotation, size_a, size_b = (
+        random_rotation(rng, n),
+        rng.uniform(0.3, 2, (n, 3)),
+        rng.uniform(0.3, 2, (n, 3)),
+    )
+    shape = {
+        "needle": np.array([1, 1e-3, 1e-3]),
+        "finer needle": np.array([1, 1e-5, 1e-5]),
+        "flat": np.array([1, 1, 1e-3]),
+    }.get(kind, np.ones(3))
     shape = shape * {"tiny": 1e-9, "huge": 1e9}.get(kind, 1.0)
     size_a, size_b = size_a * shape, size_b * shape
     center = rng.normal(size=(n, 3)) * shape.max()
@@ -68,14 +85,23 @@ def generic_pairs(kind: str, rng: np.random.Generator, n: int) -> tuple[Boxes, B
     if shape.min() < 1e-2 * shape.max():
         rotation_b[::2] = turned(rng, rotation, 1e-3)[::2]
     if kind == "45 degrees":
-        rotation_b = rotation @ Rotation.from_rotvec(np.eye(3)[rng.integers(0, 3, n)] * pi / 4).as_matrix()
+        rotation_b = (
+            rotation @ Rotation.from_rotvec(np.eye(3)[rng.integers(0, 3, n)] * pi / 4).as_matrix()
+        )
         shift[::2], size_b[::2] = 0, size_a[::2]
     if kind == "nearly identical":
-        rotation_b, shift, size_b = turned(rng, rotation, 10 ** rng.uniform(-6, -2, (n, 1))), shift * 1e-3, size_a
+        rotation_b, shift, size_b = (
+            turned(rng, rotation, 10 ** rng.uniform(-6, -2, (n, 1))),
+            shift * 1e-3,
+            size_a,
+        )
     return (center, rotation, size_a), (center + shift, rotation_b, size_b)
 
 
-@pytest.mark.parametrize("kind", ["generic", "needle", "finer needle", "flat", "tiny", "huge", "45 degrees", "nearly identical"])
+@pytest.mark.parametrize(
+    "kind",
+    ["generic", "needle", "finer needle", "flat", "tiny", "huge", "45 degrees", "nearly identical"],
+)
 def test_iou_is_that_of_half_space_intersection(kind: str) -> None:  # 2,400 pairs
     a, b = generic_pairs(kind, np.random.default_rng(1), 300)
     expected = iou_by_half_spaces(a, b)
@@ -83,9 +109,15 @@ def test_iou_is_that_of_half_space_intersection(kind: str) -> None:  # 2,400 pai
     np.testing.assert_allclose(box_iou(*tensors(a, b)).numpy(), expected, rtol=0, atol=CLOSE)
 
 
-def parallel_pairs(kind: str, rng: np.random.Generator, n: int) -> tuple[Array, Array, Array, Array]:
+def parallel_pairs(
+    kind: str, rng: np.random.Generator, n: int
+) -> tuple[Array, Array, Array, Array]:
     """Least and greatest corners of two axis-aligned boxes."""
-    low_a, size_a, size_b = rng.normal(size=(n, 3)), rng.uniform(0.3, 2, (n, 3)), rng.uniform(0.3, 2, (n, 3))
+    low_a, size_a, size_b = (
+        rng.normal(size=(n, 3)),
+        rng.uniform(0.3, 2, (n, 3)),
+        rng.uniform(0.3, 2, (n, 3)),
+    )
     shift = rng.uniform(-0.9, 0.9, (n, 3)) * np.minimum(size_a, size_b)
     touching = {"face touching": 1, "edge touching": 2, "corner touching": 3}.get(kind, 0)
     shift[:, :touching] = size_a[:, :touching]
@@ -101,28 +133,49 @@ def parallel_pairs(kind: str, rng: np.random.Generator, n: int) -> tuple[Array, 
     return low_a, low_a + size_a, low_a + shift, low_a + shift + size_b
 
 
-PARALLEL = ["generic", "face touching", "edge touching", "corner touching", "contained", "identical", "coplanar faces", "thin"]
+PARALLEL = [
+    "generic",
+    "face touching",
+    "edge touching",
+    "corner touching",
+    "contained",
+    "identical",
+    "coplanar faces",
+    "thin",
+]
 
 
 @pytest.mark.parametrize("kind", PARALLEL)
 @pytest.mark.parametrize("rotated", [False, True])
-def test_iou_of_parallel_boxes_is_that_of_their_overlapping_intervals(kind: str, rotated: bool) -> None:  # 16 x 500 pairs
+def test_iou_of_parallel_boxes_is_that_of_their_overlapping_intervals(
+    kind: str, rotated: bool
+) -> None:  # 16 x 500 pairs
     rng = np.random.default_rng(2)
     low_a, high_a, low_b, high_b = parallel_pairs(kind, rng, 500)
     common = np.clip(np.minimum(high_a, high_b) - np.maximum(low_a, low_b), 0, None).prod(axis=1)
     expected = common / ((high_a - low_a).prod(axis=1) + (high_b - low_b).prod(axis=1) - common)
     rotation = random_rotation(rng, 500) if rotated else np.tile(np.eye(3), (500, 1, 1))
-    centers = [(rotation @ ((low + high) / 2)[..., None])[..., 0] for low, high in ((low_a, high_a), (low_b, high_b))]
+    centers = [
+        (rotation @ ((low + high) / 2)[..., None])[..., 0]
+        for low, high in ((low_a, high_a), (low_b, high_b))
+    ]
     # One box may be named by other axes: a quarter turn about x, its sizes swapped
     quarter = rotation @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-    ious = box_iou(*tensors((centers[0], rotation, high_a - low_a), (centers[1], quarter, (high_b - low_b)[:, [0, 2, 1]])))
+    ious = box_iou(
+        *tensors(
+            (centers[0], rotation, high_a - low_a),
+            (centers[1], quarter, (high_b - low_b)[:, [0, 2, 1]]),
+        )
+    )
     np.testing.assert_allclose(ious.numpy(), expected, rtol=0, atol=CLOSE)
 
 
 def test_a_cube_and_itself_turned_by_45_degrees_share_an_octagonal_prism() -> None:
     half = sqrt(0.5)
     turn = torch.tensor([[half, -half, 0], [half, half, 0], [0, 0, 1]], dtype=F64)
-    volume = box_intersection_volume(vector(0, 0, 0), EYE, vector(1, 1, 1), vector(0, 0, 0), turn, vector(1, 1, 1))
+    volume = box_intersection_volume(
+        vector(0, 0, 0), EYE, vector(1, 1, 1), vector(0, 0, 0), turn, vector(1, 1, 1)
+    )
     assert volume.item() == pytest.approx(2 * (sqrt(2) - 1), abs=1e-14)
 
 
@@ -139,7 +192,11 @@ def test_iou_is_symmetric_and_the_same_wherever_the_pair_is_put(seed: int, expon
     rotation, motion = random_rotation(rng, 8), random_rotation(rng, 1)
     center, size = rng.normal(size=(8, 3)), 10 ** rng.uniform(-3, 0, (8, 3))
     a = (center, rotation, size)
-    b = (center + size.min(axis=1, keepdims=True) * 10**exponent * rng.normal(size=(8, 3)), turned(rng, rotation, 10**exponent), size)
+    b = (
+        center + size.min(axis=1, keepdims=True) * 10**exponent * rng.normal(size=(8, 3)),
+        turned(rng, rotation, 10**exponent),
+        size,
+    )
     moved = [((motion @ c[..., None])[..., 0] * 3 + 1, motion @ r, s * 3) for c, r, s in (a, b)]
     iou = box_iou(*tensors(a, b))
     assert float((iou - box_iou(*tensors(b, a))).abs().max()) < 1e-12
@@ -147,11 +204,20 @@ def test_iou_is_symmetric_and_the_same_wherever_the_pair_is_put(seed: int, expon
     assert 0 <= float(iou.min()) <= float(iou.max()) <= 1
 
 
-def by_rotation_vector(center_a: Tensor, turn_a: Tensor, size_a: Tensor, center_b: Tensor, turn_b: Tensor, size_b: Tensor) -> Tensor:
+def by_rotation_vector(
+    center_a: Tensor,
+    turn_a: Tensor,
+    size_a: Tensor,
+    center_b: Tensor,
+    turn_b: Tensor,
+    size_b: Tensor,
+) -> Tensor:
     def matrix(turn: Tensor) -> Tensor:
         x, y, z = turn.unbind(-1)
         o = torch.zeros_like(x)
-        rotation: Tensor = torch.linalg.matrix_exp(torch.stack((o, -z, y, z, o, -x, -y, x, o), dim=-1).reshape(-1, 3, 3))
+        rotation: Tensor = torch.linalg.matrix_exp(
+            torch.stack((o, -z, y, z, o, -x, -y, x, o), dim=-1).reshape(-1, 3, 3)
+        )
         return rotation
 
     return box_iou(center_a, matrix(turn_a), size_a, center_b, matrix(turn_b), size_b)
@@ -161,7 +227,9 @@ def test_gradients_are_those_of_finite_differences_at_generic_positions() -> Non
     generator = torch.Generator().manual_seed(3)
     near, turn = (torch.rand(2, 3, 3, generator=generator, dtype=F64) for _ in range(2))
     size = torch.rand(2, 3, 3, generator=generator, dtype=F64) + 0.7
-    arguments = [x.clone().requires_grad_() for k in range(2) for x in (near[k] * 0.4, turn[k], size[k])]
+    arguments = [
+        x.clone().requires_grad_() for k in range(2) for x in (near[k] * 0.4, turn[k], size[k])
+    ]
     assert float(by_rotation_vector(*arguments).detach().min()) > 0.05
     assert torch.autograd.gradcheck(by_rotation_vector, arguments, atol=1e-7)
 
@@ -170,7 +238,14 @@ def test_gradients_are_those_of_finite_differences_at_generic_positions() -> Non
 @pytest.mark.parametrize("angle", [0.0, 1e-15, 1e-13, 1e-8, pi / 4, pi / 2])
 def test_gradients_are_finite_where_boxes_coincide_or_touch(shift: float, angle: float) -> None:
     turn = torch.from_numpy(Rotation.from_rotvec([0, 0, angle]).as_matrix())
-    arguments = [vector(0, 0, 0), EYE.clone(), vector(1, 1, 1), vector(shift, 0, 0), turn, vector(1, 1, 1)]
+    arguments = [
+        vector(0, 0, 0),
+        EYE.clone(),
+        vector(1, 1, 1),
+        vector(shift, 0, 0),
+        turn,
+        vector(1, 1, 1),
+    ]
     for argument in arguments:
         argument.requires_grad_()
     iou = box_iou(*arguments)
@@ -210,10 +285,18 @@ BAD = {
 
 
 @pytest.mark.parametrize("which", ["a", "b"])
-@pytest.mark.parametrize(("name", "k"), [(name, k) for name, values in BAD.items() for k in range(len(values))])
+@pytest.mark.parametrize(
+    ("name", "k"), [(name, k) for name, values in BAD.items() for k in range(len(values))]
+)
 def test_a_bad_argument_is_refused_by_name(which: str, name: str, k: int) -> None:
     arguments = {
-        f"{field}_{box}": value for box in "ab" for field, value in (("center", vector(0, 0, 0)), ("rotation", EYE), ("size", vector(1, 1, 1)))
+        f"{field}_{box}": value
+        for box in "ab"
+        for field, value in (
+            ("center", vector(0, 0, 0)),
+            ("rotation", EYE),
+            ("size", vector(1, 1, 1)),
+        )
     }
     arguments[f"{name}_{which}"] = BAD[name][k]
     for function in (box_iou, box_intersection_volume):
@@ -223,4 +306,11 @@ def test_a_bad_argument_is_refused_by_name(which: str, name: str, k: int) -> Non
 
 def test_batches_that_do_not_broadcast_are_refused() -> None:
     with pytest.raises(ShapeError, match="broadcast"):
-        box_iou(torch.zeros(2, 3), torch.eye(3), torch.ones(3), torch.zeros(4, 3), torch.eye(3), torch.ones(3))
+        box_iou(
+            torch.zeros(2, 3),
+            torch.eye(3),
+            torch.ones(3),
+            torch.zeros(4, 3),
+            torch.eye(3),
+            torch.ones(3),
+        )

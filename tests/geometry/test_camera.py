@@ -31,7 +31,11 @@ def test_the_middle_of_an_image_is_half_a_pixel_short_of_half_its_size() -> None
 
 
 def test_a_point_projects_where_a_person_computes_it() -> None:
-    camera = PinholeCamera(intrinsics(100.0, (11, 21), skew=10.0), rigid(torch.eye(3, dtype=F64), torch.tensor([0.0, 0, 2], dtype=F64)), (11, 21))
+    camera = PinholeCamera(
+        intrinsics(100.0, (11, 21), skew=10.0),
+        rigid(torch.eye(3, dtype=F64), torch.tensor([0.0, 0, 2], dtype=F64)),
+        (11, 21),
+    )
     px, depth = camera.project(torch.tensor([[1.0, -1, 0]], dtype=F64))
     assert px.tolist() == [[10 + 50 - 5, 5 - 50]]
     assert depth.tolist() == [2]
@@ -51,20 +55,29 @@ def test_the_camera_center_projects_nowhere_and_is_where_it_was_put() -> None:
 @given(rotations(), vector(-5, 5), vector(-5, 5, 9))
 def test_a_transform_and_its_inverse_undo_each_other(R: Tensor, t: Tensor, values: Tensor) -> None:
     T, points = rigid(R, t), values.reshape(3, 3)
-    assert_close(transform_points(invert_rigid(T), transform_points(T, points)), points, atol=1e-12, rtol=0)
+    assert_close(
+        transform_points(invert_rigid(T), transform_points(T, points)), points, atol=1e-12, rtol=0
+    )
 
 
 @thorough(1000)
 @given(vector(-1, 1).filter(lambda v: float(v.norm()) > 0.01), st.floats(0, math.pi))
 def test_rotation_angles_are_exact_at_both_ends(axis: Tensor, angle: float) -> None:
     R = rotation_from_axis_angle(axis / axis.norm() * angle)
-    assert abs(float(rotation_angle(R, torch.eye(3, dtype=F64))) - angle) < 1e-13 + 1e-7 * (math.pi - angle < 1e-6)
+    assert abs(float(rotation_angle(R, torch.eye(3, dtype=F64))) - angle) < 1e-13 + 1e-7 * (
+        math.pi - angle < 1e-6
+    )
 
 
 @pytest.mark.parametrize("angle", [1e-12, 1e-9, 1e-5])
 def test_tiny_rotations_are_not_lost(angle: float) -> None:
     R = rotation_from_axis_angle(torch.tensor([0.0, angle, 0.0], dtype=F64))
-    assert_close(rotation_angle(R, torch.eye(3, dtype=F64)), torch.tensor(angle, dtype=F64), rtol=1e-6, atol=0)
+    assert_close(
+        rotation_angle(R, torch.eye(3, dtype=F64)),
+        torch.tensor(angle, dtype=F64),
+        rtol=1e-6,
+        atol=0,
+    )
 
 
 def test_the_gradient_of_a_rotation_exists_at_zero() -> None:
@@ -73,11 +86,20 @@ def test_the_gradient_of_a_rotation_exists_at_zero() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-5, 0.5, 2.0, 3.0, math.pi - 1e-9, math.pi])
-def test_axis_angle_vectors_come_back_from_their_rotations_also_near_zero_and_near_half_a_turn(angle: float) -> None:
-    axes = torch.cat((torch.eye(3, dtype=F64), torch.randn(50, 3, generator=torch.Generator().manual_seed(0), dtype=F64)))
+def test_axis_angle_vectors_come_back_from_their_rotations_also_near_zero_and_near_half_a_turn(
+    angle: float,
+) -> None:
+    axes = torch.cat(
+        (
+            torch.eye(3, dtype=F64),
+            torch.randn(50, 3, generator=torch.Generator().manual_seed(0), dtype=F64),
+        )
+    )
     vectors = torch.nn.functional.normalize(axes, dim=-1) * angle
     back = axis_angle_from_rotation(rotation_from_axis_angle(vectors))
-    assert_close(rotation_from_axis_angle(back), rotation_from_axis_angle(vectors), rtol=0, atol=1e-14)
+    assert_close(
+        rotation_from_axis_angle(back), rotation_from_axis_angle(vectors), rtol=0, atol=1e-14
+    )
     assert_close(back.norm(dim=-1), vectors.norm(dim=-1), rtol=0, atol=1e-14)
     if angle < 3.1:
         assert_close(back, vectors, rtol=0, atol=1e-14)
@@ -102,7 +124,9 @@ def test_rq_gives_back_its_matrix_from_a_triangle_and_a_rotation(values: Tensor)
 
 @thorough(1000)
 @given(cuboids_in_front(), cameras(), vector(-0.3, 0.3, 9), st.booleans())
-def test_the_updated_camera_sees_the_mapped_picture(box: Cuboid, camera: tuple[Tensor, tuple[int, int]], wobble: Tensor, mirror: bool) -> None:
+def test_the_updated_camera_sees_the_mapped_picture(
+    box: Cuboid, camera: tuple[Tensor, tuple[int, int]], wobble: Tensor, mirror: bool
+) -> None:
     K, (_, width) = camera
     scale = torch.tensor([[1.0, 1, 100], [1, 1, 100], [1e-4, 1e-4, 1]], dtype=F64)
     H = torch.eye(3, dtype=F64) + wobble.reshape(3, 3) * scale
@@ -123,7 +147,10 @@ def test_the_updated_camera_sees_the_mapped_picture(box: Cuboid, camera: tuple[T
 def test_a_horizontal_flip_moves_the_principal_point_to_w_minus_one_minus_cx() -> None:
     K = torch.tensor([[500.0, 0, 300], [0, 510, 200], [0, 0, 1]], dtype=F64)
     flip = torch.tensor([[-1.0, 0, 639], [0, 1, 0], [0, 0, 1]], dtype=F64)
-    assert_close(update_camera(flip, K).K, torch.tensor([[500.0, 0, 339], [0, 510, 200], [0, 0, 1]], dtype=F64))
+    assert_close(
+        update_camera(flip, K).K,
+        torch.tensor([[500.0, 0, 339], [0, 510, 200], [0, 0, 1]], dtype=F64),
+    )
 
 
 def test_a_map_that_flattens_the_image_is_refused() -> None:
@@ -147,7 +174,9 @@ def test_impossible_intrinsics_are_refused(K: Tensor, says: str) -> None:
 
 @thorough(300)
 @given(rotations(), vector(-5, 5), cameras(), st.booleans())
-def test_a_mirrored_world_is_seen_by_a_proper_camera(R: Tensor, t: Tensor, camera: tuple[Tensor, tuple[int, int]], mirror: bool) -> None:
+def test_a_mirrored_world_is_seen_by_a_proper_camera(
+    R: Tensor, t: Tensor, camera: tuple[Tensor, tuple[int, int]], mirror: bool
+) -> None:
     K, (_, width) = camera
     H = (
         torch.tensor([[-1.0, 0, width - 1], [0, 1, 0], [0, 0, 1]], dtype=F64)
@@ -161,4 +190,9 @@ def test_a_mirrored_world_is_seen_by_a_proper_camera(R: Tensor, t: Tensor, camer
     assert_close(torch.linalg.det(update.R), torch.tensor(1.0, dtype=F64))
     points_world = torch.tensor([[1.0, 2, 3], [-1, 0.5, 2]], dtype=F64)
     mirrored_world = points_world * torch.tensor([1.0, -1 if mirror else 1, 1], dtype=F64)
-    assert_close(mirrored_world @ update.R.mT + update.t, (points_world @ R.mT + t) @ update.Q.mT, atol=1e-9, rtol=0)
+    assert_close(
+        mirrored_world @ update.R.mT + update.t,
+        (points_world @ R.mT + t) @ update.Q.mT,
+        atol=1e-9,
+        rtol=0,
+    )

@@ -23,15 +23,35 @@ from animal3dbox.geometry.cuboid import (
 from animal3dbox.geometry.face_visibility import face_normals
 from animal3dbox.geometry.rigid import rigid
 
-UNIT = Cuboid(torch.zeros(3, dtype=torch.float64), torch.eye(3, dtype=torch.float64), torch.full((3,), 2.0, dtype=torch.float64))
+UNIT = Cuboid(
+    torch.zeros(3, dtype=torch.float64),
+    torch.eye(3, dtype=torch.float64),
+    torch.full((3,), 2.0, dtype=torch.float64),
+)
 
 
 def test_unit_box_has_its_corners_in_the_documented_order() -> None:
-    assert UNIT.corners().tolist() == [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
+    assert UNIT.corners().tolist() == [
+        [-1, -1, -1],
+        [1, -1, -1],
+        [1, 1, -1],
+        [-1, 1, -1],
+        [-1, -1, 1],
+        [1, -1, 1],
+        [1, 1, 1],
+        [-1, 1, 1],
+    ]
 
 
 def test_each_face_lies_on_the_side_it_is_named_for() -> None:
-    outward = {"front": (1, 0, 0), "back": (-1, 0, 0), "left": (0, 1, 0), "right": (0, -1, 0), "top": (0, 0, 1), "bottom": (0, 0, -1)}
+    outward = {
+        "front": (1, 0, 0),
+        "back": (-1, 0, 0),
+        "left": (0, 1, 0),
+        "right": (0, -1, 0),
+        "top": (0, 0, 1),
+        "bottom": (0, 0, -1),
+    }
     for name, corner_ids in FACES.items():
         assert UNIT.corners()[list(corner_ids)].mean(0).tolist() == list(outward[name])
 
@@ -52,41 +72,75 @@ def test_opposite_faces_share_no_corner_and_edges_join_corners_that_differ_in_on
 
 
 def test_normals_of_the_unit_box_are_its_axes() -> None:
-    assert face_normals(UNIT.corners()).tolist() == [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+    assert face_normals(UNIT.corners()).tolist() == [
+        [1, 0, 0],
+        [-1, 0, 0],
+        [0, 1, 0],
+        [0, -1, 0],
+        [0, 0, 1],
+        [0, 0, -1],
+    ]
 
 
 @thorough(1000)
 @given(cuboids_anywhere(), rotations())
-def test_mirroring_permutes_corners_and_faces_as_documented_and_twice_is_identity(box: Cuboid, R: Tensor) -> None:
+def test_mirroring_permutes_corners_and_faces_as_documented_and_twice_is_identity(
+    box: Cuboid, R: Tensor
+) -> None:
     Q = R @ torch.diag(torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64))
     mirrored = box.mirrored(Q)
-    assert_close(torch.linalg.det(mirrored.rotation), torch.tensor(1.0, dtype=torch.float64), atol=1e-12, rtol=0)
-    assert_close(mirrored.corners(), (box.corners() @ Q.mT)[list(MIRRORED_CORNERS)], atol=1e-12, rtol=0)
-    assert_close(face_normals(mirrored.corners()), (face_normals(box.corners()) @ Q.mT)[list(MIRRORED_FACES)], atol=1e-9, rtol=0)
+    assert_close(
+        torch.linalg.det(mirrored.rotation),
+        torch.tensor(1.0, dtype=torch.float64),
+        atol=1e-12,
+        rtol=0,
+    )
+    assert_close(
+        mirrored.corners(), (box.corners() @ Q.mT)[list(MIRRORED_CORNERS)], atol=1e-12, rtol=0
+    )
+    assert_close(
+        face_normals(mirrored.corners()),
+        (face_normals(box.corners()) @ Q.mT)[list(MIRRORED_FACES)],
+        atol=1e-9,
+        rtol=0,
+    )
     again = mirrored.mirrored(Q.mT)
     assert_close(
-        torch.cat((again.center, again.size, again.rotation.flatten())), torch.cat((box.center, box.size, box.rotation.flatten())), atol=1e-12, rtol=0
+        torch.cat((again.center, again.size, again.rotation.flatten())),
+        torch.cat((box.center, box.size, box.rotation.flatten())),
+        atol=1e-12,
+        rtol=0,
     )
 
 
 @thorough(1000)
 @given(cuboids_anywhere(), rotations(), vector(-5, 5), st.floats(0.01, 100))
 def test_corners_move_with_the_box(box: Cuboid, R: Tensor, t: Tensor, factor: float) -> None:
-    assert_close(box.transformed(rigid(R, t)).corners(), box.corners() @ R.mT + t, atol=1e-12, rtol=0)
+    assert_close(
+        box.transformed(rigid(R, t)).corners(), box.corners() @ R.mT + t, atol=1e-12, rtol=0
+    )
     assert_close(box.scaled(factor).corners(), box.corners() * factor, atol=1e-12, rtol=1e-12)
 
 
 def test_a_box_contains_what_is_inside_and_nothing_else() -> None:
-    points = torch.tensor([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [1.001, 0.0, 0.0], [0.0, -1.1, 0.0]], dtype=torch.float64)
+    points = torch.tensor(
+        [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [1.001, 0.0, 0.0], [0.0, -1.1, 0.0]], dtype=torch.float64
+    )
     assert UNIT.contains(points).tolist() == [True, True, False, False]
     assert UNIT.contains(points, tolerance=0.01).tolist() == [True, True, True, False]
 
 
 def test_a_batch_of_boxes_has_the_corners_of_each() -> None:
     centers = torch.arange(6, dtype=torch.float64).reshape(2, 3)
-    batch = Cuboid(centers, torch.eye(3, dtype=torch.float64).expand(2, 3, 3), torch.ones(2, 3, dtype=torch.float64))
+    batch = Cuboid(
+        centers,
+        torch.eye(3, dtype=torch.float64).expand(2, 3, 3),
+        torch.ones(2, 3, dtype=torch.float64),
+    )
     for row in range(2):
-        single = Cuboid(centers[row], torch.eye(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64))
+        single = Cuboid(
+            centers[row], torch.eye(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64)
+        )
         assert_close(batch.corners()[row], single.corners())
 
 

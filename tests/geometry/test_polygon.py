@@ -10,7 +10,14 @@ from torch import Tensor
 from torch.testing import assert_close
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.polygon import area_in_box, area_in_frame, clip_by_plane, clip_to_near, polygon_area, signed_area
+from animal3dbox.geometry.polygon import (
+    area_in_box,
+    area_in_frame,
+    clip_by_plane,
+    clip_to_near,
+    polygon_area,
+    signed_area,
+)
 
 SQUARE = torch.tensor([[0.0, 0], [2, 0], [2, 2], [0, 2]], dtype=torch.float64)
 
@@ -43,17 +50,27 @@ def test_a_polygon_before_the_near_plane_becomes_one_point_on_it() -> None:
     assert clip_to_near(torch.zeros(3, 3, dtype=torch.float64), 0.5).tolist() == [[0, 0, 0.5]] * 4
 
 
-@given(st.lists(st.tuples(st.floats(-30, 90), st.floats(-30, 90)), min_size=3, max_size=3), st.integers(1, 60), st.integers(1, 60))
-def test_the_clipped_area_is_that_of_the_pixels_in_it(points: list[tuple[float, float]], height: int, width: int) -> None:
+@given(
+    st.lists(st.tuples(st.floats(-30, 90), st.floats(-30, 90)), min_size=3, max_size=3),
+    st.integers(1, 60),
+    st.integers(1, 60),
+)
+def test_the_clipped_area_is_that_of_the_pixels_in_it(
+    points: list[tuple[float, float]], height: int, width: int
+) -> None:
     triangle = torch.tensor(points, dtype=torch.float64)
     fine = 8
-    u, v = np.meshgrid((np.arange(width * fine) + 0.5) / fine - 0.5, (np.arange(height * fine) + 0.5) / fine - 0.5)
+    u, v = np.meshgrid(
+        (np.arange(width * fine) + 0.5) / fine - 0.5, (np.arange(height * fine) + 0.5) / fine - 0.5
+    )
     inside, corners = np.ones(u.shape, bool), np.array(points)
     turn = np.sign(float(signed_area(triangle)))
     for a, b in zip(corners, np.roll(corners, -1, 0), strict=True):
         inside &= turn * ((b[0] - a[0]) * (v - a[1]) - (b[1] - a[1]) * (u - a[0])) > 0
     area = float(area_in_frame(triangle, (height, width)))
-    assert abs(area - inside.sum() / fine**2) <= 0.13 * (height + width) + 0.1  # at most one column of rays an edge
+    assert (
+        abs(area - inside.sum() / fine**2) <= 0.13 * (height + width) + 0.1
+    )  # at most one column of rays an edge
 
 
 def test_a_batch_has_the_areas_of_each_of_its_polygons() -> None:
@@ -82,8 +99,14 @@ def test_the_area_in_a_box_is_that_of_the_clipped_polygon(values: Tensor, bounds
 
 def test_areas_in_boxes_are_what_a_person_computes() -> None:
     square = torch.tensor([[0.0, 0], [4, 0], [4, 4], [0, 4]], dtype=torch.float64)
-    boxes = torch.tensor([[1.0, 1, 3, 2], [-5, -5, 9, 9], [3, 3, 8, 8], [5, 5, 6, 6], [0, 0, 4, 4]], dtype=torch.float64)
+    boxes = torch.tensor(
+        [[1.0, 1, 3, 2], [-5, -5, 9, 9], [3, 3, 8, 8], [5, 5, 6, 6], [0, 0, 4, 4]],
+        dtype=torch.float64,
+    )
     assert area_in_box(square, boxes).tolist() == [2, 16, 1, 0, 16]
     diamond = torch.tensor([[2.0, 0], [4, 2], [2, 4], [0, 2]], dtype=torch.float64)
     assert area_in_box(diamond, torch.tensor([2.0, 2, 9, 9], dtype=torch.float64)).item() == 2
-    assert torch.autograd.gradcheck(lambda p: area_in_box(p, torch.tensor([1.15, 0.9, 3.3, 2.2], dtype=torch.float64)), (diamond.requires_grad_(),))
+    assert torch.autograd.gradcheck(
+        lambda p: area_in_box(p, torch.tensor([1.15, 0.9, 3.3, 2.2], dtype=torch.float64)),
+        (diamond.requires_grad_(),),
+    )

@@ -19,17 +19,23 @@ SIZES = [(1, 1), (7, 5), (50, 40), (96, 64), (64, 96), (480, 640), (640, 360)]
 def intrinsics(image_hw: tuple[int, int], focal: float = 1.0, skew: float = 0.0) -> Tensor:
     height, width = image_hw
     f = focal * max(height, width)
-    return torch.tensor([[f, skew, (width - 1) / 2], [0, 0.9 * f, (height - 1) / 2], [0, 0, 1]], dtype=F64)
+    return torch.tensor(
+        [[f, skew, (width - 1) / 2], [0, 0.9 * f, (height - 1) / 2], [0, 0, 1]], dtype=F64
+    )
 
 
 def lumpy_ball(seed: int, rings: int = 9) -> tuple[Tensor, Tensor]:
     """A closed body, faces counter-clockwise outside; triangles at the poles have no area."""
     rng = np.random.default_rng(seed)
     around = 2 * rings
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.arange(around) * 2 * np.pi / around, indexing="ij")
+    theta, phi = np.meshgrid(
+        np.linspace(0, np.pi, rings + 1), np.arange(around) * 2 * np.pi / around, indexing="ij"
+    )
     radius = 1 + 0.3 * rng.normal(size=theta.shape)
     radius[[0, -1]] = 1.0
-    points = radius[..., None] * np.stack((np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1)
+    points = radius[..., None] * np.stack(
+        (np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1
+    )
     faces = []
     for i in range(rings):
         for k in range(around):
@@ -43,7 +49,9 @@ def soup(seed: int, n: int, spread: float = 1.0) -> tuple[Tensor, Tensor]:
     rng = np.random.default_rng(seed)
     corners = rng.normal(size=(n, 3, 3)) * spread
     corners[::7, 2] = corners[::7, 1]
-    corners[1::7, 2] = 0.5 * (corners[1::7, 0] + corners[1::7, 1]) + 1e-7 * rng.normal(size=corners[1::7, 0].shape)
+    corners[1::7, 2] = 0.5 * (corners[1::7, 0] + corners[1::7, 1]) + 1e-7 * rng.normal(
+        size=corners[1::7, 0].shape
+    )
     faces = torch.arange(3 * n).reshape(n, 3)
     return torch.from_numpy(corners.reshape(-1, 3)), torch.cat((faces, faces[:2]))
 
@@ -59,8 +67,11 @@ def clipped(triangle: NDArray[np.float64], near: float) -> list[NDArray[np.float
     return [np.stack((polygon[0], polygon[k], polygon[k + 1])) for k in range(1, len(polygon) - 1)]
 
 
-def reference(vertices: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Every pixel centre against the edge functions of every triangle, and the least depth there by ray and plane."""
+def reference(
+    vertices: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Every pixel centre against the edge functions of every triangle, and the least depth there by
+    ray and plane."""
     height, width = image_hw
     v, u = np.mgrid[:height, :width].astype(np.float64)
     rays = np.stack((u, v, np.ones_like(u)), axis=-1) @ np.linalg.inv(K.numpy()).T
@@ -83,7 +94,9 @@ def reference(vertices: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, i
             covered |= inside
             with np.errstate(all="ignore"):
                 z = (normal @ whole[0]) / (rays @ normal)
-            depth = np.where(inside, np.fmin(depth, np.clip(z, part[:, 2].min(), part[:, 2].max())), depth)
+            depth = np.where(
+                inside, np.fmin(depth, np.clip(z, part[:, 2].min(), part[:, 2].max())), depth
+            )
     return covered, depth
 
 
@@ -100,19 +113,38 @@ def scene(name: str, image_hw: tuple[int, int]) -> tuple[Tensor, Tensor, Tensor]
         "outside": (30.0, 0, 4.0),
         "larger than the frame": (0.013, 0.007, 1.6),
     }
-    shift |= {"around the camera": (0.2, 0.1, 0.5), "behind": (0, 0, -4.0), "skewed": (0.1, 0.017, 4.0)}
+    shift |= {
+        "around the camera": (0.2, 0.1, 0.5),
+        "behind": (0, 0, -4.0),
+        "skewed": (0.1, 0.017, 4.0),
+    }
     if name == "soup":
         vertices, faces = soup(5, 60)
         return vertices + torch.tensor([0, 0, 2.0], dtype=F64), faces, intrinsics(image_hw)
-    return ball + torch.tensor(shift[name], dtype=F64), faces, intrinsics(image_hw, skew=0.2 * image_hw[1] if name == "skewed" else 0.0)
+    return (
+        ball + torch.tensor(shift[name], dtype=F64),
+        faces,
+        intrinsics(image_hw, skew=0.2 * image_hw[1] if name == "skewed" else 0.0),
+    )
 
 
-SCENES = ["inside", "partly outside", "outside", "larger than the frame", "around the camera", "behind", "skewed", "soup"]
+SCENES = [
+    "inside",
+    "partly outside",
+    "outside",
+    "larger than the frame",
+    "around the camera",
+    "behind",
+    "skewed",
+    "soup",
+]
 
 
 @pytest.mark.parametrize("image_hw", SIZES[:5])
 @pytest.mark.parametrize("name", SCENES)
-def test_silhouette_and_depth_are_those_of_every_pixel_centre_against_every_triangle(name: str, image_hw: tuple[int, int]) -> None:
+def test_silhouette_and_depth_are_those_of_every_pixel_centre_against_every_triangle(
+    name: str, image_hw: tuple[int, int]
+) -> None:
     vertices, faces, K = scene(name, image_hw)
     covered, depth = reference(vertices, faces, K, image_hw, near=0.05)
     raster = rasterize(vertices, faces, K, image_hw, near=0.05)
@@ -124,7 +156,9 @@ def test_silhouette_and_depth_are_those_of_every_pixel_centre_against_every_tria
 
 
 @pytest.mark.parametrize("image_hw", SIZES[5:])
-def test_silhouette_of_a_large_image_is_that_of_every_pixel_centre(image_hw: tuple[int, int]) -> None:
+def test_silhouette_of_a_large_image_is_that_of_every_pixel_centre(
+    image_hw: tuple[int, int],
+) -> None:
     vertices, faces, K = scene("partly outside", image_hw)
     covered, _ = reference(vertices, faces[::3], K, image_hw, near=0.05)
     assert iou(silhouette(vertices, faces[::3], K, image_hw, near=0.05).numpy(), covered) >= 0.9999
@@ -137,14 +171,18 @@ def test_top_and_left_centres_on_the_boundary_count_and_bottom_and_right_ones_do
     expected[1:3, 1:4] = True
     for faces in ([[0, 1, 2], [0, 2, 3]], [[2, 1, 0], [0, 2, 3]], [[1, 2, 3], [3, 0, 1]]):
         assert torch.equal(silhouette(square, torch.tensor(faces), K, (5, 6)), expected)
-        assert torch.equal(rasterize(square, torch.tensor(faces), K, (5, 6)).face_index >= 0, expected)
+        assert torch.equal(
+            rasterize(square, torch.tensor(faces), K, (5, 6)).face_index >= 0, expected
+        )
 
 
 def test_a_triangle_between_pixel_centres_covers_none_and_one_around_a_centre_covers_that() -> None:
     K = torch.eye(3, dtype=F64)
     small = torch.tensor([[-0.2, -0.2, 1], [0.3, -0.1, 1], [-0.1, 0.3, 1]], dtype=F64)
     faces = torch.tensor([[0, 1, 2]])
-    assert silhouette(small + torch.tensor([2.0, 1, 0], dtype=F64), faces, K, (3, 4)).nonzero().tolist() == [[1, 2]]
+    assert silhouette(
+        small + torch.tensor([2.0, 1, 0], dtype=F64), faces, K, (3, 4)
+    ).nonzero().tolist() == [[1, 2]]
     assert not silhouette(small + torch.tensor([2.5, 1.5, 0], dtype=F64), faces, K, (3, 4)).any()
 
 
@@ -155,7 +193,9 @@ def folded(corners: Tensor) -> bool:
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**31), lattice=st.booleans())
-def test_triangles_that_tile_a_region_cover_each_of_its_pixels_once(seed: int, lattice: bool) -> None:
+def test_triangles_that_tile_a_region_cover_each_of_its_pixels_once(
+    seed: int, lattice: bool
+) -> None:
     rng = np.random.default_rng(seed)
     grid = np.stack(np.meshgrid(np.arange(7.0), np.arange(6.0)), axis=-1) * 5 - 3
     grid[1:-1, 1:-1] += rng.integers(-2, 3, (4, 5, 2)) if lattice else rng.uniform(-2, 2, (4, 5, 2))
@@ -166,18 +206,30 @@ def test_triangles_that_tile_a_region_cover_each_of_its_pixels_once(seed: int, l
         for k in range(6):
             a, b, c, d = i * 7 + k, i * 7 + k + 1, i * 7 + k + 7, i * 7 + k + 8
             faces += [[a, b, c], [b, d, c]]
-    count = torch.stack([silhouette(vertices, torch.tensor([face]), K, (24, 30)) for face in faces]).sum(dim=0, dtype=torch.int32)
+    count = torch.stack(
+        [silhouette(vertices, torch.tensor([face]), K, (24, 30)) for face in faces]
+    ).sum(dim=0, dtype=torch.int32)
     expected = torch.zeros(24, 30, dtype=torch.int32)
     expected[:22, :27] = 1  # from -3 to 22 and to 27, of which the last ones do not count
     if not any(folded(vertices[torch.tensor(face)]) for face in faces):
         assert torch.equal(count, expected)
     assert torch.equal(silhouette(vertices, torch.tensor(faces), K, (24, 30)), count > 0)
-    assert torch.equal(rasterize(vertices, torch.tensor(faces), K, (24, 30)).face_index >= 0, count > 0)
+    assert torch.equal(
+        rasterize(vertices, torch.tensor(faces), K, (24, 30)).face_index >= 0, count > 0
+    )
 
 
 @settings(max_examples=40, deadline=None)
-@given(seed=st.integers(0, 2**31), z=st.floats(-1, 6), height=st.integers(1, 70), width=st.integers(1, 70), cull=st.booleans())
-def test_silhouette_is_where_rasterize_sees_a_face(seed: int, z: float, height: int, width: int, cull: bool) -> None:
+@given(
+    seed=st.integers(0, 2**31),
+    z=st.floats(-1, 6),
+    height=st.integers(1, 70),
+    width=st.integers(1, 70),
+    cull=st.booleans(),
+)
+def test_silhouette_is_where_rasterize_sees_a_face(
+    seed: int, z: float, height: int, width: int, cull: bool
+) -> None:
     for vertices, faces in (lumpy_ball(seed), soup(seed, 40)):
         moved = vertices + torch.tensor([0.1, -0.2, z], dtype=F64)
         K = intrinsics((height, width))
@@ -200,7 +252,10 @@ def test_barycentric_weights_of_the_whole_face_give_the_point_on_the_ray(name: s
     assert float((points[:, 2] - raster.depth[v, u])[fat].abs().max()) < 1e-9
     assert float((weights.sum(dim=1) - 1).abs().max()) < 1e-12
     assert float(weights.min()) >= 0
-    assert torch.equal(raster.barycentric[raster.face_index < 0], torch.zeros(int((raster.face_index < 0).sum()), 3, dtype=F64))
+    assert torch.equal(
+        raster.barycentric[raster.face_index < 0],
+        torch.zeros(int((raster.face_index < 0).sum()), 3, dtype=F64),
+    )
 
 
 def test_the_lowest_of_equal_faces_and_the_nearest_of_others_is_seen() -> None:
@@ -216,8 +271,13 @@ def test_culling_drops_exactly_the_faces_seen_from_behind() -> None:
     vertices, faces = lumpy_ball(0)
     vertices = vertices + torch.tensor([0, 0, 4.0], dtype=F64)
     K = intrinsics((60, 60))
-    assert torch.equal(silhouette(vertices, faces, K, (60, 60), cull_backfaces=True), silhouette(vertices, faces, K, (60, 60)))
-    one = torch.tensor([[-1.0, -1, 4], [1, -1, 4], [0, 1, 4]], dtype=F64)  # clockwise on the screen: the normal points away
+    assert torch.equal(
+        silhouette(vertices, faces, K, (60, 60), cull_backfaces=True),
+        silhouette(vertices, faces, K, (60, 60)),
+    )
+    one = torch.tensor(
+        [[-1.0, -1, 4], [1, -1, 4], [0, 1, 4]], dtype=F64
+    )  # clockwise on the screen: the normal points away
     assert not silhouette(one, torch.tensor([[0, 1, 2]]), K, (60, 60), cull_backfaces=True).any()
     assert silhouette(one, torch.tensor([[0, 2, 1]]), K, (60, 60), cull_backfaces=True).any()
 
@@ -225,9 +285,13 @@ def test_culling_drops_exactly_the_faces_seen_from_behind() -> None:
 @pytest.mark.parametrize("layers", [150, 40_000])
 def test_more_layers_than_one_byte_or_two_can_count_are_still_covered(layers: int) -> None:
     vertices = torch.tensor([[-9.0, -9, 2], [9, -9, 2], [0, 9, 2]], dtype=F64).repeat(layers, 1)
-    mask = silhouette(vertices, torch.arange(3 * layers).reshape(layers, 3), intrinsics((9, 9)), (9, 9))
+    mask = silhouette(
+        vertices, torch.arange(3 * layers).reshape(layers, 3), intrinsics((9, 9)), (9, 9)
+    )
     assert mask.dtype == torch.bool
-    assert torch.equal(mask, silhouette(vertices, torch.tensor([[0, 1, 2]]), intrinsics((9, 9)), (9, 9)))
+    assert torch.equal(
+        mask, silhouette(vertices, torch.tensor([[0, 1, 2]]), intrinsics((9, 9)), (9, 9))
+    )
     assert mask.any()
 
 
@@ -252,7 +316,9 @@ def test_the_covered_part_is_the_silhouette_at_its_place(shift: tuple[float, flo
     assert np.array_equal(np.nonzero(frame), pixels)
     assert part.any() == (shift[0] < 30)
     if shift == (0, 0):
-        assert part.shape == tuple(at.max() - at.min() + 1 for at in pixels)  # of a ball inside the frame no more than needed
+        assert part.shape == tuple(
+            at.max() - at.min() + 1 for at in pixels
+        )  # of a ball inside the frame no more than needed
 
 
 @pytest.mark.parametrize("n_vertices", [0, 5])
@@ -275,14 +341,21 @@ def test_float32_is_kept_and_the_arguments_are_left_as_they_were() -> None:
 
 BAD: dict[str, list[Any]] = {
     "vertices_cam": [torch.tensor([[0.0, 0, nan]] * 3), torch.zeros(3, 2)],
-    "faces": [torch.tensor([[0, 1, 3]]), torch.tensor([[-1, 0, 1]]), torch.zeros(1, 4, dtype=torch.int64), torch.tensor([[0.0, 1, 2]])],
+    "faces": [
+        torch.tensor([[0, 1, 3]]),
+        torch.tensor([[-1, 0, 1]]),
+        torch.zeros(1, 4, dtype=torch.int64),
+        torch.tensor([[0.0, 1, 2]]),
+    ],
     "K": [torch.eye(4), torch.full((3, 3), nan), torch.diag(torch.tensor([1.0, 1.0, 2.0]))],
     "image_hw": [(0, 4), (4, -1), (4, 2.5)],
     "near": [0.0, -1.0, nan],
 }
 
 
-@pytest.mark.parametrize(("name", "k"), [(name, k) for name, values in BAD.items() for k in range(len(values))])
+@pytest.mark.parametrize(
+    ("name", "k"), [(name, k) for name, values in BAD.items() for k in range(len(values))]
+)
 def test_a_bad_argument_is_refused_by_name(name: str, k: int) -> None:
     arguments: dict[str, Any] = {
         "vertices_cam": torch.ones(3, 3),

@@ -13,7 +13,9 @@ F64 = torch.float64
 
 @settings(max_examples=1000)
 @given(vector(-5, 5, 30), rotations())
-def test_no_vertex_lies_outside_its_box_and_each_face_touches_one(values: Tensor, R_box: Tensor) -> None:
+def test_no_vertex_lies_outside_its_box_and_each_face_touches_one(
+    values: Tensor, R_box: Tensor
+) -> None:
     vertices = values.reshape(10, 3)
     for margin in (None, 1e-5):
         box = tight_cuboid(vertices, R_box, margin)
@@ -25,20 +27,26 @@ def test_no_vertex_lies_outside_its_box_and_each_face_touches_one(values: Tensor
 @pytest.mark.parametrize("spread", [0.0, 1e-12, 1e-3])
 @settings(max_examples=200)
 @given(vector(-5, 5), rotations())
-def test_a_body_almost_without_extent_still_lies_in_its_box(spread: float, at: Tensor, R_box: Tensor) -> None:
+def test_a_body_almost_without_extent_still_lies_in_its_box(
+    spread: float, at: Tensor, R_box: Tensor
+) -> None:
     vertices = at + spread * torch.linspace(-1, 1, 11, dtype=F64)[:, None]
     assert bool(tight_cuboid(vertices, R_box).contains(vertices).all())
 
 
 def test_a_box_about_known_points_has_the_middle_of_their_bounds_as_its_centre() -> None:
-    vertices = torch.tensor([[0.0, 0, 0], [4, 0, 0], [0, 2, 0], [0, 0, 1], [0, 0, 1], [0, 0, 1]], dtype=F64)  # mean is not the middle
+    vertices = torch.tensor(
+        [[0.0, 0, 0], [4, 0, 0], [0, 2, 0], [0, 0, 1], [0, 0, 1], [0, 0, 1]], dtype=F64
+    )  # mean is not the middle
     box = tight_cuboid(vertices, torch.eye(3, dtype=F64), margin=0.0)
     assert_close(box.center, torch.tensor([2.0, 1, 0.5], dtype=F64))
     assert_close(box.size, torch.tensor([4.0, 2, 1], dtype=F64))
 
 
 def test_the_papers_margin_is_absolute_and_on_every_side() -> None:
-    box = tight_cuboid(torch.tensor([[0.0, 0, 0], [1, 1, 1]], dtype=F64), torch.eye(3, dtype=F64), margin=1e-5)
+    box = tight_cuboid(
+        torch.tensor([[0.0, 0, 0], [1, 1, 1]], dtype=F64), torch.eye(3, dtype=F64), margin=1e-5
+    )
     assert_close(box.size, torch.full((3,), 1 + 2e-5, dtype=F64), atol=1e-15, rtol=0)
 
 

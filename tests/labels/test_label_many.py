@@ -24,7 +24,9 @@ TENSORS = (
 def arguments() -> list[dict[str, Any]]:
     """Every animal of a small world, posed many at once."""
     records, bodies = SET.records().records, SET.bodies()
-    vertices = posed_bodies(bodies.model, [bodies.parameters[record.sample_id] for record in records]).vertices
+    vertices = posed_bodies(
+        bodies.model, [bodies.parameters[record.sample_id] for record in records]
+    ).vertices
     return [
         {
             "image_hw": record.image_hw, "keypoints_2d": record.keypoints_2d, "vertices": body, "faces": bodies.model.faces, "template": bodies.model,
@@ -34,23 +36,38 @@ def arguments() -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("config", [LabelConfig(), LabelConfig(surface_share=False, mask_iou=False)])
+@pytest.mark.parametrize(
+    "config", [LabelConfig(), LabelConfig(surface_share=False, mask_iou=False)]
+)
 def test_many_labels_are_those_of_one_by_one_to_the_last_bit(config: LabelConfig) -> None:
     animals = arguments()
     animals[1] |= {"image_hw": (500, 700)}
     animals[2] |= {"distortion": [-0.1, 0.02, 0.001, 0.0]}
     animals[3] |= {"distortion": [-3.0, 0.0, 0.0, 0.0]}  # shows next to nothing
     animals[4] |= {"pose": None, "keypoints_2d": None}
-    animals[5] |= {"vertices": animals[5]["vertices"] * torch.tensor([1.0, -1, 1])}  # mirrored, as no rotation makes it
+    animals[5] |= {
+        "vertices": animals[5]["vertices"] * torch.tensor([1.0, -1, 1])
+    }  # mirrored, as no rotation makes it
     many = label_many(animals, config)
-    assert [type(one) for one in many[:6]] == [CuboidLabel, CuboidLabel, CuboidLabel, Rejection, Rejection, CuboidLabel]
+    assert [type(one) for one in many[:6]] == [
+        CuboidLabel,
+        CuboidLabel,
+        CuboidLabel,
+        Rejection,
+        Rejection,
+        CuboidLabel,
+    ]
     for animal, label in zip(animals, many, strict=True):
         alone = label_animal(**animal, config=config)
         if isinstance(alone, Rejection):
             assert label == alone
             continue
         assert isinstance(label, CuboidLabel)
-        assert (label.quality, label.truncation, label.behind_camera) == (alone.quality, alone.truncation, alone.behind_camera)
+        assert (label.quality, label.truncation, label.behind_camera) == (
+            alone.quality,
+            alone.truncation,
+            alone.behind_camera,
+        )
         for name in TENSORS:
             assert torch.equal(getattr(label, name), getattr(alone, name)), name
 
@@ -89,16 +106,34 @@ def test_a_label_keeps_nothing_of_its_arguments_memory() -> None:
 
 
 @pytest.mark.parametrize("away", [0.0, 1000.0])
-def test_vertices_in_float32_move_the_sides_of_a_box_by_less_than_a_millionth_of_it_however_far_away(away: float) -> None:
+def test_vertices_in_float32_move_the_sides_of_a_box_by_less_than_a_millionth_of_it_however_far_away(
+    away: float,
+) -> None:
     bodies = SET.bodies()
-    there = {name: replace(one, trans=one.trans + torch.tensor([0.0, 0.0, away])) for name, one in bodies.parameters.items()}
-    quick, exact = ParametersBody(bodies.model, there), ParametersBody(bodies.model, there, torch.float64)
+    there = {
+        name: replace(one, trans=one.trans + torch.tensor([0.0, 0.0, away]))
+        for name, one in bodies.parameters.items()
+    }
+    quick, exact = (
+        ParametersBody(bodies.model, there),
+        ParametersBody(bodies.model, there, torch.float64),
+    )
     assert quick.fingerprint != exact.fingerprint
     for record in SET.records().records:
         one, other = (
-            label_animal(record.image_hw, vertices=body.vertices, template=body.template, K=record.K, pose=STILL)
+            label_animal(
+                record.image_hw,
+                vertices=body.vertices,
+                template=body.template,
+                K=record.K,
+                pose=STILL,
+            )
             for body in (exact.body(record), quick.body(record))
         )
         assert isinstance(one, CuboidLabel)
         assert isinstance(other, CuboidLabel)
-        assert 0 < float((one.corners_3d - other.corners_3d).abs().amax()) < 1e-6 * float(one.size.norm())
+        assert (
+            0
+            < float((one.corners_3d - other.corners_3d).abs().amax())
+            < 1e-6 * float(one.size.norm())
+        )

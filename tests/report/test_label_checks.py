@@ -1,4 +1,7 @@
-"""What rows of labels.json say in words, beside their numbers: labels as they are made contradict nothing."""
+"""What rows of labels.json say in words, beside their numbers.
+
+Labels as they are made contradict nothing.
+"""
 
 import math
 from dataclasses import replace
@@ -17,14 +20,27 @@ from animal3dbox.report.label_files import AnimalRow, animal_row
 @pytest.fixture(scope="module")
 def label() -> CuboidLabel:
     animal = synthetic_animal(seed=0, index=2)
-    label = label_animal(image_hw=animal.image_hw, keypoints_2d=animal.keypoints_2d, vertices=animal.vertices, template=animal.model, K=animal.K)
+    label = label_animal(
+        image_hw=animal.image_hw,
+        keypoints_2d=animal.keypoints_2d,
+        vertices=animal.vertices,
+        template=animal.model,
+        K=animal.K,
+    )
     assert isinstance(label, CuboidLabel)
     return label
 
 
 def turned(label: CuboidLabel, axis_angle: list[float]) -> CuboidLabel:
-    """The label of the same box turned on the spot; what rows say in words follows from rotation and center."""
-    return replace(label, rotation=rotation_from_axis_angle(torch.tensor(axis_angle, dtype=torch.float64)) @ label.rotation)
+    """The label of the same box turned on the spot.
+
+    What rows say in words follows from rotation and center.
+    """
+    return replace(
+        label,
+        rotation=rotation_from_axis_angle(torch.tensor(axis_angle, dtype=torch.float64))
+        @ label.rotation,
+    )
 
 
 def said(row: AnimalRow) -> list[str]:
@@ -35,7 +51,9 @@ def test_labels_from_all_sides_contradict_nothing(label: CuboidLabel) -> None:
     generator = torch.Generator().manual_seed(0)
     seen = set()
     for _ in range(500):
-        row = animal_row(turned(label, (3 * torch.randn(3, generator=generator)).tolist()), "a.jpg", 0, "dog")
+        row = animal_row(
+            turned(label, (3 * torch.randn(3, generator=generator)).tolist()), "a.jpg", 0, "dog"
+        )
         assert said(row) == []
         seen.add(row.viewpoint)
     assert seen == set(VIEWPOINTS)
@@ -43,7 +61,9 @@ def test_labels_from_all_sides_contradict_nothing(label: CuboidLabel) -> None:
 
 def test_straight_above_the_azimuth_is_anything(label: CuboidLabel) -> None:
     above = replace(
-        label, rotation=torch.diag(torch.tensor([1.0, -1, -1], dtype=torch.float64)), center=torch.tensor([0.0, 0, 5], dtype=torch.float64)
+        label,
+        rotation=torch.diag(torch.tensor([1.0, -1, -1], dtype=torch.float64)),
+        center=torch.tensor([0.0, 0, 5], dtype=torch.float64),
     )
     row = animal_row(above, "a.jpg", 0, "dog")
     row.azimuth_deg, row.viewpoint = 77.0, "left"
@@ -67,7 +87,10 @@ def test_angles_go_round_and_a_border_of_viewpoints_is_either(label: CuboidLabel
 
 def test_equal_shares_may_name_either_face_and_none_seen_no_face(label: CuboidLabel) -> None:
     row = animal_row(label, "a.jpg", 0, "dog")
-    row.face_visible, row.face_share = [True, False, True, False, False, False], [0.5, 0.0, 0.5, 0.0, 0.0, 0.0]
+    row.face_visible, row.face_share = (
+        [True, False, True, False, False, False],
+        [0.5, 0.0, 0.5, 0.0, 0.0, 0.0],
+    )
     for row.side in ("front", "left"):
         assert said(row) == []
     for row.side in ("right", None):

@@ -20,14 +20,27 @@ from numpy.typing import NDArray
 from PIL import Image
 from strategies import cuboids_anywhere
 
-from animal3dbox.errors import Animal3DBoxError, ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
+from animal3dbox.errors import (
+    Animal3DBoxError,
+    ConfigError,
+    DatasetFormatError,
+    DatasetNotFoundError,
+    SampleError,
+)
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import REASONS, CuboidLabel, Quality, Rejection
 from animal3dbox.report.gallery import Card, card_picture, small_picture, write_gallery
-from animal3dbox.report.label_files import CSV_COLUMNS, LabelFile, RejectedRow, animal_row, write_labels_csv, write_labels_json
+from animal3dbox.report.label_files import (
+    CSV_COLUMNS,
+    LabelFile,
+    RejectedRow,
+    animal_row,
+    write_labels_csv,
+    write_labels_json,
+)
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid, draw_label, enlarged, words_of
 from animal3dbox.report.run import Labelled, overlay_name, write_run
@@ -41,7 +54,16 @@ def labelled(azimuth_deg: float = 60, sample_id: str = "a.jpg") -> CuboidLabel:
     """The toy animal under its true camera."""
     R, t = camera_round(azimuth_deg, 15)
     vertices, faces = toy_mesh()
-    outcome = label_animal(IMAGE_HW, keypoints_seen(R, t), toy_landmarks(), vertices, faces, K=K, pose=(R, t), sample_id=sample_id)
+    outcome = label_animal(
+        IMAGE_HW,
+        keypoints_seen(R, t),
+        toy_landmarks(),
+        vertices,
+        faces,
+        K=K,
+        pose=(R, t),
+        sample_id=sample_id,
+    )
     assert isinstance(outcome, CuboidLabel)
     return outcome
 
@@ -56,7 +78,8 @@ def with_quality(label: CuboidLabel, **changes: float | int | None) -> CuboidLab
     return replace(label, quality=quality)
 
 
-# Files ----------------------------------------------------------------------------------------------------------------
+# Files
+# ----------------------------------------------------------------------------------------------------------------
 
 
 def test_a_file_is_written_whole_with_ordinary_rights(tmp_path: Path) -> None:
@@ -71,7 +94,9 @@ def test_a_file_is_written_whole_with_ordinary_rights(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("step", ["replace", "chmod"])
 @pytest.mark.parametrize("error", [OSError("disk full"), KeyboardInterrupt()])
-def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, error: BaseException) -> None:
+def test_a_failed_write_leaves_the_old_file_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, error: BaseException
+) -> None:
     def fail(*arguments: object) -> None:
         raise error
 
@@ -83,12 +108,20 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path, monkeyp
     assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
 
 
-# labels.json and labels.csv -------------------------------------------------------------------------------------------
+# labels.json and labels.csv
+# -------------------------------------------------------------------------------------------
 
 
 def label_file(label: CuboidLabel) -> LabelFile:
-    rejected = RejectedRow(sample_id="b.jpg", image="b.jpg", animal=0, reason="no_axes", detail="none")
-    return LabelFile(body="toy", config={"method": "default", "margin": None}, animals=[animal_row(label, "a.jpg", 0, "dog")], rejected=[rejected])
+    rejected = RejectedRow(
+        sample_id="b.jpg", image="b.jpg", animal=0, reason="no_axes", detail="none"
+    )
+    return LabelFile(
+        body="toy",
+        config={"method": "default", "margin": None},
+        animals=[animal_row(label, "a.jpg", 0, "dog")],
+        rejected=[rejected],
+    )
 
 
 def test_labels_json_reads_back_as_written(tmp_path: Path, label: CuboidLabel) -> None:
@@ -96,7 +129,12 @@ def test_labels_json_reads_back_as_written(tmp_path: Path, label: CuboidLabel) -
     write_labels_json(tmp_path / "labels.json", file)
     read = read_labels_json(tmp_path / "labels.json")
     assert read == file
-    assert (read.schema, read.version, read.face_names[2], read.corner_signs[1]) == ("animal3dbox.labels", 1, "left", (1, -1, -1))
+    assert (read.schema, read.version, read.face_names[2], read.corner_signs[1]) == (
+        "animal3dbox.labels",
+        1,
+        "left",
+        (1, -1, -1),
+    )
     row = read.animals[0]
     assert row.corners_3d == label.corners_3d.tolist()  # to the last bit
     assert (row.image_hw, row.side, row.viewpoint) == (IMAGE_HW, "left", "front-left")
@@ -108,9 +146,14 @@ def test_corners_behind_the_camera_are_null(label: CuboidLabel) -> None:
     assert [corner is None for corner in row.corners_2d] == [False, True] * 4
 
 
-@pytest.mark.parametrize("field", ["corners_3d", "center", "rotation", "size", "corners_2d", "face_area", "K", "R", "t", "box"])
+@pytest.mark.parametrize(
+    "field",
+    ["corners_3d", "center", "rotation", "size", "corners_2d", "face_area", "K", "R", "t", "box"],
+)
 @pytest.mark.parametrize("value", [torch.nan, torch.inf, -torch.inf])
-def test_a_label_with_nan_is_never_written(tmp_path: Path, label: CuboidLabel, field: str, value: float) -> None:
+def test_a_label_with_nan_is_never_written(
+    tmp_path: Path, label: CuboidLabel, field: str, value: float
+) -> None:
     file = label_file(label)
     spoilt = getattr(label, field).clone()
     spoilt.view(-1)[1] = value
@@ -131,7 +174,9 @@ def test_a_label_with_nan_is_never_written(tmp_path: Path, label: CuboidLabel, f
     ],
     ids=["schema", "version", "missing_key", "cut_off", "empty"],
 )
-def test_labels_json_of_another_form_is_refused(tmp_path: Path, label: CuboidLabel, change: Callable[[str], str], reason: str) -> None:
+def test_labels_json_of_another_form_is_refused(
+    tmp_path: Path, label: CuboidLabel, change: Callable[[str], str], reason: str
+) -> None:
     path = tmp_path / "labels.json"
     write_labels_json(path, label_file(label))
     path.write_text(change(path.read_text()))
@@ -147,16 +192,28 @@ def test_missing_labels_json_is_refused(tmp_path: Path) -> None:
 
 
 def test_labels_csv_has_exactly_the_documented_columns(tmp_path: Path, label: CuboidLabel) -> None:
-    shares_of = ", ".join(f"share_{face}" for face in ("front", "back", "left", "right", "top", "bottom"))
-    documented = f"image, animal, side, viewpoint, {shares_of}, azimuth_deg, elevation_deg, confidence"
+    shares_of = ", ".join(
+        f"share_{face}" for face in ("front", "back", "left", "right", "top", "bottom")
+    )
+    documented = (
+        f"image, animal, side, viewpoint, {shares_of}, azimuth_deg, elevation_deg, confidence"
+    )
     name = 'dogs, "wet"/ö\n.jpg'
     write_labels_csv(tmp_path / "labels.csv", [animal_row(label, name, 3, "dog")])
     with (tmp_path / "labels.csv").open(newline="", encoding="utf-8") as file:
         header, row = csv.reader(file)
     assert header == documented.split(", ") == list(CSV_COLUMNS)
     values = dict(zip(header, row, strict=True))
-    assert (values["image"], values["animal"], values["side"], values["viewpoint"]) == (name, "3", "left", "front-left")
-    shares = [float(values[f"share_{face}"]) for face in ("front", "back", "left", "right", "top", "bottom")]
+    assert (values["image"], values["animal"], values["side"], values["viewpoint"]) == (
+        name,
+        "3",
+        "left",
+        "front-left",
+    )
+    shares = [
+        float(values[f"share_{face}"])
+        for face in ("front", "back", "left", "right", "top", "bottom")
+    ]
     assert sum(shares) == pytest.approx(1, abs=3e-4)
     assert shares == pytest.approx(label.face_share.tolist(), abs=5e-5)
     assert shares[2] == max(shares)
@@ -168,7 +225,8 @@ def test_labels_csv_without_animals_is_its_header(tmp_path: Path) -> None:
     assert (tmp_path / "labels.csv").read_text().splitlines() == [",".join(CSV_COLUMNS)]
 
 
-# Overlays -------------------------------------------------------------------------------------------------------------
+# Overlays
+# -------------------------------------------------------------------------------------------------------------
 
 
 def differs(a: Picture, b: Picture) -> NDArray[np.bool_]:
@@ -196,17 +254,26 @@ def test_the_drawn_cuboid_covers_its_corners_and_no_far_pixels(label: CuboidLabe
 
 
 @pytest.mark.parametrize(("azimuth_deg", "strong", "weak"), [(20, FRONT, BACK), (160, BACK, FRONT)])
-def test_the_face_that_is_seen_is_the_strongly_coloured_one(azimuth_deg: float, strong: tuple[int, ...], weak: tuple[int, ...]) -> None:
+def test_the_face_that_is_seen_is_the_strongly_coloured_one(
+    azimuth_deg: float, strong: tuple[int, ...], weak: tuple[int, ...]
+) -> None:
     canvas = GREY.copy()
     draw_cuboid(canvas, labelled(azimuth_deg).cuboid, K)
-    counts = [int((np.abs(canvas.astype(int) - np.array(color)).max(-1) <= 2).sum()) for color in (strong, weak)]
+    counts = [
+        int((np.abs(canvas.astype(int) - np.array(color)).max(-1) <= 2).sum())
+        for color in (strong, weak)
+    ]
     assert counts[0] > 100  # its outline, in the plain colour
     assert counts[1] == 0
 
 
 def test_a_small_picture_is_enlarged_and_its_drawing_with_it() -> None:
     small = np.full((60, 80, 3), 128, dtype=np.uint8)
-    box = Cuboid(torch.tensor([0.0, 0, 4], dtype=torch.float64), torch.eye(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64))
+    box = Cuboid(
+        torch.tensor([0.0, 0, 4], dtype=torch.float64),
+        torch.eye(3, dtype=torch.float64),
+        torch.ones(3, dtype=torch.float64),
+    )
     K_small = torch.tensor([[80.0, 0, 39.5], [0, 80, 29.5], [0, 0, 1]], dtype=torch.float64)
     canvas, factor = enlarged(small)
     assert (canvas.shape, factor) == ((360, 480, 3), 6.0)
@@ -222,7 +289,9 @@ def test_a_small_picture_is_enlarged_and_its_drawing_with_it() -> None:
 @given(cuboids_anywhere())
 def test_a_box_before_behind_or_around_the_camera_can_be_drawn(box: Cuboid) -> None:
     canvas = np.full((48, 64, 3), 128, dtype=np.uint8)
-    draw_cuboid(canvas, box, torch.tensor([[60.0, 0, 31.5], [0, 60, 23.5], [0, 0, 1]], dtype=torch.float64))
+    draw_cuboid(
+        canvas, box, torch.tensor([[60.0, 0, 31.5], [0, 60, 23.5], [0, 0, 1]], dtype=torch.float64)
+    )
     assert canvas.shape == (48, 64, 3)
 
 
@@ -247,7 +316,8 @@ def test_the_words_tell_side_view_and_shares(label: CuboidLabel) -> None:
     assert fit == "keypoints 0.0 px"
 
 
-# Counts ---------------------------------------------------------------------------------------------------------------
+# Counts
+# ---------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -263,17 +333,27 @@ def test_the_words_tell_side_view_and_shares(label: CuboidLabel) -> None:
         ({"mask_iou": 0.0, "n_inliers": 0}, ("few_inliers", "low_overlap")),
     ],
 )
-def test_a_poor_fit_is_flagged(label: CuboidLabel, changes: dict[str, float | int | None], flags: tuple[str, ...]) -> None:
+def test_a_poor_fit_is_flagged(
+    label: CuboidLabel, changes: dict[str, float | int | None], flags: tuple[str, ...]
+) -> None:
     assert flags_of(with_quality(label, **changes)) == flags
 
 
 def test_a_cut_or_too_near_box_is_flagged(label: CuboidLabel) -> None:
     assert flags_of(replace(label, truncation=0.3)) == ()
-    assert flags_of(replace(label, truncation=0.31, behind_camera=True)) == ("truncated", "near_camera")
+    assert flags_of(replace(label, truncation=0.31, behind_camera=True)) == (
+        "truncated",
+        "near_camera",
+    )
 
 
 OUTCOMES = st.lists(
-    st.one_of(st.lists(st.sampled_from(list(FLAGS)), unique=True).map(tuple), st.sampled_from(list(REASONS)), st.just(None)), max_size=30
+    st.one_of(
+        st.lists(st.sampled_from(list(FLAGS)), unique=True).map(tuple),
+        st.sampled_from(list(REASONS)),
+        st.just(None),
+    ),
+    max_size=30,
 )
 
 
@@ -281,10 +361,18 @@ OUTCOMES = st.lists(
 def test_every_animal_is_counted_exactly_once(outcomes: list[tuple[str, ...] | str | None]) -> None:
     row = animal_row(LABEL, "a.jpg", 0, "dog")
     flags = [o for o in outcomes if isinstance(o, tuple)]
-    rejected = [RejectedRow(sample_id="r", image="r", animal=0, reason=o, detail="") for o in outcomes if isinstance(o, str)]
+    rejected = [
+        RejectedRow(sample_id="r", image="r", animal=0, reason=o, detail="")
+        for o in outcomes
+        if isinstance(o, str)
+    ]
     faults = [SampleError("f", "seg", "bad") for o in outcomes if o is None]
     summary = summarize("set", "dog", "default", [row] * len(flags), flags, rejected, faults)
-    assert summary.animals == len(outcomes) == summary.kept + summary.flagged + summary.rejected + summary.faulty
+    assert (
+        summary.animals
+        == len(outcomes)
+        == summary.kept + summary.flagged + summary.rejected + summary.faulty
+    )
     assert summary.kept == outcomes.count(())
     assert summary.faulty == len(summary.faults) == outcomes.count(None)
     assert sum(summary.reasons.values()) == summary.rejected
@@ -296,22 +384,52 @@ def test_every_animal_is_counted_exactly_once(outcomes: list[tuple[str, ...] | s
 LABEL = labelled()
 
 
-@pytest.mark.parametrize(("values", "median"), [([], None), ([3.0], 3.0), ([5.0, 1.0, 2.0], 2.0), ([4.0, 1.0, 2.0, 9.0], 3.0), ([None, 7.0], 7.0)])
-def test_medians_leave_out_what_is_unknown(label: CuboidLabel, values: list[float | None], median: float | None) -> None:
-    rows = [animal_row(with_quality(label, reprojection_error_px=v, mask_iou=v), "a.jpg", i, "dog") for i, v in enumerate(values)]
+@pytest.mark.parametrize(
+    ("values", "median"),
+    [
+        ([], None),
+        ([3.0], 3.0),
+        ([5.0, 1.0, 2.0], 2.0),
+        ([4.0, 1.0, 2.0, 9.0], 3.0),
+        ([None, 7.0], 7.0),
+    ],
+)
+def test_medians_leave_out_what_is_unknown(
+    label: CuboidLabel, values: list[float | None], median: float | None
+) -> None:
+    rows = [
+        animal_row(with_quality(label, reprojection_error_px=v, mask_iou=v), "a.jpg", i, "dog")
+        for i, v in enumerate(values)
+    ]
     summary = summarize("set", "dog", "default", rows, [()] * len(rows), [], [])
     assert (summary.median_reprojection_error_px, summary.median_mask_iou) == (median, median)
 
 
-# Gallery --------------------------------------------------------------------------------------------------------------
+# Gallery
+# --------------------------------------------------------------------------------------------------------------
 
 
 def summary_of(**changes: str | int | dict[str, int]) -> Summary:
     return msgspec.structs.replace(summarize("set", "dog", "default", [], [], [], []), **changes)
 
 
-def card(title: str, confidence: float, picture: Picture | None = None, status: str = "kept", overlay: str | None = None) -> Card:
-    return Card(title, None if picture is None else card_picture(picture), status, confidence, 1.5, None, ("side left",), overlay)
+def card(
+    title: str,
+    confidence: float,
+    picture: Picture | None = None,
+    status: str = "kept",
+    overlay: str | None = None,
+) -> Card:
+    return Card(
+        title,
+        None if picture is None else card_picture(picture),
+        status,
+        confidence,
+        1.5,
+        None,
+        ("side left",),
+        overlay,
+    )
 
 
 class Page(HTMLParser):
@@ -329,7 +447,9 @@ class Page(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
         values = dict(attrs)
-        self.loads += [values[key] or "" for key in ("src", "srcset", "data", "poster") if key in values]
+        self.loads += [
+            values[key] or "" for key in ("src", "srcset", "data", "poster") if key in values
+        ]
         self.loads += [values["href"] or ""] if tag == "link" else []
         self.links += [values["href"] or ""] if tag == "a" else []
         self._in_h2 = tag == "h2"
@@ -347,7 +467,10 @@ def noise_pictures(n: int) -> Iterator[Picture]:
 
 
 def test_400_cards_stay_below_5_megabytes_and_load_nothing(tmp_path: Path) -> None:
-    cards = [card(f"{i}.jpg", (i * 37 % 400) / 400, picture, overlay=f"overlays/{i}.png") for i, picture in enumerate(noise_pictures(400))]
+    cards = [
+        card(f"{i}.jpg", (i * 37 % 400) / 400, picture, overlay=f"overlays/{i}.png")
+        for i, picture in enumerate(noise_pictures(400))
+    ]
     shown = write_gallery(tmp_path / "gallery.html", cards, summary_of(animals=400, kept=400))
     text = (tmp_path / "gallery.html").read_text()
     page = Page(text)
@@ -368,7 +491,9 @@ def test_a_card_holds_its_picture_small_enough_for_a_long_run() -> None:
         assert (image.format, image.size) == ("JPEG", (420, 315))
 
 
-def test_cards_that_do_not_fit_are_the_best_ones_and_the_page_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cards_that_do_not_fit_are_the_best_ones_and_the_page_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("animal3dbox.report.gallery.MAX_BYTES", 30_000)
     cards = [card(f"{i}.jpg", i / 40, picture) for i, picture in enumerate(noise_pictures(40))]
     shown = write_gallery(tmp_path / "gallery.html", cards[::-1], summary_of())
@@ -379,16 +504,30 @@ def test_cards_that_do_not_fit_are_the_best_ones_and_the_page_says_so(tmp_path: 
 
 
 def test_the_worst_come_first_and_rejected_ones_before_all(tmp_path: Path) -> None:
-    cards = [card("good", 0.9), card("poor", 0.1), card("refused", -1, status="rejected"), card("middling", 0.5, status="flagged")]
+    cards = [
+        card("good", 0.9),
+        card("poor", 0.1),
+        card("refused", -1, status="rejected"),
+        card("middling", 0.5, status="flagged"),
+    ]
     write_gallery(tmp_path / "gallery.html", cards, summary_of())
-    assert Page((tmp_path / "gallery.html").read_text()).titles == ["refused", "poor", "middling", "good"]
+    assert Page((tmp_path / "gallery.html").read_text()).titles == [
+        "refused",
+        "poor",
+        "middling",
+        "good",
+    ]
 
 
 def test_names_cannot_put_tags_or_placeholders_into_the_page(tmp_path: Path) -> None:
     evil = '"><script>alert(1)</script><img src=x onerror=alert(1)>$source ${cards}'
     picture = card_picture(np.zeros((4, 4, 3), dtype=np.uint8))
     spoilt = Card(evil, picture, "kept", 0.5, None, None, (evil,), f"overlays/{evil}.png")
-    write_gallery(tmp_path / "gallery.html", [spoilt], summary_of(source=evil, body=evil, reasons={evil: 1}, flags={evil: 2}))
+    write_gallery(
+        tmp_path / "gallery.html",
+        [spoilt],
+        summary_of(source=evil, body=evil, reasons={evil: 1}, flags={evil: 2}),
+    )
     text = (tmp_path / "gallery.html").read_text()
     page = Page(text)
     assert page.tags.count("script") == 1  # the page's own
@@ -398,14 +537,31 @@ def test_names_cannot_put_tags_or_placeholders_into_the_page(tmp_path: Path) -> 
 
 
 def test_the_funnel_shows_every_count(tmp_path: Path) -> None:
-    summary = summary_of(animals=9, kept=4, flagged=2, rejected=2, faulty=1, flags={"truncated": 2}, reasons={"no_axes": 2})
+    summary = summary_of(
+        animals=9,
+        kept=4,
+        flagged=2,
+        rejected=2,
+        faulty=1,
+        flags={"truncated": 2},
+        reasons={"no_axes": 2},
+    )
     write_gallery(tmp_path / "gallery.html", [], summary)
     text = (tmp_path / "gallery.html").read_text()
     rows = re.findall(r"<tr><th>(.*?)</th><td>(\d+)</td>", text)
-    assert rows == [("animals", "9"), ("kept", "4"), ("flagged", "2"), ("· truncated", "2"), ("rejected", "2"), ("· no_axes", "2"), ("faulty", "1")]
+    assert rows == [
+        ("animals", "9"),
+        ("kept", "4"),
+        ("flagged", "2"),
+        ("· truncated", "2"),
+        ("rejected", "2"),
+        ("· no_axes", "2"),
+        ("faulty", "1"),
+    ]
 
 
-# A whole run ----------------------------------------------------------------------------------------------------------
+# A whole run
+# ----------------------------------------------------------------------------------------------------------
 
 
 def run(out: Path, results: Sequence[Labelled | SampleError]) -> Summary:
@@ -418,20 +574,52 @@ def kept(label: CuboidLabel, image: str, sample_id: str | None = None) -> Labell
 
 def test_a_run_leaves_all_its_files_and_the_counts(tmp_path: Path, label: CuboidLabel) -> None:
     refused = Labelled(Rejection("b.jpg", "no_axes", "no landmarks"), "b.jpg", "dog", GREY)
-    summary = run(tmp_path / "out", [kept(label, "a.jpg"), SampleError("c.jpg", "seg", "is an empty mask"), refused])
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["gallery.html", "labels.csv", "labels.json", "overlays", "report.json"]
+    summary = run(
+        tmp_path / "out",
+        [kept(label, "a.jpg"), SampleError("c.jpg", "seg", "is an empty mask"), refused],
+    )
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "gallery.html",
+        "labels.csv",
+        "labels.json",
+        "overlays",
+        "report.json",
+    ]
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report == msgspec.to_builtins(summary)
-    assert [report[key] for key in ("animals", "kept", "flagged", "rejected", "faulty")] == [3, 1, 0, 1, 1]
-    assert report["faults"] == [{"sample_id": "c.jpg", "field": "seg", "problem": "is an empty mask"}]
+    assert [report[key] for key in ("animals", "kept", "flagged", "rejected", "faulty")] == [
+        3,
+        1,
+        0,
+        1,
+        1,
+    ]
+    assert report["faults"] == [
+        {"sample_id": "c.jpg", "field": "seg", "problem": "is an empty mask"}
+    ]
     read = read_labels_json(tmp_path / "out" / "labels.json")
-    assert [(row.image, row.reason, row.detail) for row in read.rejected] == [("b.jpg", "no_axes", "no landmarks")]
+    assert [(row.image, row.reason, row.detail) for row in read.rejected] == [
+        ("b.jpg", "no_axes", "no landmarks")
+    ]
     assert read.config == msgspec.to_builtins(LabelConfig())
     assert Page((tmp_path / "out" / "gallery.html").read_text()).titles == ["b.jpg", "a.jpg"]
 
 
-def test_every_label_has_an_overlay_of_its_own_that_its_card_leads_to(tmp_path: Path, label: CuboidLabel) -> None:
-    images = ["dog/a.jpg", "dog_a.jpg", "dog/a.png", "DOG/a.jpg", "собака.jpg", "犬.jpg", "<script>.jpg", "x" * 300 + ".jpg", "a.b/c", "..."]
+def test_every_label_has_an_overlay_of_its_own_that_its_card_leads_to(
+    tmp_path: Path, label: CuboidLabel
+) -> None:
+    images = [
+        "dog/a.jpg",
+        "dog_a.jpg",
+        "dog/a.png",
+        "DOG/a.jpg",
+        "собака.jpg",
+        "犬.jpg",
+        "<script>.jpg",
+        "x" * 300 + ".jpg",
+        "a.b/c",
+        "...",
+    ]
     results = [*(kept(label, image) for image in images), kept(label, "dog/a.jpg", "dog/a.jpg#1")]
     run(tmp_path, results)
     links = [link for link in Page((tmp_path / "gallery.html").read_text()).links if link]
@@ -457,11 +645,24 @@ def test_an_overlays_name_is_plain(image_id: str, number: int, name: str) -> Non
 
 def test_a_name_that_is_taken_is_not_given_again() -> None:
     taken: set[str] = set()
-    assert [overlay_name(image, 0, taken) for image in ("a/b.jpg", "a_b.jpg", "A/b.png")] == ["a_b.png", "a_b_2.png", "A_b_3.png"]
+    assert [overlay_name(image, 0, taken) for image in ("a/b.jpg", "a_b.jpg", "A/b.png")] == [
+        "a_b.png",
+        "a_b_2.png",
+        "A_b_3.png",
+    ]
 
 
-def test_an_animal_keeps_its_number_when_its_neighbour_is_faulty(tmp_path: Path, label: CuboidLabel) -> None:
-    run(tmp_path, [SampleError("a.jpg", "joints", "bad"), kept(label, "a.jpg", "a.jpg#1"), kept(label, "a.jpg", "a.jpg#2")])
+def test_an_animal_keeps_its_number_when_its_neighbour_is_faulty(
+    tmp_path: Path, label: CuboidLabel
+) -> None:
+    run(
+        tmp_path,
+        [
+            SampleError("a.jpg", "joints", "bad"),
+            kept(label, "a.jpg", "a.jpg#1"),
+            kept(label, "a.jpg", "a.jpg#2"),
+        ],
+    )
     rows = read_labels_json(tmp_path / "labels.json").animals
     assert [(row.sample_id, row.animal) for row in rows] == [("a.jpg#1", 1), ("a.jpg#2", 2)]
 
@@ -469,14 +670,23 @@ def test_an_animal_keeps_its_number_when_its_neighbour_is_faulty(tmp_path: Path,
 def test_animals_without_a_name_are_counted_by_image(tmp_path: Path, label: CuboidLabel) -> None:
     nameless = Labelled(replace(label, sample_id=None), "a.jpg", "dog", GREY)
     run(tmp_path, [nameless, nameless])
-    assert [row.sample_id for row in read_labels_json(tmp_path / "labels.json").animals] == ["a.jpg#0", "a.jpg#1"]
+    assert [row.sample_id for row in read_labels_json(tmp_path / "labels.json").animals] == [
+        "a.jpg#0",
+        "a.jpg#1",
+    ]
 
 
 def test_a_second_run_writes_the_same_bytes(tmp_path: Path, label: CuboidLabel) -> None:
     contents = []
     for _ in range(2):
         run(tmp_path, [kept(label, "a.jpg"), kept(label, "b.jpg")])
-        contents.append({p.relative_to(tmp_path): p.read_bytes() for p in sorted(tmp_path.rglob("*")) if p.is_file()})
+        contents.append(
+            {
+                p.relative_to(tmp_path): p.read_bytes()
+                for p in sorted(tmp_path.rglob("*"))
+                if p.is_file()
+            }
+        )
     assert contents[0] == contents[1]
     assert len(contents[0]) == 6
 
@@ -498,6 +708,9 @@ def test_a_folder_that_cannot_be_made_is_a_usage_error(tmp_path: Path) -> None:
 
 def test_a_very_high_or_flat_picture_of_a_rejected_animal_stops_nothing(tmp_path: Path) -> None:
     strips = [np.zeros(size, dtype=np.uint8) for size in ((70_000, 40, 3), (1, 5000, 3))]
-    results: list[Labelled | SampleError] = [Labelled(Rejection(f"{i}", "no_axes", ""), f"{i}", "dog", strip) for i, strip in enumerate(strips)]
+    results: list[Labelled | SampleError] = [
+        Labelled(Rejection(f"{i}", "no_axes", ""), f"{i}", "dog", strip)
+        for i, strip in enumerate(strips)
+    ]
     assert run(tmp_path, results).rejected == 2
     assert len(Page((tmp_path / "gallery.html").read_text()).loads) == 2

@@ -9,7 +9,13 @@ from torch.testing import assert_close
 
 from animal3dbox.errors import ShapeError
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.parameters import SmalParameters, fitted_pose, posed_bodies, posed_body, whole_betas
+from animal3dbox.smal.parameters import (
+    SmalParameters,
+    fitted_pose,
+    posed_bodies,
+    posed_body,
+    whole_betas,
+)
 from animal3dbox.smal.quadruped.poses import named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
 
@@ -31,7 +37,9 @@ def without_ears() -> SmalModel:
 def test_flat_parameters_give_the_body_of_the_posed_model() -> None:
     model, pose = load_quadruped(), named_pose("walk")
     trans = torch.tensor([0.1, 0.2, 3.0], dtype=F64)
-    body = posed_body(model, SmalParameters(pose.flatten().float(), preset_betas("cow")[:20], trans))
+    body = posed_body(
+        model, SmalParameters(pose.flatten().float(), preset_betas("cow")[:20], trans)
+    )
     betas = torch.zeros(1, model.beta_count, dtype=F64)
     betas[0, :20] = preset_betas("cow")[:20]
     expected = model.posed(betas, pose.float().double()[None], trans[None])
@@ -55,7 +63,9 @@ def test_a_pose_of_33_joints_leaves_the_ears_at_rest() -> None:
 def test_a_pose_of_35_joints_fits_a_model_without_ears_only_if_its_ears_rest() -> None:
     model, pose = without_ears(), torch.zeros(105, dtype=F64)
     assert fitted_pose(model, pose).shape == (33, 3)
-    assert posed_body(model, SmalParameters(pose, torch.zeros(5, dtype=F64), ZERO)).vertices.shape == (1, model.vertex_count, 3)
+    assert posed_body(
+        model, SmalParameters(pose, torch.zeros(5, dtype=F64), ZERO)
+    ).vertices.shape == (1, model.vertex_count, 3)
     pose[-1] = 0.1
     with pytest.raises(ShapeError, match="pose turns the ears"):
         fitted_pose(model, pose)
@@ -74,7 +84,9 @@ def test_a_pose_of_35_joints_fits_a_model_without_ears_only_if_its_ears_rest() -
         (torch.zeros(105), torch.zeros(41), torch.full((3,), torch.nan), "trans must be finite"),
     ],
 )
-def test_parameters_that_do_not_fit_are_refused_by_name(pose: Tensor, betas: Tensor, trans: Tensor, says: str) -> None:
+def test_parameters_that_do_not_fit_are_refused_by_name(
+    pose: Tensor, betas: Tensor, trans: Tensor, says: str
+) -> None:
     with pytest.raises(ShapeError, match=says):
         posed_body(load_quadruped(), SmalParameters(pose, betas, trans))
 
@@ -85,7 +97,11 @@ def test_a_model_in_another_type_poses_in_it_and_is_otherwise_the_same() -> None
     body = single.posed(torch.zeros(1, 3), torch.zeros(1, 35, 3), torch.zeros(1, 3))
     assert body.vertices.dtype == torch.float32
     assert model.v_template.dtype == F64
-    assert (single.parents, single.landmarks, single.extra_landmarks) == (model.parents, model.landmarks, model.extra_landmarks)
+    assert (single.parents, single.landmarks, single.extra_landmarks) == (
+        model.parents,
+        model.landmarks,
+        model.extra_landmarks,
+    )
     assert_close(body.vertices[0].double(), model.v_template, atol=1e-6, rtol=0)
 
 
@@ -93,16 +109,24 @@ def dense(model: SmalModel) -> SmalModel:
     """The model with pose columns and weights of which few are zero."""
     generator = torch.Generator().manual_seed(1)
     weights = model.weights + 0.01 * torch.rand(model.weights.shape, generator=generator, dtype=F64)
-    posedirs = model.posedirs + 1e-4 * torch.randn(model.posedirs.shape, generator=generator, dtype=F64)
+    posedirs = model.posedirs + 1e-4 * torch.randn(
+        model.posedirs.shape, generator=generator, dtype=F64
+    )
     return replace(model, posedirs=posedirs, weights=weights / weights.sum(1, keepdim=True))
 
 
 @pytest.mark.parametrize("change", [lambda model: model, dense])
 @pytest.mark.parametrize("vertices_in", [torch.float32, torch.float64])
-def test_bodies_posed_together_are_those_posed_one_by_one_to_the_last_bit(vertices_in: torch.dtype, change: Callable[[SmalModel], SmalModel]) -> None:
+def test_bodies_posed_together_are_those_posed_one_by_one_to_the_last_bit(
+    vertices_in: torch.dtype, change: Callable[[SmalModel], SmalModel]
+) -> None:
     model, generator = change(load_quadruped()), torch.Generator().manual_seed(0)
     animals = [
-        SmalParameters(0.2 * torch.randn(105, generator=generator), preset_betas("cow")[:count], torch.randn(3, generator=generator, dtype=F64))
+        SmalParameters(
+            0.2 * torch.randn(105, generator=generator),
+            preset_betas("cow")[:count],
+            torch.randn(3, generator=generator, dtype=F64),
+        )
         for count in range(1, 20)
     ]
     together = posed_bodies(model, animals, vertices_in)
@@ -115,7 +139,10 @@ def test_bodies_posed_together_are_those_posed_one_by_one_to_the_last_bit(vertic
 def test_a_body_is_the_same_with_and_without_gradients() -> None:
     model, pose = load_quadruped(), named_pose("walk")[None]
     betas, trans = preset_betas("dog")[None], torch.ones(1, 3, dtype=F64)
-    plain, with_gradients = model.posed(betas, pose, trans), model.posed(betas.clone().requires_grad_(), pose, trans)
+    plain, with_gradients = (
+        model.posed(betas, pose, trans),
+        model.posed(betas.clone().requires_grad_(), pose, trans),
+    )
     assert with_gradients.vertices.requires_grad
     assert_close(plain.vertices, with_gradients.vertices.detach(), atol=1e-12, rtol=0)
     assert_close(plain.R_world_joint, with_gradients.R_world_joint.detach(), atol=1e-12, rtol=0)
@@ -126,13 +153,16 @@ def test_what_a_model_works_out_is_not_sent_along_with_it() -> None:
     before = len(pickle.dumps(model))
     model.posed(preset_betas("dog")[None], named_pose("walk")[None], torch.zeros(1, 3, dtype=F64))
     assert len(pickle.dumps(model)) == before
-    again = pickle.loads(pickle.dumps(model))  # noqa: S301  # our own bytes
+    again = pickle.loads(pickle.dumps(model))  # our own bytes
     assert torch.equal(again.v_template, model.v_template)
 
 
 def test_what_the_user_has_set_for_products_of_his_own_changes_no_body() -> None:
     model, animal = load_quadruped(), SmalParameters(named_pose("walk"), preset_betas("dog"), ZERO)
-    plain, precision = posed_bodies(model, [animal], torch.float32).vertices, torch.get_float32_matmul_precision()
+    plain, precision = (
+        posed_bodies(model, [animal], torch.float32).vertices,
+        torch.get_float32_matmul_precision(),
+    )
     torch.set_float32_matmul_precision("medium")
     try:
         with torch.autocast("cpu", dtype=torch.bfloat16):
@@ -146,7 +176,9 @@ def test_vertices_in_float32_are_good_wherever_the_template_stands(away: float) 
     model = load_quadruped()
     shifted = replace(model, v_template=model.v_template + away)
     animal = SmalParameters(named_pose("walk"), preset_betas("dog"), ZERO)
-    quick, exact = (posed_bodies(shifted, [animal], dtype).vertices for dtype in (torch.float32, torch.float64))
+    quick, exact = (
+        posed_bodies(shifted, [animal], dtype).vertices for dtype in (torch.float32, torch.float64)
+    )
     assert float((quick - exact).abs().amax()) < 1e-6
 
 

@@ -23,27 +23,43 @@ def rows_of(shape: tuple[int, int, int], dtype: DTypeLike) -> np.ndarray:
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("count", [0, 1, 5, 9])  # 9: more than at once
-def test_sums_are_the_matrix_product(shape: tuple[int, int, int], dtype: DTypeLike, count: int) -> None:
+def test_sums_are_the_matrix_product(
+    shape: tuple[int, int, int], dtype: DTypeLike, count: int
+) -> None:
     rows = rows_of(shape, dtype)
     weights = np.random.default_rng(count).standard_normal((count, len(rows)))
     sums = row_table(rows, 4).sums(weights)
     assert sums.dtype == dtype
     assert sums.shape == (count, *shape[1:])
-    np.testing.assert_allclose(sums, np.tensordot(weights, rows.astype(np.float64), 1), atol=1e-5 if dtype == np.float32 else 1e-12)
+    np.testing.assert_allclose(
+        sums,
+        np.tensordot(weights, rows.astype(np.float64), 1),
+        atol=1e-5 if dtype == np.float32 else 1e-12,
+    )
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_sum_does_not_depend_on_its_company_or_on_torchs_settings(dtype: DTypeLike, threads: int) -> None:
+def test_a_sum_does_not_depend_on_its_company_or_on_torchs_settings(
+    dtype: DTypeLike, threads: int
+) -> None:
     rows = rows_of((40, 3, 500), dtype)
     weights = np.random.default_rng(0).standard_normal((13, 40))
     table = row_table(rows, 4)
-    together, before, precision = table.sums(weights), torch.get_num_threads(), torch.get_float32_matmul_precision()
+    together, before, precision = (
+        table.sums(weights),
+        torch.get_num_threads(),
+        torch.get_float32_matmul_precision(),
+    )
     try:
         torch.set_num_threads(threads)
         torch.set_float32_matmul_precision("medium")
         with torch.autocast("cpu"):
-            apart = [row_table(rows, 12).sums(weights[k : k + n]) for n in (1, 2, 5) for k in range(0, 13, n)]
+            apart = [
+                row_table(rows, 12).sums(weights[k : k + n])
+                for n in (1, 2, 5)
+                for k in range(0, 13, n)
+            ]
     finally:
         torch.set_num_threads(before)
         torch.set_float32_matmul_precision(precision)

@@ -31,7 +31,14 @@ def in_pytorch3d_frame(content: Content) -> None:
     """Turn each body, with its trans, into a camera frame with x to the left and y up."""
     model = load_quadruped()
     for entry in content["data"]:
-        pose, betas = torch.tensor(entry["pose"]), torch.tensor([entry["shape"] + entry["shape_extra"]], dtype=torch.float64)
+        pose, betas = (
+            torch.tensor(entry["pose"]),
+            torch.tensor([entry["shape"] + entry["shape_extra"]], dtype=torch.float64),
+        )
         root = model.J_regressor[0] @ model.shaped(betas)[0]
-        entry["pose"][:3] = axis_angle_from_rotation(TURN @ rotation_from_axis_angle(pose[:3].double())).tolist()
-        entry["trans"] = (TURN @ (root + torch.tensor(entry["trans"], dtype=torch.float64)) - root).tolist()
+        entry["pose"][:3] = axis_angle_from_rotation(
+            TURN @ rotation_from_axis_angle(pose[:3].double())
+        ).tolist()
+        entry["trans"] = (
+            TURN @ (root + torch.tensor(entry["trans"], dtype=torch.float64)) - root
+        ).tolist()

@@ -1,4 +1,7 @@
-"""A toy animal in numbers a person can check: 26 landmarks and a mesh around them, x forward, y left, z up."""
+"""A toy animal in numbers a person can check.
+
+26 landmarks and a mesh around them, x forward, y left, z up.
+"""
 
 import math
 
@@ -35,20 +38,32 @@ def toy_landmarks() -> Tensor:
 
 
 def toy_mesh() -> tuple[Tensor, Tensor]:
-    """Vertices (V, 3) and faces (F, 3): an octahedron round every landmark and round the middle of the trunk."""
+    """Vertices (V, 3) and faces (F, 3).
+
+    An octahedron round every landmark and round the middle of the trunk.
+    """
     tips = torch.cat((torch.eye(3, dtype=F64), -torch.eye(3, dtype=F64)))
     centers = torch.cat((toy_landmarks(), torch.tensor([[0.0, 0, 0.5]], dtype=F64)))
     radii = torch.full((27, 1, 1), 0.06, dtype=F64)
     radii[26] = 0.3
-    eight = torch.tensor([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
-    return (centers[:, None] + radii * tips).reshape(-1, 3), (eight[None] + 6 * torch.arange(27)[:, None, None]).reshape(-1, 3)
+    eight = torch.tensor(
+        [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
+    )
+    return (centers[:, None] + radii * tips).reshape(-1, 3), (
+        eight[None] + 6 * torch.arange(27)[:, None, None]
+    ).reshape(-1, 3)
 
 
-def camera_round(azimuth_deg: float, elevation_deg: float, distance: float = 4.0) -> tuple[Tensor, Tensor]:
-    """(R, t) of a camera that looks at the animal from an azimuth (0 ahead, 90 its left) and an elevation."""
+def camera_round(
+    azimuth_deg: float, elevation_deg: float, distance: float = 4.0
+) -> tuple[Tensor, Tensor]:
+    """(R, t) of a camera that looks at the animal from an azimuth (0 ahead, 90 its left) and an
+    elevation."""
     a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
     middle = torch.tensor([0.0, 0, 0.4], dtype=F64)
-    eye = middle + distance * torch.tensor([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)], dtype=F64)
+    eye = middle + distance * torch.tensor(
+        [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)], dtype=F64
+    )
     T = look_at(eye, middle, torch.tensor([0.0, 0, 1], dtype=F64))
     return T[:3, :3], T[:3, 3]
 

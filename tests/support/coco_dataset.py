@@ -1,4 +1,7 @@
-"""A small COCO keypoints dataset made in a folder: AP-10K's keypoints of the toy animal, and every fault a file can have."""
+"""A small COCO keypoints dataset made in a folder.
+
+AP-10K's keypoints of the toy animal, and every fault a file can have.
+"""
 
 import copy
 import json
@@ -25,15 +28,27 @@ def ap10k_view(azimuth_deg: float) -> View:
     """The toy animal with AP-10K's keypoints; those it has not are zeros."""
     vertices, faces = toy_mesh()
     groups = {name: [row] for row, name in enumerate(ANIMAL3D_26)}
-    return view_of(Scene(vertices, faces, VOCABULARIES["ap10k17"].on_body(groups, toy_landmarks())), azimuth_deg)
+    return view_of(
+        Scene(vertices, faces, VOCABULARIES["ap10k17"].on_body(groups, toy_landmarks())),
+        azimuth_deg,
+    )
 
 
-def annotation_of(view: View, number: int, image_id: int, names: Sequence[str] = AP10K_NAMES, category_id: int = 3) -> Content:
+def annotation_of(
+    view: View, number: int, image_id: int, names: Sequence[str] = AP10K_NAMES, category_id: int = 3
+) -> Content:
     """An element of "annotations", its keypoints in the order of names."""
     by_name = dict(zip(AP10K_NAMES, view.joints, strict=True))
-    rows = [[x, y, 2 * int(seen)] for x, y, seen in (by_name.get(name, [0, 0, 0]) for name in names)]
+    rows = [
+        [x, y, 2 * int(seen)] for x, y, seen in (by_name.get(name, [0, 0, 0]) for name in names)
+    ]
     columns, lines = np.nonzero(view.mask.any(0))[0], np.nonzero(view.mask.any(1))[0]
-    box = [int(columns[0]), int(lines[0]), int(columns[-1] - columns[0]) + 1, int(lines[-1] - lines[0]) + 1]
+    box = [
+        int(columns[0]),
+        int(lines[0]),
+        int(columns[-1] - columns[0]) + 1,
+        int(lines[-1] - lines[0]) + 1,
+    ]
     return {
         "id": number, "image_id": image_id, "category_id": category_id, "keypoints": [value for row in rows for value in row],
         "num_keypoints": sum(row[2] > 0 for row in rows), "iscrowd": 0, "bbox": box, "area": int(view.mask.sum()),
@@ -53,9 +68,24 @@ def coco_content(root: Path, names: Sequence[str] = AP10K_NAMES) -> Content:
     other["bbox"][2] += 1  # or it would be the first one's copy
     return {
         "info": {"description": "toy animals"},
-        "images": [{"id": 10 + i, "file_name": file, "height": HW[0], "width": HW[1]} for i, file in enumerate(files)],
-        "annotations": [annotation_of(views[1], 0, 11, names), annotation_of(views[0], 1, 10, names), other],
-        "categories": [{"id": 3, "name": "antelope", "supercategory": "Bovidae", "keypoints": list(names), "skeleton": [[1, 2]]}],
+        "images": [
+            {"id": 10 + i, "file_name": file, "height": HW[0], "width": HW[1]}
+            for i, file in enumerate(files)
+        ],
+        "annotations": [
+            annotation_of(views[1], 0, 11, names),
+            annotation_of(views[0], 1, 10, names),
+            other,
+        ],
+        "categories": [
+            {
+                "id": 3,
+                "name": "antelope",
+                "supercategory": "Bovidae",
+                "keypoints": list(names),
+                "skeleton": [[1, 2]],
+            }
+        ],
     }
 
 

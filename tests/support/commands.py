@@ -16,7 +16,11 @@ from animal3dbox.report.label_files import LabelFile, RejectedRow, animal_row, w
 def ran(*arguments: str | Path) -> tuple[int, str]:
     """Run a command; its exit code and everything it said."""
     said = io.StringIO()
-    with pytest.raises(SystemExit) as left, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    with (
+        pytest.raises(SystemExit) as left,
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+    ):
         main([str(a) for a in arguments])
     assert isinstance(left.value.code, int)
     return left.value.code, said.getvalue()
@@ -31,6 +35,11 @@ def labels_of_one_animal(folder: Path) -> Path:
     )  # fmt: skip
     assert isinstance(label, CuboidLabel)
     row = animal_row(label, "herd/a.jpg", 0, "dog")
-    rejected = RejectedRow(sample_id="a.jpg#1", image="herd/a.jpg", animal=1, reason="no_pose", detail="none")
-    write_labels_json(folder / "labels.json", LabelFile(body="dog", config=asdict(LabelConfig()), animals=[row], rejected=[rejected]))
+    rejected = RejectedRow(
+        sample_id="a.jpg#1", image="herd/a.jpg", animal=1, reason="no_pose", detail="none"
+    )
+    write_labels_json(
+        folder / "labels.json",
+        LabelFile(body="dog", config=asdict(LabelConfig()), animals=[row], rejected=[rejected]),
+    )
     return folder

@@ -1,4 +1,7 @@
-"""Sets of cuboids to write and read back: in front of the camera, cut by the frame, behind it, several an image, and none."""
+"""Sets of cuboids to write and read back.
+
+In front of the camera, cut by the frame, behind it, several an image, and none.
+"""
 
 from pathlib import Path
 
@@ -12,8 +15,13 @@ HW = (120, 160)
 
 
 def simple_record(**changes: object) -> CuboidRecord:
-    """A box 2 long, 1 wide, 1.5 high, 10 m ahead, that looks to the right of the picture, upright; numbers a person can check."""
-    R = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # forward = x right, left = z away from us, up = -y
+    """A box 2 long, 1 wide, 1.5 high, 10 m ahead, that looks to the right of the picture, upright.
+
+    Numbers a person can check.
+    """
+    R = np.array(
+        [[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]
+    )  # forward = x right, left = z away from us, up = -y
     fields: dict[str, object] = {
         "sample_id": "images/a.jpg", "image_id": "images/a.jpg", "image_path": Path("images/a.jpg"), "image_hw": HW, "category": "dog",
         "K": np.array([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]]), "center": np.array([1.0, 0.5, 10]), "rotation": R,
@@ -23,12 +31,21 @@ def simple_record(**changes: object) -> CuboidRecord:
 
 
 def random_set(seed: int = 0, *, upright: bool = False, in_view: bool = False) -> CuboidSet:
-    """Five images with four, one, no, two and three boxes; unless in_view, some are cut by the frame and some behind the camera."""
+    """Five images with four, one, no, two and three boxes.
+
+    Unless in_view, some are cut by the frame and some behind the camera.
+    """
     rng = np.random.default_rng(seed)
     records, images = [], []
     for number, count in enumerate((4, 1, 0, 2, 3)):
         name, hw = f"images/{number}.jpg", (100 + 10 * number, 200 - 7 * number)
-        K = np.array([[150 + 10 * number, 0.0, rng.uniform(60, 110)], [0, 140 + number, rng.uniform(40, 70)], [0, 0, 1]])
+        K = np.array(
+            [
+                [150 + 10 * number, 0.0, rng.uniform(60, 110)],
+                [0, 140 + number, rng.uniform(40, 70)],
+                [0, 0, 1],
+            ]
+        )
         images.append(CuboidImage(name, Path(name), hw, K))
         for k in range(count):
             center = rng.uniform((-1, -1, 7), (1, 1, 9))

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csc_matrix
-from smal_pickles import Made, Name, Raw, python2_dtype, python2_pickle, python2_record, random_content, written
+from smal_pickles import (
+    Made,
+    Name,
+    Raw,
+    python2_dtype,
+    python2_pickle,
+    python2_record,
+    random_content,
+    written,
+)
 
 FLAG = ("hostile_target", "fire")
 """A function that the watching process defines: to call it, nothing need be imported."""
@@ -51,8 +60,15 @@ def stack_named(module: str, name: str) -> bytes:
 def payloads(marker: Path) -> list[tuple[tuple[str, str], bytes]]:
     """Functions with arguments (opcodes, no tuple) that create the marker if they are called."""
     script = f"open({str(marker)!r}, 'w')"
-    found = [(name, text(f"touch {marker}")) for name in COMMANDS] + [(name, text(script)) for name in CODE]
-    return [*found, *((name, text(str(marker))) for name in FILES), (("builtins", "open"), text(str(marker)) + text("w")), (FLAG, b"")]
+    found = [(name, text(f"touch {marker}")) for name in COMMANDS] + [
+        (name, text(script)) for name in CODE
+    ]
+    return [
+        *found,
+        *((name, text(str(marker))) for name in FILES),
+        (("builtins", "open"), text(str(marker)) + text("w")),
+        (FLAG, b""),
+    ]
 
 
 def within(snippet: bytes, key: str = "v_template") -> bytes:
@@ -66,13 +82,26 @@ def alone(snippet: bytes) -> bytes:
 
 def reduced(marker: Path) -> list[bytes]:
     calls = [named(*name) + b"(" + args + b"tR" for name, args in payloads(marker)]
-    return [alone(call) for call in calls] + [within(call) for call in calls] + [within(call, "J_regressor") for call in calls[:8]]
+    return (
+        [alone(call) for call in calls]
+        + [within(call) for call in calls]
+        + [within(call, "J_regressor") for call in calls[:8]]
+    )
 
 
 def stack_globals(marker: Path) -> list[bytes]:
     dotted = [(("os", "path.os.system"), text("true")), (FLAG, b"")]
-    files = [within(stack_named(*name) + b"(" + args + b"tR") for name, args in [*payloads(marker), *dotted]]
-    wrong = [b"K\x01K\x02\x93", b"NN\x93", text("os") + b"\x93", b"]]\x93", named("os", "system") + text("x") + b"\x93"]
+    files = [
+        within(stack_named(*name) + b"(" + args + b"tR")
+        for name, args in [*payloads(marker), *dotted]
+    ]
+    wrong = [
+        b"K\x01K\x02\x93",
+        b"NN\x93",
+        text("os") + b"\x93",
+        b"]]\x93",
+        named("os", "system") + text("x") + b"\x93",
+    ]
     return files + [alone(snippet) for snippet in wrong]
 
 
@@ -85,23 +114,75 @@ def instances(marker: Path) -> list[bytes]:
             within(named(module, name) + b"(" + args + b"t\x81"),
             within(named(module, name) + b"(" + args + b"t}\x92"),
         ]
-    return [*made, alone(b"(o"), alone(b"o"), alone(b"i"), alone(b"(iabc"), alone(b"K\x01)\x81"), alone(b"K\x01)}\x92")]
+    return [
+        *made,
+        alone(b"(o"),
+        alone(b"o"),
+        alone(b"i"),
+        alone(b"(iabc"),
+        alone(b"K\x01)\x81"),
+        alone(b"K\x01)}\x92"),
+    ]
 
 
 def states(marker: Path) -> list[bytes]:
-    ndarray = named("numpy.core.multiarray", "_reconstruct") + named("numpy", "ndarray") + b"K\x00\x85U\x01b\x87R"
+    ndarray = (
+        named("numpy.core.multiarray", "_reconstruct")
+        + named("numpy", "ndarray")
+        + b"K\x00\x85U\x01b\x87R"
+    )
     chumpy = named("chumpy.ch", "Ch") + b")\x81"
     fire = named(*FLAG) + b")R"
-    targets = [b"]", b"}", b")", b"K\x01", named("os", "environ"), named("sys", "modules"), named("builtins", "dict")]
+    targets = [
+        b"]",
+        b"}",
+        b")",
+        b"K\x01",
+        named("os", "environ"),
+        named("sys", "modules"),
+        named("builtins", "dict"),
+    ]
     plain = [alone(target + b"}" + text("x") + fire + b"sb") for target in targets]
     arrays = [
         within(ndarray + state + b"b")
-        for state in (b")", b"}", b"N", fire, b"(K\x01)N\x89U\x00t", b"(" + fire * 5 + b"t", b"]", b"(K\x02)" + fire + b"\x89U\x00t")
+        for state in (
+            b")",
+            b"}",
+            b"N",
+            fire,
+            b"(K\x01)N\x89U\x00t",
+            b"(" + fire * 5 + b"t",
+            b"]",
+            b"(K\x02)" + fire + b"\x89U\x00t",
+        )
     ]
-    chumpies = [within(chumpy + state + b"b") for state in (fire, b"}", b"N", b")", b"}U\x01x" + fire + b"s", b"}U\x0c__setstate__" + fire + b"s")]
-    twice = [within(ndarray + b")b)b"), within(chumpy + b"}b}b"), alone(b"}b"), alone(named("os", "system") + text(f"touch {marker}") + b"b")]
+    chumpies = [
+        within(chumpy + state + b"b")
+        for state in (
+            fire,
+            b"}",
+            b"N",
+            b")",
+            b"}U\x01x" + fire + b"s",
+            b"}U\x0c__setstate__" + fire + b"s",
+        )
+    ]
+    twice = [
+        within(ndarray + b")b)b"),
+        within(chumpy + b"}b}b"),
+        alone(b"}b"),
+        alone(named("os", "system") + text(f"touch {marker}") + b"b"),
+    ]
     setter = named("hostile_target", "Setter") + b")\x81" + text("x") + b"b"
-    return [*plain, *arrays, *chumpies, *twice, within(setter), alone(setter), within(chumpy + b"}U\x01x" + setter + b"sb")]
+    return [
+        *plain,
+        *arrays,
+        *chumpies,
+        *twice,
+        within(setter),
+        alone(setter),
+        within(chumpy + b"}U\x01x" + setter + b"sb"),
+    ]
 
 
 def extensions(marker: Path) -> list[bytes]:
@@ -124,9 +205,19 @@ def attribute_chains(marker: Path) -> list[bytes]:
     for module in ("builtins", "__builtin__"):
         getter = named(module, "getattr")
         imported = named(module, "__import__") + text("os") + b"\x85R"
-        files += [within(getter + imported + text("system") + b"\x86R" + text(f"touch {marker}") + b"\x85R")]
-        files += [within(getter + named(*FLAG) + text("__call__") + b"\x86R)R"), within(getter + named(module, "type") + text("mro") + b"\x86R)R")]
-        files += [within(named(module, "map") + named(*FLAG) + b"]K\x01a\x86R"), within(named(module, "vars") + named(module, "type") + b"\x85R")]
+        files += [
+            within(
+                getter + imported + text("system") + b"\x86R" + text(f"touch {marker}") + b"\x85R"
+            )
+        ]
+        files += [
+            within(getter + named(*FLAG) + text("__call__") + b"\x86R)R"),
+            within(getter + named(module, "type") + text("mro") + b"\x86R)R"),
+        ]
+        files += [
+            within(named(module, "map") + named(*FLAG) + b"]K\x01a\x86R"),
+            within(named(module, "vars") + named(module, "type") + b"\x85R"),
+        ]
     for maker in (
         ("operator", "attrgetter"),
         ("operator", "methodcaller"),
@@ -134,20 +225,36 @@ def attribute_chains(marker: Path) -> list[bytes]:
         ("types", "FunctionType"),
         ("types", "CodeType"),
     ):
-        files += [within(named(*maker) + text("fire") + b"\x85R" + named("hostile_target", "module") + b"\x85R")]
+        files += [
+            within(
+                named(*maker)
+                + text("fire")
+                + b"\x85R"
+                + named("hostile_target", "module")
+                + b"\x85R"
+            )
+        ]
         files += [within(stack_named(*maker) + named(*FLAG) + b"\x85R)R")]
     deep = named(*FLAG) + b")R" * 5000
     return [*files, within(deep), alone(deep)]
 
 
 def native_names(marker: Path) -> list[bytes]:
-    call = [within(named(*name) + text(str(marker)) + b"\x85R", key) for name in NATIVE for key in ("v_template", "kintree_table")]
+    call = [
+        within(named(*name) + text(str(marker)) + b"\x85R", key)
+        for name in NATIVE
+        for key in ("v_template", "kintree_table")
+    ]
     mapped = Made(
         Name("numpy.core.multiarray", "_reconstruct"),
         (Name("numpy", "memmap"), (0,), "b"),
         (1, (12, 3), python2_dtype(np.dtype(float)), False, b"\0" * 288),
     )
-    return [*call, python2_pickle({**random_content(), "v_template": mapped}, 2), python2_pickle({**random_content(), "v_template": mapped}, 0)]
+    return [
+        *call,
+        python2_pickle({**random_content(), "v_template": mapped}, 2),
+        python2_pickle({**random_content(), "v_template": mapped}, 0),
+    ]
 
 
 def recursive(marker: Path) -> list[bytes]:
@@ -168,8 +275,17 @@ def recursive(marker: Path) -> list[bytes]:
 def memo_bombs(marker: Path) -> list[bytes]:
     files = []
     for depth in (30, 60, 2000):
-        for start, step in ((b")", b"2\x86"), (b"K\x01", b"2\x86"), (b"]K\x01a", b"q\xc8]h\xc8ah\xc8a"), (b"}", b"q\xc8}K\x01h\xc8sK\x02h\xc8s")):
-            body = step * depth if step[:1] == b"2" else step.replace(b"]", b"0]").replace(b"}", b"0}") * depth
+        for start, step in (
+            (b")", b"2\x86"),
+            (b"K\x01", b"2\x86"),
+            (b"]K\x01a", b"q\xc8]h\xc8ah\xc8a"),
+            (b"}", b"q\xc8}K\x01h\xc8sK\x02h\xc8s"),
+        ):
+            body = (
+                step * depth
+                if step[:1] == b"2"
+                else step.replace(b"]", b"0]").replace(b"}", b"0}") * depth
+            )
             files += [alone(start + body), within(start + body)]
     floods = [
         b"N" + b"2" * 199_000,
@@ -210,28 +326,71 @@ def huge(marker: Path) -> list[bytes]:
     honest = python2_record(np.zeros((2, 3)), 2)
     assert isinstance(honest.state, tuple)
     arrays = [replace(honest, state=(1, shape, *honest.state[2:])) for shape in shapes]
-    arrays.append(replace(honest, state=(1, (0, 2**32 - 1, 2**32 - 1, 2**32 - 1), *honest.state[2:4], b"")))
-    types = ["O8", "V8", "S8", "M8[s]", "f16", "c16", "f8,f8", "8f8", "(1000000000,1000000000)f8", "U2", "f3", "", "object", "i1000000"]
+    arrays.append(
+        replace(honest, state=(1, (0, 2**32 - 1, 2**32 - 1, 2**32 - 1), *honest.state[2:4], b""))
+    )
+    types = [
+        "O8",
+        "V8",
+        "S8",
+        "M8[s]",
+        "f16",
+        "c16",
+        "f8,f8",
+        "8f8",
+        "(1000000000,1000000000)f8",
+        "U2",
+        "f3",
+        "",
+        "object",
+        "i1000000",
+    ]
     arrays += [
-        replace(honest, state=(*honest.state[:2], Made(Name("numpy", "dtype"), (t, 0, 1), (3, "<", None, None, None, -1, -1, 0)), *honest.state[3:]))
+        replace(
+            honest,
+            state=(
+                *honest.state[:2],
+                Made(Name("numpy", "dtype"), (t, 0, 1), (3, "<", None, None, None, -1, -1, 0)),
+                *honest.state[3:],
+            ),
+        )
         for t in types
     ]
-    details: list[object] = [(3, "<"), (3, "<", (1, 2), None, None, -1, -1, 0), None, (3, "<", None, ("a",), {}, -1, -1, 0), 5]
+    details: list[object] = [
+        (3, "<"),
+        (3, "<", (1, 2), None, None, -1, -1, 0),
+        None,
+        (3, "<", None, ("a",), {}, -1, -1, 0),
+        5,
+    ]
     wrong = [Made(Name("numpy", "dtype"), ("f8", 0, 1), detail) for detail in details]
-    arrays += [replace(honest, state=(*honest.state[:2], dtype, *honest.state[3:])) for dtype in wrong]
-    return [*(make(s) for s in lengths for make in (alone, within)), *(python2_pickle({**random_content(), "v_template": a}, 2) for a in arrays)]
+    arrays += [
+        replace(honest, state=(*honest.state[:2], dtype, *honest.state[3:])) for dtype in wrong
+    ]
+    return [
+        *(make(s) for s in lengths for make in (alone, within)),
+        *(python2_pickle({**random_content(), "v_template": a}, 2) for a in arrays),
+    ]
 
 
 def sparse_states() -> list[dict[str, object]]:
     matrix = csc_matrix(np.arange(35.0 * 12).reshape(35, 12) % 5)
-    honest = {"_shape": (35, 12), "indptr": matrix.indptr, "indices": matrix.indices, "data": matrix.data}
+    honest = {
+        "_shape": (35, 12),
+        "indptr": matrix.indptr,
+        "indices": matrix.indices,
+        "data": matrix.data,
+    }
     total, count = len(matrix.data), np.int32
 
     def pointers(*values: int, dtype: type = count) -> dict[str, object]:
         return {**honest, "indptr": np.array(values).astype(dtype)}
 
     even = [*range(12), total]
-    rows = [np.where(np.arange(total) == 3, bad, matrix.indices) for bad in (-1, 35, 2**31 - 1, -(2**31))]
+    rows = [
+        np.where(np.arange(total) == 3, bad, matrix.indices)
+        for bad in (-1, 35, 2**31 - 1, -(2**31))
+    ]
     return [
         pointers(-5, *even[1:]), pointers(*even[:5], -1, *even[6:]), pointers(*even[:5], 99, *even[6:]), pointers(*even[:-1], total + 1),
         pointers(*even[:-1], 2**31 - 1),
@@ -250,12 +409,17 @@ def sparse_states() -> list[dict[str, object]]:
 
 def sparse(marker: Path) -> list[bytes]:
     kind = Name("scipy.sparse.csc", "csc_matrix")
-    return [python2_pickle({**random_content(), "J_regressor": Made(kind, (), state)}, 2) for state in sparse_states()]
+    return [
+        python2_pickle({**random_content(), "J_regressor": Made(kind, (), state)}, 2)
+        for state in sparse_states()
+    ]
 
 
 def truncated(marker: Path) -> list[bytes]:
     honest = [written(random_content(), protocol) for protocol in PROTOCOLS]
-    return [file[: len(file) * k // 12] for file in honest for k in range(12)] + [file[:-1] for file in honest]
+    return [file[: len(file) * k // 12] for file in honest for k in range(12)] + [
+        file[:-1] for file in honest
+    ]
 
 
 def trailing(marker: Path) -> list[bytes]:
@@ -265,10 +429,22 @@ def trailing(marker: Path) -> list[bytes]:
 
 
 def misshapen(marker: Path) -> list[bytes]:
-    """Files that no pickler writes: keys that hash for ever, appending to the wrong thing, unknown opcodes."""
+    """Files that no pickler writes.
+
+    Keys that hash for ever, appending to the wrong thing, unknown opcodes.
+    """
     bomb = b")" + b"2\x86" * 60
-    keys = [bomb, b"]", b"}", named("os", "system"), named(*FLAG) + b")R", b"G" + struct.pack(">d", 1.0)]
-    files = [alone(b"}" + key + b"Ns") for key in keys] + [within(b"}(" + key + b"Nu") for key in keys]
+    keys = [
+        bomb,
+        b"]",
+        b"}",
+        named("os", "system"),
+        named(*FLAG) + b")R",
+        b"G" + struct.pack(">d", 1.0),
+    ]
+    files = [alone(b"}" + key + b"Ns") for key in keys] + [
+        within(b"}(" + key + b"Nu") for key in keys
+    ]
     codes = [
         b"\xff",
         b"A",
@@ -311,7 +487,8 @@ CLASSES: dict[str, tuple[Callable[[Path], list[bytes]], int]] = {
     "getattr": (attribute_chains, 20), "native": (native_names, 40), "recursive": (recursive, 30), "memo_bomb": (memo_bombs, 40), "huge": (huge, 70),
     "sparse": (sparse, 25), "truncated": (truncated, 60), "trailing": (trailing, 30), "misshapen": (misshapen, 35),
 }  # fmt: skip
-"""Class -> its files, given the path that none of them may create, and how many there are at least."""
+"""Class -> its files, given the path that none of them may create, and how many there are at least.
+"""
 
 
 def harmless_extras(marker: Path) -> list[bytes]:

@@ -1,4 +1,7 @@
-"""Every 2D operation of kornia, as the tests make it: geometric ones, those on colours, and those that must be refused."""
+"""Every 2D operation of kornia, as the tests make it.
+
+Geometric ones, those on colours, and those that must be refused.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,11 +15,18 @@ from torch import Tensor
 Make = Callable[..., Any]
 HW = (96, 128)
 RAMP_PX = {"nearest": 0.5 + 1e-9, "bilinear": 1e-6, "bicubic": 0.05}
-"""What each interpolation does to a ramp; torch's cubic kernel (a = -0.75) bends ramps by 0.048 px."""
+"""What each interpolation does to a ramp.
+
+Torch's cubic kernel (a = -0.75) bends ramps by 0.048 px.
+"""
 SAMPLED: dict[str, Make] = {
-    "RandomAffine": lambda **o: kornia.RandomAffine(20.0, (0.1, 0.1), (0.7, 1.3), (-10.0, 10.0, -5.0, 5.0), p=1.0, **o),
+    "RandomAffine": lambda **o: kornia.RandomAffine(
+        20.0, (0.1, 0.1), (0.7, 1.3), (-10.0, 10.0, -5.0, 5.0), p=1.0, **o
+    ),
     "RandomPerspective": lambda **o: kornia.RandomPerspective(0.3, p=1.0, **o),
-    "RandomPerspective area": lambda **o: kornia.RandomPerspective(0.3, p=1.0, sampling_method="area_preserving", **o),
+    "RandomPerspective area": lambda **o: kornia.RandomPerspective(
+        0.3, p=1.0, sampling_method="area_preserving", **o
+    ),
     "RandomRotation": lambda **o: kornia.RandomRotation(40.0, p=1.0, **o),
     "RandomRotation90": lambda **o: kornia.RandomRotation90((1, 3), p=1.0, **o),
     "RandomShear": lambda **o: kornia.RandomShear((-10.0, 10.0, -5.0, 5.0), p=1.0, **o),
@@ -44,11 +54,20 @@ WHOLE: dict[str, Make] = {
     "PadTo keeps": lambda: kornia.PadTo((50, 160), crop_if_exceeds=False),
     "PadTo reflects": lambda: kornia.PadTo((120, 140), pad_mode="reflect"),
 }
-MODES = [{"resample": resample, "align_corners": align} for resample in RAMP_PX for align in (True, False)]
+MODES = [
+    {"resample": resample, "align_corners": align}
+    for resample in RAMP_PX
+    for align in (True, False)
+]
 GEOMETRIC = [
     *[(name, make, {}) for name, make in WHOLE.items()],
     *[(name, make, mode) for name, make in SAMPLED.items() for mode in MODES],
-    *[(name, make, {**mode, "cropping_mode": cropping}) for name, make in CROPS.items() for mode in MODES for cropping in ("slice", "resample")],
+    *[
+        (name, make, {**mode, "cropping_mode": cropping})
+        for name, make in CROPS.items()
+        for mode in MODES
+        for cropping in ("slice", "resample")
+    ],
 ]
 COLOURS: dict[str, Make] = {
     "ColorJiggle": lambda: kornia.ColorJiggle(0.2, 0.2, 0.2, 0.1, p=1.0),
@@ -89,25 +108,49 @@ COLOURS: dict[str, Make] = {
 REFUSED: dict[str, tuple[Make, str]] = {
     "Denormalize": (lambda: kornia.Denormalize(0.5, 0.5), "undoes a Normalize"),
     "RandomElasticTransform": (kornia.RandomElasticTransform, "no matrix"),
-    "RandomFisheye": (lambda: kornia.RandomFisheye(torch.tensor([-0.3, 0.3]), torch.tensor([-0.3, 0.3]), torch.tensor([0.9, 1.0])), "no matrix"),
+    "RandomFisheye": (
+        lambda: kornia.RandomFisheye(
+            torch.tensor([-0.3, 0.3]), torch.tensor([-0.3, 0.3]), torch.tensor([0.9, 1.0])
+        ),
+        "no matrix",
+    ),
     "RandomThinPlateSpline": (kornia.RandomThinPlateSpline, "no matrix"),
     "PatchMix": (kornia.PatchMix, "mixes the pictures"),
-    "RandomCutMixV2": (lambda: kornia.RandomCutMixV2(use_correct_lambda=True), "mixes the pictures"),
+    "RandomCutMixV2": (
+        lambda: kornia.RandomCutMixV2(use_correct_lambda=True),
+        "mixes the pictures",
+    ),
     "RandomJigsaw": (kornia.RandomJigsaw, "mixes the pictures"),
     "RandomMixUpV2": (kornia.RandomMixUpV2, "mixes the pictures"),
     "RandomMosaic": (kornia.RandomMosaic, "mixes the pictures"),
     "RandomTransplantation": (kornia.RandomTransplantation, "mixes the pictures"),
     "RandomTransplantation3D": (kornia.RandomTransplantation3D, "mixes the pictures"),
-    "AugmentationSequential": (lambda: kornia.AugmentationSequential(kornia.RandomRotation(3.0)), "list its members in Compose"),
-    "ImageSequential": (lambda: kornia.ImageSequential(kornia.RandomRotation(3.0)), "list its members in Compose"),
-    "PatchSequential": (lambda: kornia.PatchSequential(kornia.RandomInvert(), patchwise_apply=False), "list its members in Compose"),
-    "VideoSequential": (lambda: kornia.VideoSequential(kornia.RandomInvert()), "list its members in Compose"),
+    "AugmentationSequential": (
+        lambda: kornia.AugmentationSequential(kornia.RandomRotation(3.0)),
+        "list its members in Compose",
+    ),
+    "ImageSequential": (
+        lambda: kornia.ImageSequential(kornia.RandomRotation(3.0)),
+        "list its members in Compose",
+    ),
+    "PatchSequential": (
+        lambda: kornia.PatchSequential(kornia.RandomInvert(), patchwise_apply=False),
+        "list its members in Compose",
+    ),
+    "VideoSequential": (
+        lambda: kornia.VideoSequential(kornia.RandomInvert()),
+        "list its members in Compose",
+    ),
     "ManyToManyAugmentationDispather": (
-        lambda: kornia.ManyToManyAugmentationDispather(kornia.AugmentationSequential(kornia.RandomInvert())),
+        lambda: kornia.ManyToManyAugmentationDispather(
+            kornia.AugmentationSequential(kornia.RandomInvert())
+        ),
         "no kornia 2D augmentation",
     ),
     "ManyToOneAugmentationDispather": (
-        lambda: kornia.ManyToOneAugmentationDispather(kornia.AugmentationSequential(kornia.RandomInvert())),
+        lambda: kornia.ManyToOneAugmentationDispather(
+            kornia.AugmentationSequential(kornia.RandomInvert())
+        ),
         "no kornia 2D",
     ),
     "RandomDepthicalFlip3D": (kornia.RandomDepthicalFlip3D, "volumes"),
@@ -129,7 +172,10 @@ NEEDS_A_DOWNLOAD = {"RandomDissolving"}  # a diffusion model paints it; it canno
 
 
 def ids(cases: list[tuple[str, Make, dict[str, Any]]]) -> list[str]:
-    return [" ".join([name, *(str(option) for option in options.values())]) for name, _, options in cases]
+    return [
+        " ".join([name, *(str(option) for option in options.values())])
+        for name, _, options in cases
+    ]
 
 
 def ramps(image_hw: tuple[int, int]) -> Tensor:

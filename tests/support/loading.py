@@ -23,7 +23,13 @@ Sample = tuple[Tensor, dict[str, Any]]
 
 def augmented(folder: Path, **options: Any) -> LabelDataset:
     """The small dataset under random transforms."""
-    return small_dataset(folder, transform=Compose([RandomHorizontalFlip(), RandomResizedCrop(64), ColorJitter(0.2)], seed=7), **options)
+    return small_dataset(
+        folder,
+        transform=Compose(
+            [RandomHorizontalFlip(), RandomResizedCrop(64), ColorJitter(0.2)], seed=7
+        ),
+        **options,
+    )
 
 
 def in_bytes(value: Any) -> Any:
@@ -43,30 +49,51 @@ def one_by_one(batches: Any) -> Iterator[Sample]:
         yield from zip(images, targets, strict=True)
 
 
-def loaded(dataset: Dataset[Any], workers: int, context: str | None = None, **options: Any) -> list[Any]:
+def loaded(
+    dataset: Dataset[Any], workers: int, context: str | None = None, **options: Any
+) -> list[Any]:
     """Everything of a loader, as bytes."""
     loader = DataLoader(
-        dataset, batch_size=3, collate_fn=collate, num_workers=workers, multiprocessing_context=context if workers else None, **options
+        dataset,
+        batch_size=3,
+        collate_fn=collate,
+        num_workers=workers,
+        multiprocessing_context=context if workers else None,
+        **options,
     )
     return [in_bytes(sample) for sample in one_by_one(loader)]
 
 
 def busy_parent(folder: str) -> None:
-    """Fork workers after torch and OpenCV have used threads in the parent; prints what was loaded."""
+    """Fork workers after torch and OpenCV have used threads in the parent.
+
+    Prints what was loaded.
+    """
     torch.set_num_threads(2)
     cv2.setNumThreads(2)
     for _ in range(3):
         big = torch.rand(1500, 1500)
         (big @ big).sin().sum()
         cv2.GaussianBlur(big.numpy(), (31, 31), 5)
-    loader = DataLoader(augmented(Path(folder)), batch_size=2, collate_fn=collate, num_workers=2, multiprocessing_context="fork")
+    loader = DataLoader(
+        augmented(Path(folder)),
+        batch_size=2,
+        collate_fn=collate,
+        num_workers=2,
+        multiprocessing_context="fork",
+    )
     images = [str(target["image_id"]) for _, target in one_by_one(loader)]
-    print("loaded", len(images), "threads", torch.get_num_threads(), cv2.getNumThreads())  # noqa: T201
+    print("loaded", len(images), "threads", torch.get_num_threads(), cv2.getNumThreads())
 
 
 def rank(number: int, world_size: int, folder: str, out: str) -> None:
-    """One rank of a training on the small dataset, with a cache that all share: writes what it got."""
-    dist.init_process_group("gloo", init_method=f"file://{out}/meeting", rank=number, world_size=world_size)
+    """One rank of a training on the small dataset, with a cache that all share.
+
+    Writes what it got.
+    """
+    dist.init_process_group(
+        "gloo", init_method=f"file://{out}/meeting", rank=number, world_size=world_size
+    )
     torch.set_num_threads(1)
     found: dict[str, list[Any]] = {"distributed": [], "epochs": []}
     dataset = augmented(Path(folder), cache=Path(out) / "cache")
@@ -77,7 +104,14 @@ def rank(number: int, world_size: int, folder: str, out: str) -> None:
         shared.set_epoch(epoch)
         own.set_epoch(epoch)
         for name, sampler in (("distributed", shared), ("epochs", own)):
-            loader = DataLoader(dataset, batch_size=2, sampler=sampler, collate_fn=collate, num_workers=1, multiprocessing_context="fork")
+            loader = DataLoader(
+                dataset,
+                batch_size=2,
+                sampler=sampler,
+                collate_fn=collate,
+                num_workers=1,
+                multiprocessing_context="fork",
+            )
             found[name] += [in_bytes((image, target)) for image, target in one_by_one(loader)]
     everyone: list[Any] = [None] * world_size
     dist.all_gather_object(everyone, [target["image_id"] for _, target in found["epochs"]])
@@ -89,11 +123,18 @@ def rank(number: int, world_size: int, folder: str, out: str) -> None:
 def private_bytes() -> int:
     """Memory that this process alone has, written or copied."""
     text = Path("/proc/self/smaps_rollup").read_text()
-    return sum(int(line.split()[1]) * 1024 for line in text.splitlines() if line.startswith(("Private_Dirty", "Private_Clean")))
+    return sum(
+        int(line.split()[1]) * 1024
+        for line in text.splitlines()
+        if line.startswith(("Private_Dirty", "Private_Clean"))
+    )
 
 
 class Records(Dataset[tuple[int, int, int]]):
-    """Only the annotations of a Dataset: process, records read so far and memory that is the process's own."""
+    """Only the annotations of a Dataset.
+
+    Process, records read so far and memory that is the process's own.
+    """
 
     def __init__(self, dataset: LabelDataset) -> None:
         self.dataset = dataset

@@ -1,4 +1,7 @@
-"""What the installed OpenCV can do: 4.x rounds where it reads to 1/32 px, 5.0 does not (docs/transforms.md)."""
+"""What the installed OpenCV can do.
+
+4.x rounds where it reads to 1/32 px, 5.0 does not (docs/transforms.md).
+"""
 
 import cv2
 

@@ -1,4 +1,7 @@
-"""A small StanfordExtra dataset made in a folder: simple pictures of known bodies, and every fault a dataset can have."""
+"""A small StanfordExtra dataset made in a folder.
+
+Simple pictures of known bodies, and every fault a dataset can have.
+"""
 
 import copy
 import json
@@ -53,13 +56,18 @@ class View:
     joints: list[list[float]]
 
 
-def view_of(scene: Scene, azimuth_deg: float, elevation_deg: float = 12.0, distance: float = 2.4) -> View:
+def view_of(
+    scene: Scene, azimuth_deg: float, elevation_deg: float = 12.0, distance: float = 2.4
+) -> View:
     """A grey animal before noise, seen from an azimuth: 0 ahead of it, 90 from its left."""
     R, t = camera_round(azimuth_deg, elevation_deg, distance)
     mask = silhouette(scene.vertices @ R.mT + t, scene.faces, K, HW).numpy()
     px, _ = project(K, scene.landmarks @ R.mT + t)
     has = torch.isfinite(px).all(1)
-    joints = [[round(x, 3), round(y, 3), 1.0] if known else [0.0, 0.0, 0.0] for (x, y), known in zip(px.tolist(), has.tolist(), strict=True)]
+    joints = [
+        [round(x, 3), round(y, 3), 1.0] if known else [0.0, 0.0, 0.0]
+        for (x, y), known in zip(px.tolist(), has.tolist(), strict=True)
+    ]
     picture = np.random.default_rng(0).integers(90, 130, (*HW, 3), dtype=np.uint8)
     picture[mask] = (170, 120, 80)
     return View(picture, mask, joints)
@@ -86,7 +94,11 @@ def add_photo(root: Path, view: View, name: str) -> Entry:
 def write_annotations(root: Path, entries: Iterable[Entry | bytes]) -> Path:
     """The dataset's json; an entry as bytes goes in as it is."""
     path = root / "annotations.json"
-    path.write_bytes(b"[" + b",\n".join(e if isinstance(e, bytes) else json.dumps(e).encode() for e in entries) + b"]")
+    path.write_bytes(
+        b"["
+        + b",\n".join(e if isinstance(e, bytes) else json.dumps(e).encode() for e in entries)
+        + b"]"
+    )
     return path
 
 
@@ -94,10 +106,17 @@ def png_that_claims(width: int, height: int) -> bytes:
     """A PNG of a few bytes whose header promises any size, its checksums right."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"\0" * 64)) + chunk(b"IEND", b"")
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", header)
+        + chunk(b"IDAT", zlib.compress(b"\0" * 64))
+        + chunk(b"IEND", b"")
+    )
 
 
 @dataclass(frozen=True)
@@ -107,7 +126,8 @@ class Fault:
     Attributes:
         field: named in the error.
         reason: words of the error.
-        spoil: gets the good element, the images' folder and the image's file; gives the bad element.
+        spoil: gets the good element, the images' folder and the image's file; gives the bad
+            element.
         when_read: found when the json is read, not when the animal is labelled.
         sample: the sample that the error names, if it is not the image.
     """
@@ -131,12 +151,18 @@ def without(key: str) -> Callable[[Entry, Path, Path], Entry]:
 
 def joint(row: list[Any]) -> Callable[[Entry, Path, Path], Entry]:
     """Replace the third joint."""
-    return lambda entry, root, file: {**entry, "joints": [*entry["joints"][:2], row, *entry["joints"][3:]]}
+    return lambda entry, root, file: {
+        **entry,
+        "joints": [*entry["joints"][:2], row, *entry["joints"][3:]],
+    }
 
 
 def moved(x: float, y: float) -> Callable[[Entry, Path, Path], Entry]:
     """Joints in another unit."""
-    return lambda entry, root, file: {**entry, "joints": [[x * u, y * v, seen] for u, v, seen in entry["joints"]]}
+    return lambda entry, root, file: {
+        **entry,
+        "joints": [[x * u, y * v, seen] for u, v, seen in entry["joints"]],
+    }
 
 
 def written(data: Callable[[bytes], bytes]) -> Callable[[Entry, Path, Path], Entry]:
@@ -149,7 +175,9 @@ def written(data: Callable[[bytes], bytes]) -> Callable[[Entry, Path, Path], Ent
     return spoil
 
 
-def saved(image: Callable[[Image.Image], Image.Image], **options: Any) -> Callable[[Entry, Path, Path], Entry]:
+def saved(
+    image: Callable[[Image.Image], Image.Image], **options: Any
+) -> Callable[[Entry, Path, Path], Entry]:
     """Change the image itself."""
 
     def spoil(entry: Entry, root: Path, file: Path) -> Entry:

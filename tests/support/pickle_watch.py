@@ -1,7 +1,9 @@
-"""Reads files in a process of its own and tells what happened: imports, files opened, programs started, functions called, memory.
+"""Reads files in a process of its own and tells what happened.
 
-Run: python pickle_watch.py FOLDER HONEST [unpickle]; prints JSON. With `unpickle`, Python's own pickle reads the files,
-which shows that the watch sees what it should.
+Imports, files opened, programs started, functions called, memory.
+
+Run: python pickle_watch.py FOLDER HONEST [unpickle]; prints JSON. With `unpickle`, Python's own
+pickle reads the files, which shows that the watch sees what it should.
 """
 
 import json
@@ -25,7 +27,20 @@ def hook(event: str, arguments: tuple[object, ...]) -> None:
     if event == "open":
         if str(arguments[0]) != own_file or arguments[1] not in ("r", "rb"):
             events[f"open {arguments[0]}"] += 1
-    elif event.split(".")[0] in ("import", "exec", "compile", "os", "subprocess", "socket", "ctypes", "pickle", "marshal", "mmap", "shutil", "pty"):
+    elif event.split(".")[0] in (
+        "import",
+        "exec",
+        "compile",
+        "os",
+        "subprocess",
+        "socket",
+        "ctypes",
+        "pickle",
+        "marshal",
+        "mmap",
+        "shutil",
+        "pty",
+    ):
         events[f"{event} {arguments[:1]}"] += 1
 
 
@@ -45,7 +60,7 @@ def read(path: Path, unpickle: bool) -> list[str]:
     if unpickle:
         try:
             with path.open("rb") as file:
-                pickle.load(file, encoding="latin1")  # noqa: S301
+                pickle.load(file, encoding="latin1")
         except Exception as error:  # noqa: BLE001
             return [type(error).__name__]
         return ["read"]
@@ -60,7 +75,9 @@ def read(path: Path, unpickle: bool) -> list[str]:
 
 
 def memory_kib(field: str) -> int:
-    """Memory in use now (VmRSS) or at most so far (VmHWM); where the system does not tell, the peak that getrusage gives.
+    """Memory in use now (VmRSS) or at most so far (VmHWM).
+
+    Where the system does not tell, the peak that getrusage gives.
 
     The peak of getrusage would do for neither: after a fork it starts at the parent's.
     """
@@ -82,7 +99,11 @@ def main() -> None:
     seen = dict(events)  # before the watch itself opens a file
     grown = (memory_kib("VmHWM") - memory) / 1024
     new = sorted(set(sys.modules) - modules)
-    sys.stdout.write(json.dumps({"said": said, "calls": calls, "events": seen, "modules": new, "grown_mb": grown}))
+    sys.stdout.write(
+        json.dumps(
+            {"said": said, "calls": calls, "events": seen, "modules": new, "grown_mb": grown}
+        )
+    )
 
 
 if __name__ == "__main__":

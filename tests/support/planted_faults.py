@@ -45,21 +45,38 @@ FILE_FAULTS: dict[str, tuple[str, Callable[[Entry, Path], None]]] = {
     "image without a byte": ("image", _bytes("img_path", lambda data: b"")),
     "image of zeros": ("image", _bytes("img_path", lambda data: bytes(len(data)))),
     "image of words": ("image", _bytes("img_path", lambda data: b"<html>404</html>")),
-    "image header damaged": ("image", _bytes("img_path", lambda data: data[:2] + b"\xff\xc0\x00" + data[5:])),
+    "image header damaged": (
+        "image",
+        _bytes("img_path", lambda data: data[:2] + b"\xff\xc0\x00" + data[5:]),
+    ),
     "mask vanished": ("mask_path", _bytes("mask_path", lambda data: None)),
     "mask cut": ("mask", _bytes("mask_path", lambda data: data[: len(data) // 2])),
-    "mask checksum damaged": ("mask", _bytes("mask_path", lambda data: data[:60] + bytes([data[60] ^ 0x55]) + data[61:])),
+    "mask checksum damaged": (
+        "mask",
+        _bytes("mask_path", lambda data: data[:60] + bytes([data[60] ^ 0x55]) + data[61:]),
+    ),
     "mask of words": ("mask", _bytes("mask_path", lambda data: b"words")),
     "mask of another size": ("mask", _small_mask),
 }
-"""Name -> the field that must be named, and how it is planted. A file that is gone when the annotations are read is missed there, by its path's
+"""Name -> the field that must be named, and how it is planted.
+
+A file that is gone when the annotations are read is missed there, by its path's
 field; one that vanishes later, by image or mask."""
 
 ENTRY_FAULTS: dict[str, tuple[str, Callable[[Entry, Path], None]]] = {
     "too few keypoints": ("keypoint_2d", _entry(keypoint_2d=lambda rows: rows[:5])),
-    "keypoints of two numbers": ("keypoint_2d", _entry(keypoint_2d=lambda rows: [row[:2] for row in rows])),
-    "visibility of 7": ("keypoint_2d", _entry(keypoint_2d=lambda rows: [[x, y, 7] for x, y, _ in rows])),
-    "keypoints far away": ("keypoints_2d", _entry(keypoint_2d=lambda rows: [[1e6, 1e6, 1] for _ in rows])),
+    "keypoints of two numbers": (
+        "keypoint_2d",
+        _entry(keypoint_2d=lambda rows: [row[:2] for row in rows]),
+    ),
+    "visibility of 7": (
+        "keypoint_2d",
+        _entry(keypoint_2d=lambda rows: [[x, y, 7] for x, y, _ in rows]),
+    ),
+    "keypoints far away": (
+        "keypoints_2d",
+        _entry(keypoint_2d=lambda rows: [[1e6, 1e6, 1] for _ in rows]),
+    ),
     "keypoints in words": ("keypoint_2d", _entry(keypoint_2d="none")),
     "pose of 7 numbers": ("pose, trans", _entry(pose=lambda pose: pose[:7])),
     "translation of words": ("trans[0]", _entry(trans=["a", "b", "c"])),
@@ -74,7 +91,10 @@ ENTRY_FAULTS: dict[str, tuple[str, Callable[[Entry, Path], None]]] = {
 
 
 def plant(root: Path, file: str, number: int, fault: str) -> tuple[str, str]:
-    """Plant a fault into one entry of a json; gives the entry's image and the field that must be named."""
+    """Plant a fault into one entry of a json.
+
+    Gives the entry's image and the field that must be named.
+    """
     field, how = {**FILE_FAULTS, **ENTRY_FAULTS}[fault]
     content = json.loads((root / file).read_text())
     entry = content["data"][number]
@@ -94,6 +114,10 @@ def plant_many(root: Path, faults: list[str], rng: np.random.Generator) -> list[
         {**FILE_FAULTS, **ENTRY_FAULTS}[fault][1](first[image], root)
     (root / "train.json").write_text(json.dumps(content))
     return [
-        str(first[image]["img_path"] or "entry") if fault.startswith(("absolute", "path")) else image
+        (
+            str(first[image]["img_path"] or "entry")
+            if fault.startswith(("absolute", "path"))
+            else image
+        )
         for image, fault in zip(chosen, faults, strict=True)
     ]

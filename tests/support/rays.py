@@ -6,15 +6,20 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def face_hit_by_rays(center: Array, rotation: Array, size: Array, directions: Array) -> NDArray[np.int64]:
-    """The face (order front back left right top bottom) that each ray from the origin enters the box by, -1 for none."""
+def face_hit_by_rays(
+    center: Array, rotation: Array, size: Array, directions: Array
+) -> NDArray[np.int64]:
+    """The face (order front back left right top bottom) that each ray from the origin enters the
+    box by, -1 for none."""
     origin, d = -rotation.T @ center, directions @ rotation
     with np.errstate(divide="ignore", invalid="ignore"):
         to_low, to_high = (-size / 2 - origin) / d, (size / 2 - origin) / d
     enter, leave = np.minimum(to_low, to_high), np.maximum(to_low, to_high)
     hit = (enter.max(1) < leave.min(1)) & (enter.max(1) > 0)
     axis = enter.argmax(1)
-    side = np.take_along_axis(d, axis[:, None], 1)[:, 0] > 0  # going up an axis, a ray enters by its low face
+    side = (
+        np.take_along_axis(d, axis[:, None], 1)[:, 0] > 0
+    )  # going up an axis, a ray enters by its low face
     return np.where(hit, 2 * axis + side, -1)
 
 
@@ -32,7 +37,9 @@ def faces_entered(center: Array, rotation: Array, size: Array) -> list[int]:
     return sorted({int(face) for face in entered if face >= 0})
 
 
-def nearest_triangles(vertices: Array, faces: NDArray[np.int64], directions: Array) -> tuple[NDArray[np.int64], Array]:
+def nearest_triangles(
+    vertices: Array, faces: NDArray[np.int64], directions: Array
+) -> tuple[NDArray[np.int64], Array]:
     """What each ray (N, 3) from the origin meets first.
 
     Returns:
@@ -40,13 +47,18 @@ def nearest_triangles(vertices: Array, faces: NDArray[np.int64], directions: Arr
 
     """
     a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    volume, edges = (np.cross(a, b) * c).sum(1), [np.cross(p, q) for p, q in ((a, b), (b, c), (c, a))]
+    volume, edges = (
+        (np.cross(a, b) * c).sum(1),
+        [np.cross(p, q) for p, q in ((a, b), (b, c), (c, a))],
+    )
     first, away = np.full(len(directions), -1), np.full(len(directions), np.inf)
     for i, d in enumerate(directions):
         sides = [normals @ d for normals in edges]
         with np.errstate(divide="ignore", invalid="ignore"):
             t = volume / (sides[0] + sides[1] + sides[2])
-        same = ((sides[0] >= 0) & (sides[1] >= 0) & (sides[2] >= 0)) | ((sides[0] <= 0) & (sides[1] <= 0) & (sides[2] <= 0))
+        same = ((sides[0] >= 0) & (sides[1] >= 0) & (sides[2] >= 0)) | (
+            (sides[0] <= 0) & (sides[1] <= 0) & (sides[2] <= 0)
+        )
         hit = same & (t > 0)
         if hit.any():
             first[i] = np.flatnonzero(hit)[t[hit].argmin()]

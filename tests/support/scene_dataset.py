@@ -44,5 +44,7 @@ class Scenes(Dataset[tuple[Tensor, dict[str, Any]]]):
     def __getitem__(self, index: int) -> tuple[Tensor, dict[str, Any]]:
         torch.set_num_threads(1)
         cv2.setNumThreads(1)
-        image = torch.randint(0, 256, (3, 120, 160), dtype=torch.uint8, generator=torch.Generator().manual_seed(index))
+        image = torch.randint(
+            0, 256, (3, 120, 160), dtype=torch.uint8, generator=torch.Generator().manual_seed(index)
+        )
         return self.augment(image, scene(index % 3, seed=index), key=(self.epoch, index))

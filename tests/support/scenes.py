@@ -1,4 +1,7 @@
-"""Targets of made-up scenes: boxes under a camera, with every field that the transforms know; no animals."""
+"""Targets of made-up scenes: boxes under a camera, with every field that the transforms know.
+
+No animals.
+"""
 
 from typing import Any
 
@@ -16,14 +19,31 @@ F64 = torch.float64
 KEYPOINT_MIRROR = torch.tensor([1, 0, 2, 4, 3])
 
 
-def target_of(box: Cuboid, K: Tensor, image_hw: tuple[int, int], dtype: torch.dtype = F64, distortion: Tensor | None = None) -> dict[str, Any]:
-    """Every field of a target, made from boxes (N,) in the camera frame; its keypoints lie in the boxes."""
+def target_of(
+    box: Cuboid,
+    K: Tensor,
+    image_hw: tuple[int, int],
+    dtype: torch.dtype = F64,
+    distortion: Tensor | None = None,
+) -> dict[str, Any]:
+    """Every field of a target, made from boxes (N,) in the camera frame.
+
+    Its keypoints lie in the boxes.
+    """
     count = box.center.shape[0]
     seen = face_visibility(box, K, image_hw)
     corners_2d, _ = project(K, box.corners(), distortion)
-    inner = torch.tensor([[0.3, 0.3, 0.1], [0.3, -0.3, 0.1], [0.45, 0, 0.4], [-0.3, 0.2, -0.4], [-0.3, -0.2, -0.4]], dtype=F64)
+    inner = torch.tensor(
+        [[0.3, 0.3, 0.1], [0.3, -0.3, 0.1], [0.45, 0, 0.4], [-0.3, 0.2, -0.4], [-0.3, -0.2, -0.4]],
+        dtype=F64,
+    )
     world = (
-        torch.stack([rotation_from_axis_angle(torch.tensor([0.3, 0.2 * n, -0.5], dtype=F64)) for n in range(count)])
+        torch.stack(
+            [
+                rotation_from_axis_angle(torch.tensor([0.3, 0.2 * n, -0.5], dtype=F64))
+                for n in range(count)
+            ]
+        )
         if count
         else torch.zeros(0, 3, 3, dtype=F64)
     )
@@ -42,10 +62,15 @@ def target_of(box: Cuboid, K: Tensor, image_hw: tuple[int, int], dtype: torch.dt
     }  # fmt: skip
     if distortion is not None:
         target["distortion"] = distortion
-    return {k: v.to(dtype) if isinstance(v, Tensor) and v.is_floating_point() else v for k, v in target.items()}
+    return {
+        k: v.to(dtype) if isinstance(v, Tensor) and v.is_floating_point() else v
+        for k, v in target.items()
+    }
 
 
-def scene(count: int = 2, image_hw: tuple[int, int] = (120, 160), seed: int = 0, dtype: torch.dtype = F64) -> dict[str, Any]:
+def scene(
+    count: int = 2, image_hw: tuple[int, int] = (120, 160), seed: int = 0, dtype: torch.dtype = F64
+) -> dict[str, Any]:
     """One scene with boxes well in front of the camera, off-centre principal point, fx != fy."""
     rng = torch.Generator().manual_seed(seed)
     center = torch.rand(count, 3, generator=rng, dtype=F64) * 2 - 1
@@ -60,7 +85,8 @@ def scene(count: int = 2, image_hw: tuple[int, int] = (120, 160), seed: int = 0,
 
 @st.composite
 def scenes(draw: st.DrawFn, anywhere: bool = False) -> tuple[dict[str, Any], tuple[int, int]]:
-    """A target with up to three boxes in front of the camera, or (anywhere) before, behind and around it, and its image's size."""
+    """A target with up to three boxes in front of the camera, or (anywhere) before, behind and
+    around it, and its image's size."""
     image_hw = (draw(st.integers(40, 600)), draw(st.integers(40, 600)))
     count = draw(st.integers(0, 3))
     size = draw(vector(0.1, 2, 3 * count)).reshape(count, 3)
@@ -74,18 +100,36 @@ def scenes(draw: st.DrawFn, anywhere: bool = False) -> tuple[dict[str, Any], tup
     return target_of(Cuboid(center, rotation, size), K, image_hw), image_hw
 
 
-def training_target(count: int, image_hw: tuple[int, int], seed: int, *, masks: bool = False, dtype: torch.dtype = torch.float32) -> dict[str, Any]:
-    """A scene as a Dataset gives it: float32, boxes clipped to the frame, keypoints outside it not marked, masks inside the boxes."""
+def training_target(
+    count: int,
+    image_hw: tuple[int, int],
+    seed: int,
+    *,
+    masks: bool = False,
+    dtype: torch.dtype = torch.float32,
+) -> dict[str, Any]:
+    """A scene as a Dataset gives it.
+
+    Float32, boxes clipped to the frame, keypoints outside it not marked, masks inside the boxes.
+    """
     target = scene(count, image_hw, seed)
     height, width = image_hw
     x, y, v = target["keypoints"].unbind(-1)
     inside = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
     target["keypoints"] = torch.stack((x, y, v * inside), dim=-1)
-    low, high = torch.tensor([-0.5] * 4, dtype=F64), torch.tensor([width - 0.5, height - 0.5] * 2, dtype=F64)
+    low, high = (
+        torch.tensor([-0.5] * 4, dtype=F64),
+        torch.tensor([width - 0.5, height - 0.5] * 2, dtype=F64),
+    )
     target["boxes"] = target["boxes"].clamp(low, high)
     target["image_id"] = f"scene{seed}.jpg"
     if masks:
         rows, columns = torch.arange(height)[:, None], torch.arange(width)[None]
         x1, y1, x2, y2 = (edge[:, None, None] for edge in target["boxes"].unbind(-1))
-        target["masks"] = ((columns >= x1) & (columns <= x2) & (rows >= y1) & (rows <= y2)).to(torch.uint8)
-    return {k: t.to(dtype) if isinstance(t, Tensor) and t.is_floating_point() else t for k, t in target.items()}
+        target["masks"] = ((columns >= x1) & (columns <= x2) & (rows >= y1) & (rows <= y2)).to(
+            torch.uint8
+        )
+    return {
+        k: t.to(dtype) if isinstance(t, Tensor) and t.is_floating_point() else t
+        for k, t in target.items()
+    }

@@ -1,4 +1,5 @@
-"""Honest SMAL pickles, written as Python 2 wrote them (protocols 0 to 2) and as Python 3 does, by a small assembler of opcodes."""
+"""Honest SMAL pickles, written as Python 2 wrote them (protocols 0 to 2) and as Python 3 does, by a
+small assembler of opcodes."""
 
 import io
 import pickle
@@ -76,7 +77,9 @@ class Python2Pickler:
         if self.protocol == 0:
             self.out.write(b"p%d\n" % index)
         else:
-            self.out.write(b"q" + bytes([index]) if index < 256 else b"r" + struct.pack("<I", index))
+            self.out.write(
+                b"q" + bytes([index]) if index < 256 else b"r" + struct.pack("<I", index)
+            )
 
     def save(self, value: object) -> None:
         if isinstance(value, Made | Name | Chumpy | np.ndarray | np.generic | csc_matrix):
@@ -84,11 +87,15 @@ class Python2Pickler:
         elif value is None or isinstance(value, Raw):
             self.out.write(b"N" if value is None else value.opcodes)
         elif isinstance(value, bool):
-            self.out.write((b"\x88" if value else b"\x89") if self.protocol == 2 else b"I0%d\n" % value)
+            self.out.write(
+                (b"\x88" if value else b"\x89") if self.protocol == 2 else b"I0%d\n" % value
+            )
         elif isinstance(value, int):
             self.save_int(value)
         elif isinstance(value, float):
-            self.out.write(b"F%r\n" % value if self.protocol == 0 else b"G" + struct.pack(">d", value))
+            self.out.write(
+                b"F%r\n" % value if self.protocol == 0 else b"G" + struct.pack(">d", value)
+            )
         elif isinstance(value, str | bytes | Unicode):
             self.save_string(value)
         elif isinstance(value, tuple | list | dict):
@@ -115,16 +122,29 @@ class Python2Pickler:
     def save_string(self, value: str | bytes | Unicode) -> None:
         if isinstance(value, Unicode):
             raw = value.text.encode("raw-unicode-escape" if self.protocol == 0 else "utf-8")
-            self.out.write(b"V" + raw + b"\n" if self.protocol == 0 else b"X" + struct.pack("<I", len(raw)) + raw)
+            self.out.write(
+                b"V" + raw + b"\n"
+                if self.protocol == 0
+                else b"X" + struct.pack("<I", len(raw)) + raw
+            )
         else:
             raw = value.encode("latin1") if isinstance(value, str) else value
             if self.protocol == 0:
                 self.out.write(b"S" + python2_repr(raw) + b"\n")
             else:
-                self.out.write((b"U" + bytes([len(raw)]) if len(raw) < 256 else b"T" + struct.pack("<i", len(raw))) + raw)
+                self.out.write(
+                    (
+                        b"U" + bytes([len(raw)])
+                        if len(raw) < 256
+                        else b"T" + struct.pack("<i", len(raw))
+                    )
+                    + raw
+                )
         self.put()
 
-    def save_container(self, value: tuple[object, ...] | list[object] | dict[object, object]) -> None:
+    def save_container(
+        self, value: tuple[object, ...] | list[object] | dict[object, object]
+    ) -> None:
         if isinstance(value, tuple):
             if self.protocol and not value:
                 self.out.write(b")")
@@ -139,7 +159,9 @@ class Python2Pickler:
         empty = {0: {list: b"(l", dict: b"(d"}}.get(self.protocol, {list: b"]", dict: b"}"})
         self.out.write(empty[type(value)])
         self.put()
-        pairs: list[tuple[object, ...]] = list(value.items()) if isinstance(value, dict) else [(member,) for member in value]
+        pairs: list[tuple[object, ...]] = (
+            list(value.items()) if isinstance(value, dict) else [(member,) for member in value]
+        )
         one, many = (b"s", b"u") if isinstance(value, dict) else (b"a", b"e")
         for begin in range(0, len(pairs), 1 if self.protocol == 0 else 1000):
             batch = pairs[begin : begin + (1 if self.protocol == 0 else 1000)]
@@ -166,7 +188,9 @@ class Python2Pickler:
 
 def python2_repr(raw: bytes) -> bytes:
     """Python 2's repr of a byte string."""
-    text = repr(raw)[1:]  # Python 3 escapes the same bytes in the same way, and chooses the same quotes
+    text = repr(raw)[
+        1:
+    ]  # Python 3 escapes the same bytes in the same way, and chooses the same quotes
     return text.encode("ascii")
 
 
@@ -174,27 +198,53 @@ def python2_record(value: object, protocol: int) -> Made:
     """How Python 2 reduces NumPy's, SciPy's and chumpy's objects."""
     if isinstance(value, np.ndarray):
         fortran = bool(value.flags.f_contiguous and not value.flags.c_contiguous)
-        state = (1, tuple(value.shape), python2_dtype(value.dtype), fortran, value.tobytes("F" if fortran else "C"))
-        return Made(Name("numpy.core.multiarray", "_reconstruct"), (Name("numpy", "ndarray"), (0,), "b"), state)
+        state = (
+            1,
+            tuple(value.shape),
+            python2_dtype(value.dtype),
+            fortran,
+            value.tobytes("F" if fortran else "C"),
+        )
+        return Made(
+            Name("numpy.core.multiarray", "_reconstruct"),
+            (Name("numpy", "ndarray"), (0,), "b"),
+            state,
+        )
     if isinstance(value, np.generic):
-        return Made(Name("numpy.core.multiarray", "scalar"), (python2_dtype(value.dtype), value.tobytes()))
+        return Made(
+            Name("numpy.core.multiarray", "scalar"), (python2_dtype(value.dtype), value.tobytes())
+        )
     if isinstance(value, Chumpy):
         dirty = Made(Name("__builtin__", "set"), ([],))
-        return python2_instance(Name("chumpy.ch", "Ch"), {"x": value.x, "_dirty_vars": dirty, "_itr": None}, protocol)
+        return python2_instance(
+            Name("chumpy.ch", "Ch"), {"x": value.x, "_dirty_vars": dirty, "_itr": None}, protocol
+        )
     assert isinstance(value, csc_matrix)
-    content = {"_shape": tuple(int(n) for n in value.shape), "maxprint": 50, "indptr": value.indptr, "indices": value.indices, "data": value.data}
+    content = {
+        "_shape": tuple(int(n) for n in value.shape),
+        "maxprint": 50,
+        "indptr": value.indptr,
+        "indices": value.indices,
+        "data": value.data,
+    }
     return python2_instance(Name("scipy.sparse.csc", "csc_matrix"), content, protocol)
 
 
 def python2_instance(kind: Name, state: Mapping[str, object], protocol: int) -> Made:
     if protocol == 2:
         return Made(kind, (), dict(state))
-    return Made(Name("copy_reg", "_reconstructor"), (kind, Name("__builtin__", "object"), None), dict(state))
+    return Made(
+        Name("copy_reg", "_reconstructor"), (kind, Name("__builtin__", "object"), None), dict(state)
+    )
 
 
 def python2_dtype(dtype: np.dtype[np.generic]) -> Made:
     order = "|" if dtype.itemsize == 1 else {"=": "<"}.get(dtype.byteorder, dtype.byteorder)
-    return Made(Name("numpy", "dtype"), (f"{dtype.kind}{dtype.itemsize}", 0, 1), (3, order, None, None, None, -1, -1, 0))
+    return Made(
+        Name("numpy", "dtype"),
+        (f"{dtype.kind}{dtype.itemsize}", 0, 1),
+        (3, order, None, None, None, -1, -1, 0),
+    )
 
 
 def python2_pickle(value: object, protocol: int) -> bytes:
@@ -210,20 +260,31 @@ class _Ch:
 
 
 def python3_pickle(content: Mapping[str, object], protocol: int) -> bytes:
-    """A pickle by Python's own module, in any protocol, with the real NumPy and SciPy and a stand-in for chumpy."""
+    """A pickle by Python's own module, in any protocol, with the real NumPy and SciPy and a
+    stand-in for chumpy."""
     module = types.ModuleType("chumpy.ch")
     _Ch.__module__, _Ch.__qualname__, _Ch.__name__ = "chumpy.ch", "Ch", "Ch"
     module.Ch = _Ch  # type: ignore[attr-defined]
     sys.modules.update({"chumpy": types.ModuleType("chumpy"), "chumpy.ch": module})
     try:
-        return pickle.dumps({key: _Ch(value.x) if isinstance(value, Chumpy) else value for key, value in content.items()}, protocol)
+        return pickle.dumps(
+            {
+                key: _Ch(value.x) if isinstance(value, Chumpy) else value
+                for key, value in content.items()
+            },
+            protocol,
+        )
     finally:
         del sys.modules["chumpy.ch"], sys.modules["chumpy"]
 
 
 def written(content: Mapping[str, object], protocol: int) -> bytes:
     """As Python 2 wrote it up to protocol 2, as Python 3 does from 3 on."""
-    return python2_pickle(dict(content), protocol) if protocol <= 2 else python3_pickle(content, protocol)
+    return (
+        python2_pickle(dict(content), protocol)
+        if protocol <= 2
+        else python3_pickle(content, protocol)
+    )
 
 
 def smal_content(model: SmalModel, chumpy: bool = True) -> Arrays:
@@ -244,7 +305,14 @@ def smal_content(model: SmalModel, chumpy: bool = True) -> Arrays:
     }
 
 
-def random_content(vertices: int = 12, faces: int = 20, joints: int = 35, betas: int = 41, seed: int = 0, chumpy: bool = True) -> Arrays:
+def random_content(
+    vertices: int = 12,
+    faces: int = 20,
+    joints: int = 35,
+    betas: int = 41,
+    seed: int = 0,
+    chumpy: bool = True,
+) -> Arrays:
     """Random numbers in SMAL's shapes; with SMAL's vertex count, left landmarks lie on the left."""
     rng = np.random.default_rng(seed)
     wrap = Chumpy if chumpy else lambda x: x
@@ -278,5 +346,7 @@ def random_weights(rng: np.random.Generator, vertices: int, joints: int) -> NDAr
 
 
 def random_regressor(rng: np.random.Generator, joints: int, vertices: int) -> csc_matrix:
-    dense = np.where(rng.uniform(size=(joints, vertices)) < 0.3, rng.uniform(0.1, 1.0, (joints, vertices)), 0.0)
+    dense = np.where(
+        rng.uniform(size=(joints, vertices)) < 0.3, rng.uniform(0.1, 1.0, (joints, vertices)), 0.0
+    )
     return csc_matrix(dense)

@@ -14,7 +14,9 @@ from animal3dbox.datasets.synthetic.world.config import WorldConfig
 HW = (120, 160)
 
 
-def write_small_animals(folder: Path, images: int = 8, seed: int = 3, hw: tuple[int, int] = HW) -> Path:
+def write_small_animals(
+    folder: Path, images: int = 8, seed: int = 3, hw: tuple[int, int] = HW
+) -> Path:
     """An Animal3D folder of small pictures, its model beside it."""
     world = replace(animal3d_world(WorldConfig()), image_hw=hw)
     write_animal3d(SyntheticSet(seed, images, world), folder, model_of(folder))

@@ -10,7 +10,9 @@ from animal3dbox.geometry.rigid import rotation_from_axis_angle
 
 
 def vector(low: float, high: float, n: int = 3) -> st.SearchStrategy[Tensor]:
-    return st.lists(st.floats(low, high, allow_subnormal=False), min_size=n, max_size=n).map(lambda v: torch.tensor(v, dtype=torch.float64))
+    return st.lists(st.floats(low, high, allow_subnormal=False), min_size=n, max_size=n).map(
+        lambda v: torch.tensor(v, dtype=torch.float64)
+    )
 
 
 def rotations() -> st.SearchStrategy[Tensor]:

@@ -1,4 +1,7 @@
-"""Sanity checks of targets: what is right raises nothing, and each check catches the fault that was planted for it."""
+"""Sanity checks of targets.
+
+What is right raises nothing, and each check catches the fault that was planted for it.
+"""
 
 import pickle
 from collections.abc import Callable
@@ -19,7 +22,12 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES
 from animal3dbox.training.checks import check_targets
 from animal3dbox.training.findings import CHECKS, EXAMPLES, WARNINGS, TargetReport
-from animal3dbox.transforms import Compose, RandomHorizontalFlip, RandomResizedCrop, RandomVirtualCamera
+from animal3dbox.transforms import (
+    Compose,
+    RandomHorizontalFlip,
+    RandomResizedCrop,
+    RandomVirtualCamera,
+)
 
 HW = (240, 320)
 Batch = list[dict[str, Any]]
@@ -45,22 +53,36 @@ def test_good_targets_raise_nothing(animals: int, masks: bool) -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(scenes())
-def test_random_scenes_in_float32_raise_nothing(made: tuple[dict[str, Any], tuple[int, int]]) -> None:
+def test_random_scenes_in_float32_raise_nothing(
+    made: tuple[dict[str, Any], tuple[int, int]],
+) -> None:
     target, image_hw = made
-    target = {k: v.float() if isinstance(v, Tensor) and v.is_floating_point() else v for k, v in target.items() if k not in ("boxes", "keypoints")}
+    target = {
+        k: v.float() if isinstance(v, Tensor) and v.is_floating_point() else v
+        for k, v in target.items()
+        if k not in ("boxes", "keypoints")
+    }
     check_targets([target], [torch.zeros(3, *image_hw)])
 
 
 @settings(max_examples=150, deadline=None)
 @given(scenes(anywhere=True))
-def test_random_scenes_round_the_camera_raise_nothing(made: tuple[dict[str, Any], tuple[int, int]]) -> None:
+def test_random_scenes_round_the_camera_raise_nothing(
+    made: tuple[dict[str, Any], tuple[int, int]],
+) -> None:
     target, image_hw = made
-    target = {k: v.float() if isinstance(v, Tensor) and v.is_floating_point() else v for k, v in target.items() if k not in ("boxes", "keypoints")}
+    target = {
+        k: v.float() if isinstance(v, Tensor) and v.is_floating_point() else v
+        for k, v in target.items()
+        if k not in ("boxes", "keypoints")
+    }
     check_targets([target], [torch.zeros(3, *image_hw)])
 
 
 def test_what_a_dataset_gives_raises_nothing_nor_when_augmented() -> None:
-    augment = Compose([RandomHorizontalFlip(), RandomVirtualCamera(5, 5, 10), RandomResizedCrop(128)], seed=4)
+    augment = Compose(
+        [RandomHorizontalFlip(), RandomVirtualCamera(5, 5, 10), RandomResizedCrop(128)], seed=4
+    )
     world = SyntheticSet(4, 6, replace(WorldConfig(), image_hw=HW))
     for transform in (None, augment):
         dataset = SyntheticDataset(world, transform=transform)
@@ -71,8 +93,18 @@ def test_what_a_dataset_gives_raises_nothing_nor_when_augmented() -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_transformed_targets_raise_nothing(seed: int) -> None:
-    augment = Compose([RandomHorizontalFlip(), RandomVirtualCamera(3, 3, 8), RandomResizedCrop((200, 260), scale=(0.6, 1.0))], seed=seed)
-    pairs = [augment(torch.zeros(3, *HW, dtype=torch.uint8), target, key=(0, n)) for n, target in enumerate(good_batch(size=6, seed=10 * seed))]
+    augment = Compose(
+        [
+            RandomHorizontalFlip(),
+            RandomVirtualCamera(3, 3, 8),
+            RandomResizedCrop((200, 260), scale=(0.6, 1.0)),
+        ],
+        seed=seed,
+    )
+    pairs = [
+        augment(torch.zeros(3, *HW, dtype=torch.uint8), target, key=(0, n))
+        for n, target in enumerate(good_batch(size=6, seed=10 * seed))
+    ]
     report = check_targets(([image for image, _ in pairs], [target for _, target in pairs]))
     assert report.faults == 0
     assert any(target["mirrored"] for _, target in pairs)
@@ -98,11 +130,16 @@ def at(index: Any, value: Any) -> Callable[[Tensor], Tensor]:
 
 
 def flipped_by_another_library(batch: Batch) -> None:
-    """A flip as a library of 2D and 3D points makes it: all coordinates are mirrored, no name is changed."""
+    """A flip as a library of 2D and 3D points makes it.
+
+    All coordinates are mirrored, no name is changed.
+    """
     target, mirror = batch[2], torch.tensor([-1.0, 1, 1])
     target["K"] = target["K"].clone()
     target["K"][0, 2] = HW[1] - 1 - target["K"][0, 2]
-    target["corners_2d"] = torch.stack((HW[1] - 1 - target["corners_2d"][..., 0], target["corners_2d"][..., 1]), dim=-1)
+    target["corners_2d"] = torch.stack(
+        (HW[1] - 1 - target["corners_2d"][..., 0], target["corners_2d"][..., 1]), dim=-1
+    )
     for name in ("corners_3d", "center"):
         target[name] = target[name] * mirror
     target["rotation"] = torch.diag(mirror) @ target["rotation"]
@@ -114,7 +151,11 @@ FAULTS: dict[str, tuple[Callable[[Batch], None], str, str]] = {
     "flags as floats": (put("corner_in_front", lambda v: v.float()), "dtype", "corner_in_front"),
     "a list": (put("boxes", lambda v: v.tolist()), "dtype", "boxes"),
     "one box without its dimension": (put("size", lambda v: v[0]), "shape", "size"),
-    "boxes of five numbers": (put("boxes", lambda v: torch.cat((v, v[:, :1]), 1)), "shape", "boxes"),
+    "boxes of five numbers": (
+        put("boxes", lambda v: torch.cat((v, v[:, :1]), 1)),
+        "shape",
+        "boxes",
+    ),
     "labels of three animals": (put("labels", lambda v: torch.cat((v, v[:1]))), "count", "labels"),
     "NaN": (put("center", at((1, 0), float("nan"))), "finite", "center"),
     "infinite keypoint": (put("keypoints", at((1, 0, 0), float("inf"))), "finite", "keypoints"),
@@ -122,35 +163,86 @@ FAULTS: dict[str, tuple[Callable[[Batch], None], str, str]] = {
     "K transposed": (put("K", lambda v: v.T.contiguous()), "K", "K"),
     "negative focal": (put("K", at((1, 1), -300.0)), "K", "K"),
     "K not scaled": (put("K", at((2, 2), 2.0)), "K", "K"),
-    "K of another size": (put("K", lambda v: torch.diag(torch.tensor([0.5, 0.5, 1.0])) @ v), "projection", "corners_2d"),
+    "K of another size": (
+        put("K", lambda v: torch.diag(torch.tensor([0.5, 0.5, 1.0])) @ v),
+        "projection",
+        "corners_2d",
+    ),
     "rotation sheared": (put("rotation", at((1, 0, 0), 1.5)), "orthogonal", "rotation"),
     "R a reflection": (put("R", lambda v: v * torch.tensor([-1.0, 1, 1])), "handedness", "R"),
-    "rotation mirrored": (put("rotation", lambda v: v * torch.tensor([1.0, -1, 1])), "handedness", "rotation"),
+    "rotation mirrored": (
+        put("rotation", lambda v: v * torch.tensor([1.0, -1, 1])),
+        "handedness",
+        "rotation",
+    ),
     "size zero": (put("size", at((1, 2), 0.0)), "size", "size"),
-    "corners in mirrored order": (put("corners_3d", lambda v: v[:, list(MIRRORED_CORNERS)]), "corner_order", "corners_3d"),
-    "corners in Cartesian order": (put("corners_3d", lambda v: v[:, [0, 4, 3, 7, 1, 5, 2, 6]]), "corner_order", "corners_3d"),
+    "corners in mirrored order": (
+        put("corners_3d", lambda v: v[:, list(MIRRORED_CORNERS)]),
+        "corner_order",
+        "corners_3d",
+    ),
+    "corners in Cartesian order": (
+        put("corners_3d", lambda v: v[:, [0, 4, 3, 7, 1, 5, 2, 6]]),
+        "corner_order",
+        "corners_3d",
+    ),
     "corners of another frame": (put("corners_3d", lambda v: v + 0.01), "corners_3d", "corners_3d"),
     "size halved": (put("size", lambda v: v / 2), "corners_3d", "corners_3d"),
     "2D moved by 0.1 px": (put("corners_2d", lambda v: v + 0.1), "projection", "corners_2d"),
-    "in front flag": (put("corner_in_front", at((1, 3), False)), "corner_in_front", "corner_in_front"),
+    "in front flag": (
+        put("corner_in_front", at((1, 3), False)),
+        "corner_in_front",
+        "corner_in_front",
+    ),
     "behind flag": (put("behind_camera", at(1, True)), "behind_camera", "behind_camera"),
-    "both opposite faces": (put("face_visible", lambda v: v | v[:, [1, 0, 3, 2, 5, 4]]), "opposite_faces", "face_visible"),
-    "left and right of faces swapped": (put("face_visible", lambda v: v[:, list(MIRRORED_FACES)]), "face_visible", "face_visible"),
+    "both opposite faces": (
+        put("face_visible", lambda v: v | v[:, [1, 0, 3, 2, 5, 4]]),
+        "opposite_faces",
+        "face_visible",
+    ),
+    "left and right of faces swapped": (
+        put("face_visible", lambda v: v[:, list(MIRRORED_FACES)]),
+        "face_visible",
+        "face_visible",
+    ),
     "areas halved": (put("face_area", lambda v: v / 2), "face_area", "face_area"),
     "area of a hidden face": (put("face_area", lambda v: v + 50.0), "hidden_area", "face_area"),
-    "shares of another box": (put("face_share", lambda v: v.flip(0)), "share_of_area", "face_share"),
+    "shares of another box": (
+        put("face_share", lambda v: v.flip(0)),
+        "share_of_area",
+        "face_share",
+    ),
     "shares not normalised": (put("face_share", lambda v: v * 0.9), "shares", "face_share"),
     "negative share": (put("surface_share", at((1, 0), -0.2)), "shares", "surface_share"),
-    "in-image shares of another box": (put("face_share_in_image", lambda v: v.flip(1)), "shares", "face_share_in_image"),
+    "in-image shares of another box": (
+        put("face_share_in_image", lambda v: v.flip(1)),
+        "shares",
+        "face_share_in_image",
+    ),
     "box turned round": (put("boxes", lambda v: v[:, [2, 1, 0, 3]]), "boxes", "boxes"),
     "box outside": (put("boxes", lambda v: v + 300.0), "boxes_in_frame", "boxes"),
-    "box of another animal": (put("boxes", lambda v: torch.tensor([[0.0, 0, 3, 3]] * 2)), "boxes_on_cuboid", "boxes"),
+    "box of another animal": (
+        put("boxes", lambda v: torch.tensor([[0.0, 0, 3, 3]] * 2)),
+        "boxes_on_cuboid",
+        "boxes",
+    ),
     "truncation out of range": (put("truncation", at(1, -0.25)), "truncation", "truncation"),
-    "truncation not of this crop": (put("truncation", lambda v: (v + 0.3).clamp(0, 1)), "truncation", "truncation"),
+    "truncation not of this crop": (
+        put("truncation", lambda v: (v + 0.3).clamp(0, 1)),
+        "truncation",
+        "truncation",
+    ),
     "label -1": (put("labels", at(1, -1)), "labels", "labels"),
-    "keypoints marked outside": (put("keypoints", at((1, 0), torch.tensor([900.0, 5, 1]))), "keypoints", "keypoints"),
+    "keypoints marked outside": (
+        put("keypoints", at((1, 0), torch.tensor([900.0, 5, 1]))),
+        "keypoints",
+        "keypoints",
+    ),
     "keypoints of another place": (
-        put("keypoints", lambda v: v.repeat(1, 2, 1) * torch.tensor([0.0, 0, 1]) + torch.tensor([1.0, 1, 0])),
+        put(
+            "keypoints",
+            lambda v: v.repeat(1, 2, 1) * torch.tensor([0.0, 0, 1]) + torch.tensor([1.0, 1, 0]),
+        ),
         "keypoints_on_animal",
         "keypoints",
     ),
@@ -167,12 +259,23 @@ def test_each_check_catches_its_planted_fault(fault: str) -> None:
     plant, check, field = FAULTS[fault]
     batch = good_batch(seed=3)
     plant(batch)
-    reports = [check_targets(batch, images_of(batch), on_fault="count", step=step) for step in range(16)]  # masks are looked at in turns
+    reports = [
+        check_targets(batch, images_of(batch), on_fault="count", step=step) for step in range(16)
+    ]  # masks are looked at in turns
     report = sum(reports, TargetReport())
     assert report.counts[check] > 0, str(report)
-    assert any(name == check and error.field == field for name, error in report.examples), str(report)
-    assert all(error.sample_id is not None and error.sample_id.startswith("scene5.jpg") for _, error in report.examples), str(report)
-    step = next(step for step in range(16) if check_targets(batch, images_of(batch), on_fault="count", step=step).faults)
+    assert any(name == check and error.field == field for name, error in report.examples), str(
+        report
+    )
+    assert all(
+        error.sample_id is not None and error.sample_id.startswith("scene5.jpg")
+        for _, error in report.examples
+    ), str(report)
+    step = next(
+        step
+        for step in range(16)
+        if check_targets(batch, images_of(batch), on_fault="count", step=step).faults
+    )
     with pytest.raises(SampleError, match=r"^scene5\.jpg"):
         check_targets(batch, images_of(batch), step=step)
 
@@ -181,7 +284,11 @@ def test_every_check_has_a_planted_fault_and_its_line_in_the_documents() -> None
     elsewhere = {"batch", "mirrored", "H_out_in", "share_in_image"}  # below
     assert {check for _, check, _ in FAULTS.values()} | elsewhere == set(CHECKS)
     page = (Path(__file__).parents[2] / "docs" / "checks.md").read_text()
-    assert [name for name, meaning in {**CHECKS, **WARNINGS}.items() if f"| `{name}` | {meaning} |" not in page] == []
+    assert [
+        name
+        for name, meaning in {**CHECKS, **WARNINGS}.items()
+        if f"| `{name}` | {meaning} |" not in page
+    ] == []
 
 
 def test_a_stale_crop_is_caught_by_what_the_frame_cuts() -> None:
@@ -195,7 +302,10 @@ def test_a_stale_crop_is_caught_by_what_the_frame_cuts() -> None:
 def test_an_error_names_image_animal_field_and_remedy() -> None:
     batch = good_batch()
     batch[1]["face_visible"] = batch[1]["face_visible"][:, list(MIRRORED_FACES)]
-    with pytest.raises(SampleError, match=r"^scene1\.jpg#\d: face_visible: is wrong for left, right.*exchange left and right"):
+    with pytest.raises(
+        SampleError,
+        match=r"^scene1\.jpg#\d: face_visible: is wrong for left, right.*exchange left and right",
+    ):
         check_targets(batch)
 
 
@@ -218,7 +328,12 @@ def test_a_principal_point_outside_the_image_is_a_warning_only() -> None:
 
 
 def test_an_animal_that_left_the_picture_is_a_warning_only() -> None:
-    batch = [{"boxes": torch.tensor([[-0.5, 10, -0.5, 20], [30, 239.5, 60, 239.5], [5, 5, 9, 9]]), "image_id": "a"}]
+    batch = [
+        {
+            "boxes": torch.tensor([[-0.5, 10, -0.5, 20], [30, 239.5, 60, 239.5], [5, 5, 9, 9]]),
+            "image_id": "a",
+        }
+    ]
     report = check_targets(batch, images_of(batch))
     assert (report.faults, report.warnings) == (0, {"empty_box": 2})
     batch[0]["boxes"][0] += 5  # type: ignore[index]
@@ -228,10 +343,17 @@ def test_an_animal_that_left_the_picture_is_a_warning_only() -> None:
 def test_any_subset_of_the_fields_is_checked() -> None:
     batch = good_batch()
     for name in batch[0]:
-        assert check_targets([{name: target[name]} for target in batch], images_of(batch)).faults == 0
-    mixed = [{name: value for name, value in target.items() if number % 2 or name != "rotation"} for number, target in enumerate(batch)]
+        assert (
+            check_targets([{name: target[name]} for target in batch], images_of(batch)).faults == 0
+        )
+    mixed = [
+        {name: value for name, value in target.items() if number % 2 or name != "rotation"}
+        for number, target in enumerate(batch)
+    ]
     assert check_targets(mixed, images_of(batch)).faults == 0
-    mixed[2]["corners_3d"] = mixed[2]["corners_3d"][:, list(MIRRORED_CORNERS)]  # without a rotation: by the corners alone
+    mixed[2]["corners_3d"] = mixed[2]["corners_3d"][
+        :, list(MIRRORED_CORNERS)
+    ]  # without a rotation: by the corners alone
     assert check_targets(mixed, images_of(batch), on_fault="count").counts["corner_order"] == 2
 
 
@@ -241,12 +363,23 @@ def test_lenses_are_taken_into_account() -> None:
     from animal3dbox.geometry.camera import intrinsics
     from animal3dbox.geometry.cuboid import Cuboid
 
-    box = Cuboid(torch.tensor([[0.3, 0.2, 6.0]], dtype=torch.float64), torch.eye(3, dtype=torch.float64)[None], torch.ones(1, 3, dtype=torch.float64))
+    box = Cuboid(
+        torch.tensor([[0.3, 0.2, 6.0]], dtype=torch.float64),
+        torch.eye(3, dtype=torch.float64)[None],
+        torch.ones(1, 3, dtype=torch.float64),
+    )
     K = intrinsics(300.0, HW)
-    bent = target_of(box, K, HW, torch.float32, torch.tensor([-0.2, 0.05, 0.001, -0.002], dtype=torch.float64))
+    bent = target_of(
+        box, K, HW, torch.float32, torch.tensor([-0.2, 0.05, 0.001, -0.002], dtype=torch.float64)
+    )
     keys = ("corners_3d", "corners_2d", "K", "distortion")
     assert check_targets([{name: bent[name] for name in keys}]).faults == 0
-    assert check_targets([{name: bent[name] for name in keys[:3]}], on_fault="count").counts["projection"] == 1
+    assert (
+        check_targets([{name: bent[name] for name in keys[:3]}], on_fault="count").counts[
+            "projection"
+        ]
+        == 1
+    )
 
 
 @pytest.mark.parametrize("lens_first", [False, True])
@@ -256,10 +389,26 @@ def test_pictures_with_and_without_a_lens_can_be_one_batch(lens_first: bool) -> 
     from animal3dbox.geometry.camera import intrinsics
     from animal3dbox.geometry.cuboid import Cuboid
 
-    box = Cuboid(torch.tensor([[0.3, 0.2, 6.0]], dtype=torch.float64), torch.eye(3, dtype=torch.float64)[None], torch.ones(1, 3, dtype=torch.float64))
-    keys, lens = ("corners_3d", "corners_2d", "K", "distortion"), torch.tensor([-0.2, 0.05, 0.001, -0.002], dtype=torch.float64)
-    both = [target_of(box, intrinsics(300.0, HW), HW, torch.float32, bend) for bend in ((lens, None) if lens_first else (None, lens))]
-    assert check_targets([{name: target[name] for name in keys if name in target} for target in both], on_fault="count").faults == 0
+    box = Cuboid(
+        torch.tensor([[0.3, 0.2, 6.0]], dtype=torch.float64),
+        torch.eye(3, dtype=torch.float64)[None],
+        torch.ones(1, 3, dtype=torch.float64),
+    )
+    keys, lens = (
+        ("corners_3d", "corners_2d", "K", "distortion"),
+        torch.tensor([-0.2, 0.05, 0.001, -0.002], dtype=torch.float64),
+    )
+    both = [
+        target_of(box, intrinsics(300.0, HW), HW, torch.float32, bend)
+        for bend in ((lens, None) if lens_first else (None, lens))
+    ]
+    assert (
+        check_targets(
+            [{name: target[name] for name in keys if name in target} for target in both],
+            on_fault="count",
+        ).faults
+        == 0
+    )
 
 
 def test_a_mirror_is_looked_for_in_every_target_that_names_one() -> None:
@@ -274,7 +423,11 @@ def test_a_batch_of_which_everything_was_left_out_is_no_fault() -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "says"), [("keypoints", torch.zeros(2, 5, 2), "keypoints: must have"), ("quality", None, "quality: must be a list")]
+    ("field", "value", "says"),
+    [
+        ("keypoints", torch.zeros(2, 5, 2), "keypoints: must have"),
+        ("quality", None, "quality: must be a list"),
+    ],
 )
 def test_fields_of_another_form_are_named(field: str, value: Any, says: str) -> None:
     with pytest.raises(SampleError, match=says):
@@ -282,7 +435,13 @@ def test_fields_of_another_form_are_named(field: str, value: Any, says: str) -> 
 
 
 def test_arrays_shared_rotations_and_gradients_are_taken() -> None:
-    batch = [{name: value.numpy() if isinstance(value, Tensor) else value for name, value in target.items()} for target in good_batch()]
+    batch = [
+        {
+            name: value.numpy() if isinstance(value, Tensor) else value
+            for name, value in target.items()
+        }
+        for target in good_batch()
+    ]
     assert check_targets(batch, np.zeros((4, 3, *HW))).faults == 0
     shared = [{**target, "R": target["R"][0], "t": target["t"][0]} for target in good_batch()]
     assert check_targets(shared).faults == 0
@@ -300,14 +459,16 @@ def test_counting_keeps_first_examples_adds_up_and_travels_between_processes() -
     report = check_targets(batch, on_fault="count")
     assert report.counts["labels"] == 12
     assert len(report.examples) == EXAMPLES
-    both = pickle.loads(pickle.dumps(report)) + report  # noqa: S301
+    both = pickle.loads(pickle.dumps(report)) + report
     assert (both.targets, both.counts["labels"], len(both.examples)) == (12, 24, EXAMPLES)
     assert str(both).startswith("12 targets, 24 animals: 24 faults\n  24 x labels\n")
 
 
 @pytest.mark.parametrize("arrays", [False, True])
 @pytest.mark.parametrize("fewer", [0, 2])
-def test_targets_of_one_batch_may_differ_in_their_number_of_keypoints(fewer: int, arrays: bool) -> None:
+def test_targets_of_one_batch_may_differ_in_their_number_of_keypoints(
+    fewer: int, arrays: bool
+) -> None:
     batch = good_batch()
     batch[fewer]["keypoints"] = batch[fewer]["keypoints"][:, :3]
     if arrays:
@@ -317,7 +478,10 @@ def test_targets_of_one_batch_may_differ_in_their_number_of_keypoints(fewer: int
     batch[fewer]["keypoints"][1, 2, 0] = 900.0
     report = check_targets((images_of(batch), batch), on_fault="count")
     assert report.counts == {"keypoints": 2}
-    assert {error.sample_id for _, error in report.examples} == {"scene1.jpg#0", f"scene{fewer}.jpg#1"}
+    assert {error.sample_id for _, error in report.examples} == {
+        "scene1.jpg#0",
+        f"scene{fewer}.jpg#1",
+    }
 
 
 def test_targets_that_cannot_be_one_batch_say_why() -> None:
@@ -325,7 +489,9 @@ def test_targets_that_cannot_be_one_batch_say_why() -> None:
     batch[2]["keypoints"] = batch[2]["keypoints"][:, :3].numpy()
     report = check_targets(batch, on_fault="count")
     assert report.counts == {"batch": 1}
-    assert "is an array of 3 dimensions, but a tensor on cpu of 3 dimensions in the first" in str(report.examples[0][1])
+    assert "is an array of 3 dimensions, but a tensor on cpu of 3 dimensions in the first" in str(
+        report.examples[0][1]
+    )
 
 
 def test_steps_can_be_skipped_and_wrong_options_are_refused() -> None:
@@ -334,7 +500,12 @@ def test_steps_can_be_skipped_and_wrong_options_are_refused() -> None:
     assert check_targets(batch, every=4, step=3).targets == 0
     with pytest.raises(SampleError):
         check_targets(batch, every=4, step=4)
-    for wrong in ({"on_fault": "ignore"}, {"every": 0}, {"every": 2}, {"images": torch.zeros(2, 3, 8, 8)}):
+    for wrong in (
+        {"on_fault": "ignore"},
+        {"every": 0},
+        {"every": 2},
+        {"images": torch.zeros(2, 3, 8, 8)},
+    ):
         with pytest.raises(ConfigError):
             check_targets(batch, **wrong)
     for nothing in (None, {"labels": torch.zeros(1)}, [1, 2, 3]):

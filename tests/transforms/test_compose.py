@@ -57,12 +57,23 @@ MANY = [
 
 def picture(seed: int = 0, hw: tuple[int, int] = HW) -> Tensor:
     noise = np.random.default_rng(seed).random((*hw, 3)) * 255
-    return torch.from_numpy(cv2.GaussianBlur(noise, (0, 0), 1.0).astype(np.uint8)).permute(2, 0, 1).contiguous()
+    return (
+        torch.from_numpy(cv2.GaussianBlur(noise, (0, 0), 1.0).astype(np.uint8))
+        .permute(2, 0, 1)
+        .contiguous()
+    )
 
 
 def same(one: dict[str, Any], other: dict[str, Any]) -> bool:
     assert one.keys() == other.keys()
-    return all(torch.equal(one[name], other[name]) if isinstance(one[name], Tensor) else one[name] == other[name] for name in one)
+    return all(
+        (
+            torch.equal(one[name], other[name])
+            if isinstance(one[name], Tensor)
+            else one[name] == other[name]
+        )
+        for name in one
+    )
 
 
 def test_a_sample_depends_on_its_key_and_seed_alone() -> None:
@@ -71,7 +82,7 @@ def test_a_sample_depends_on_its_key_and_seed_alone() -> None:
     first, one = compose(image, target, key=(1, 7))
     torch.manual_seed(0)
     compose(image, target, key=(1, 8))
-    again, other = pickle.loads(pickle.dumps(compose))(image, {**target, "sample_key": (1, 7)})  # noqa: S301
+    again, other = pickle.loads(pickle.dumps(compose))(image, {**target, "sample_key": (1, 7)})
     assert torch.equal(first, again)
     assert same(one, {name: value for name, value in other.items() if name != "sample_key"})
     for seed, key in ((4, (1, 7)), (3, (2, 7)), (3, (1, 8)), (3, (7, 1))):
@@ -93,7 +104,10 @@ def test_without_a_key_torch_s_generator_decides_and_workers_differ() -> None:
 @pytest.mark.parametrize("size", [1, 3, 8])
 def test_a_batch_gives_what_its_samples_give_whatever_its_size(size: int) -> None:
     compose = Compose(MANY)
-    images, targets = torch.stack([picture(n) for n in range(8)]), [scene(n % 3, seed=n) for n in range(8)]
+    images, targets = (
+        torch.stack([picture(n) for n in range(8)]),
+        [scene(n % 3, seed=n) for n in range(8)],
+    )
     keys = [(0, n) for n in range(8)]
     for start in range(0, 8, size):
         some = slice(start, start + size)
@@ -102,7 +116,9 @@ def test_a_batch_gives_what_its_samples_give_whatever_its_size(size: int) -> Non
             image, target = compose(images[index], targets[index], key=keys[index])
             assert same(after[row], target)
             difference = (out[row].int() - image.int()).abs()
-            assert float((difference > 1).double().mean()) < 0.01  # where borders and clipping meet blur and gain
+            assert (
+                float((difference > 1).double().mean()) < 0.01
+            )  # where borders and clipping meet blur and gain
             assert int(difference.max()) <= 3
 
 
@@ -119,7 +135,15 @@ def test_a_batch_of_images_of_many_sizes_comes_back_as_a_list_or_stacked() -> No
 
 def test_batches_are_differentiable_in_the_images() -> None:
     image = torch.rand(1, 3, 20, 24, dtype=F64, requires_grad=True)
-    compose = Compose([RandomVirtualCamera(5, 5, 5), ColorJitter(0.1, 0.1, 0.1), RandomGaussianBlur((1, 1), p=1), Normalize()], fill=114.0)
+    compose = Compose(
+        [
+            RandomVirtualCamera(5, 5, 5),
+            ColorJitter(0.1, 0.1, 0.1),
+            RandomGaussianBlur((1, 1), p=1),
+            Normalize(),
+        ],
+        fill=114.0,
+    )
     target = {"K": torch.tensor([[30.0, 0, 12], [0, 30, 10], [0, 0, 1]], dtype=F64)}
 
     def run(x: Tensor) -> Tensor:
@@ -127,7 +151,9 @@ def test_batches_are_differentiable_in_the_images() -> None:
 
     (gradient,) = torch.autograd.grad(run(image * 0.5 + 0.25).sum(), image)
     assert float(gradient.abs().sum()) > 0
-    assert torch.autograd.gradcheck(lambda x: run(x * 0.2 + 0.4), (torch.rand(1, 3, 6, 7, dtype=F64, requires_grad=True),))
+    assert torch.autograd.gradcheck(
+        lambda x: run(x * 0.2 + 0.4), (torch.rand(1, 3, 6, 7, dtype=F64, requires_grad=True),)
+    )
     single, _ = compose(image[0], target, key=(0, 0))
     assert single.requires_grad
 
@@ -137,7 +163,7 @@ def test_a_plan_replays_on_another_picture() -> None:
     image, target = picture(), scene()
     plan = compose.sample_params(HW, target, key=(0, 5))
     first, one = compose(image, target, key=(0, 5))
-    again, other = compose.apply(image, target, pickle.loads(pickle.dumps(plan)))  # noqa: S301
+    again, other = compose.apply(image, target, pickle.loads(pickle.dumps(plan)))
     assert torch.equal(first, again)
     assert same(one, other)
     with pytest.raises(ConfigError, match=r"drawn for an image of \(120, 160\)"):
@@ -155,7 +181,11 @@ def test_a_target_follows_pixels_that_another_library_moved() -> None:
     for sign in (1, -1):  # the same map
         moved = transform_target(target, sign * plan.H_out_in, HW, (hw[0], hw[1]))
         assert same(moved, expected)
-    for H, says in ((np.diag([1.0, 0, 1]), "invertible"), (np.eye(2), r"\(3, 3\)"), (np.full((3, 3), np.nan), "finite")):
+    for H, says in (
+        (np.diag([1.0, 0, 1]), "invertible"),
+        (np.eye(2), r"\(3, 3\)"),
+        (np.full((3, 3), np.nan), "finite"),
+    ):
         with pytest.raises(SampleError, match=f"scene: H_out_in: .*{says}"):
             transform_target(target, H, HW, HW)
     with pytest.raises(SampleError, match="masks: cannot go back"):
@@ -171,11 +201,31 @@ def test_every_public_name_can_be_had() -> None:
 
 def test_predictions_go_back_to_the_picture_that_was_augmented() -> None:
     target = scene(3)
-    image, after = Compose([RandomHorizontalFlip(1), RandomAffine(20, scale=(0.8, 1.2)), RandomVirtualCamera(5, 5, 5), Resize(77)])(
-        picture(), target, key=(0, 2)
+    image, after = Compose(
+        [
+            RandomHorizontalFlip(1),
+            RandomAffine(20, scale=(0.8, 1.2)),
+            RandomVirtualCamera(5, 5, 5),
+            Resize(77),
+        ]
+    )(picture(), target, key=(0, 2))
+    predicted = {
+        name: after[name]
+        for name in (
+            "K",
+            "corners_3d",
+            "center",
+            "rotation",
+            "size",
+            "corners_2d",
+            "boxes",
+            "keypoints",
+            "face_share",
+        )
+    }
+    back = inverse(
+        predicted, after["H_out_in"], image_hw=HW, keypoint_mirror=KEYPOINT_MIRROR.tolist()
     )
-    predicted = {name: after[name] for name in ("K", "corners_3d", "center", "rotation", "size", "corners_2d", "boxes", "keypoints", "face_share")}
-    back = inverse(predicted, after["H_out_in"], image_hw=HW, keypoint_mirror=KEYPOINT_MIRROR.tolist())
     for name in ("K", "corners_3d", "center", "rotation", "corners_2d", "face_share"):
         assert_close(back[name], target[name], atol=1e-6, rtol=1e-7)
     assert_close(back["keypoints"][..., :2], target["keypoints"][..., :2], atol=1e-6, rtol=1e-7)
@@ -192,7 +242,9 @@ def test_images_leave_in_the_form_in_which_they_came(dtype: str, layout: str, te
     array = array if dtype == "uint8" else (array / 255).astype(dtype)
     image: Any = torch.from_numpy(np.ascontiguousarray(array)) if tensor else array
     kept = array.copy()
-    out, _ = Compose([RandomRotation((7, 7)), Resize((60, 70)), RandomGaussianNoise(p=1)])(image, {}, key=(0,))
+    out, _ = Compose([RandomRotation((7, 7)), Resize((60, 70)), RandomGaussianNoise(p=1)])(
+        image, {}, key=(0,)
+    )
     assert type(out) is type(image)
     assert out.dtype == image.dtype
     assert tuple(out.shape) == {"chw": (3, 60, 70), "hwc": (60, 70, 3), "hw": (60, 70)}[layout]
@@ -201,12 +253,17 @@ def test_images_leave_in_the_form_in_which_they_came(dtype: str, layout: str, te
     plain, _ = Compose([RandomRotation((7, 7)), Resize((60, 70))])(image, {}, key=(0,))
     values = np.asarray(plain, dtype=float) * (1 if dtype == "uint8" else 255)
     values = values if layout != "hwc" else values.transpose(2, 0, 1)
-    difference = np.abs(values - (np.asarray(reference[0] if layout == "hw" else reference, dtype=float)))
+    difference = np.abs(
+        values - (np.asarray(reference[0] if layout == "hw" else reference, dtype=float))
+    )
     assert difference.max() <= 1.001
 
 
 def test_targets_leave_in_the_form_in_which_they_came_and_the_old_one_is_untouched() -> None:
-    target = {name: value.numpy() if isinstance(value, Tensor) else value for name, value in scene(2, dtype=torch.float32).items()}
+    target = {
+        name: value.numpy() if isinstance(value, Tensor) else value
+        for name, value in scene(2, dtype=torch.float32).items()
+    }
     kept = {name: np.copy(value) for name, value in target.items() if isinstance(value, np.ndarray)}
     _, after = Compose([RandomHorizontalFlip(1), Resize(50)])(picture(), target)
     for name, value in kept.items():
@@ -220,19 +277,41 @@ def test_targets_leave_in_the_form_in_which_they_came_and_the_old_one_is_untouch
 
 def test_bare_cuboids_and_bare_images_are_enough() -> None:
     full = scene()
-    compose = Compose([RandomHorizontalFlip(1), RandomAffine(9), RandomVirtualCamera(2, 2, 2), RandomResizedCrop(64)])
+    compose = Compose(
+        [
+            RandomHorizontalFlip(1),
+            RandomAffine(9),
+            RandomVirtualCamera(2, 2, 2),
+            RandomResizedCrop(64),
+        ]
+    )
     for names in (("K", "corners_3d"), ("K", "center", "rotation", "size"), ("K",)):
         _, after = compose(picture(), {name: full[name] for name in names})
         assert set(after) == {*names, "H_out_in", "mirrored"}
-    image, after = Compose([RandomHorizontalFlip(1), RandomAffine(9)])(picture(), {"corners_2d": full["corners_2d"], "labels": torch.arange(2)})
+    image, after = Compose([RandomHorizontalFlip(1), RandomAffine(9)])(
+        picture(), {"corners_2d": full["corners_2d"], "labels": torch.arange(2)}
+    )
     assert set(after) == {"corners_2d", "labels", "H_out_in", "mirrored"}
     assert image.shape == (3, *HW)
 
 
 def test_neighbouring_maps_and_colours_become_one_reading_of_the_pixels() -> None:
-    compose = Compose([RandomHorizontalFlip(1), ColorJitter(0.3), RandomAffine(5), RandomResizedCrop(64), RandomGrayscale(1), Normalize()])
+    compose = Compose(
+        [
+            RandomHorizontalFlip(1),
+            ColorJitter(0.3),
+            RandomAffine(5),
+            RandomResizedCrop(64),
+            RandomGrayscale(1),
+            Normalize(),
+        ]
+    )
     assert len(compose.sample_params(HW, scene()).stages()) == 1
-    split = Compose([RandomAffine(5), RandomGaussianBlur((1, 1), p=1), Resize(30), RandomRotation(5)]).sample_params(HW, scene()).stages()
+    split = (
+        Compose([RandomAffine(5), RandomGaussianBlur((1, 1), p=1), Resize(30), RandomRotation(5)])
+        .sample_params(HW, scene())
+        .stages()
+    )
     assert [isinstance(stage, Pass) for stage in split] == [True, False, True]
 
 
@@ -265,7 +344,9 @@ def test_nothing_is_read_from_beyond_the_horizon() -> None:
     for image in (turned, batched[0]):
         assert isinstance(image, Tensor)
         assert set(image.flatten().tolist()) >= {7, 200}
-        assert set(image[:, :, 80:].flatten().tolist()) == {7}  # the picture ends 45 degrees to the right of where it looked
+        assert set(image[:, :, 80:].flatten().tolist()) == {
+            7
+        }  # the picture ends 45 degrees to the right of where it looked
 
 
 def test_masks_and_their_boxes_follow_the_pixels() -> None:
@@ -274,14 +355,20 @@ def test_masks_and_their_boxes_follow_the_pixels() -> None:
     masks[0, 20:50, 30:70] = 1
     boxes = target["boxes"].clone()
     boxes[0] = torch.tensor([29.5, 19.5, 69.5, 49.5])
-    _, after = Compose([RandomHorizontalFlip(1), Resize((60, 80))])(picture(), {**target, "masks": masks, "boxes": boxes})
+    _, after = Compose([RandomHorizontalFlip(1), Resize((60, 80))])(
+        picture(), {**target, "masks": masks, "boxes": boxes}
+    )
     expected = torch.zeros(60, 80, dtype=torch.uint8)
     expected[10:25, 45:65] = 1
     assert torch.equal(after["masks"][0], expected)
     assert after["boxes"][0].tolist() == [44.5, 9.5, 64.5, 24.5]
     assert int(after["masks"][1].sum()) == 0
-    amodal = torch.tensor([[10.0, 10, 100, 100], [0, 0, 0, 0]], dtype=F64)  # was not made from the mask: mapped as it is
-    _, after = Compose([RandomHorizontalFlip(1), Resize((60, 80))])(picture(), {"masks": masks, "boxes": amodal})
+    amodal = torch.tensor(
+        [[10.0, 10, 100, 100], [0, 0, 0, 0]], dtype=F64
+    )  # was not made from the mask: mapped as it is
+    _, after = Compose([RandomHorizontalFlip(1), Resize((60, 80))])(
+        picture(), {"masks": masks, "boxes": amodal}
+    )
     assert after["boxes"][0].tolist() == [29.25, 4.75, 74.25, 49.75]
 
 
@@ -295,12 +382,20 @@ def test_painting_over_does_not_shrink_the_box_however_the_picture_moves_later()
     assert 0 < float(after["occlusion"][0]) < 1
 
 
-@pytest.mark.parametrize("transform", [RandomVirtualCamera((4, 4), (3, 3), (10, 10), (1.1, 1.1)), RandomPerspective(0.2, p=1, allow_skew=True)])
+@pytest.mark.parametrize(
+    "transform",
+    [
+        RandomVirtualCamera((4, 4), (3, 3), (10, 10), (1.1, 1.1)),
+        RandomPerspective(0.2, p=1, allow_skew=True),
+    ],
+)
 def test_depth_follows_the_law_at_every_pixel(transform: Transform) -> None:
     """A slanted plane: its depth in the new camera is known in closed form."""
     K = torch.tensor([[150.0, 0, 85], [0, 140, 55], [0, 0, 1]], dtype=F64)
     normal = torch.tensor([0.2, -0.1, 1.0], dtype=F64)
-    y, x = torch.meshgrid(torch.arange(HW[0], dtype=F64), torch.arange(HW[1], dtype=F64), indexing="ij")
+    y, x = torch.meshgrid(
+        torch.arange(HW[0], dtype=F64), torch.arange(HW[1], dtype=F64), indexing="ij"
+    )
     rays = torch.stack((x, y, torch.ones_like(x)), dim=-1) @ torch.linalg.inv(K).mT
     depth = 4 / (rays @ normal)  # normal . X = 4
     _, after = Compose([transform])(picture(), {"K": K, "depth": depth}, key=(0, 1))
@@ -311,7 +406,9 @@ def test_depth_follows_the_law_at_every_pixel(transform: Transform) -> None:
     expected = 4 / (rays @ (Q @ normal))
     known = after["depth"] > 0
     assert float(known.double().mean()) > 0.5
-    assert float(((after["depth"] - expected).abs() / expected)[known].max()) < 5e-3  # half a pixel of the slope
+    assert (
+        float(((after["depth"] - expected).abs() / expected)[known].max()) < 5e-3
+    )  # half a pixel of the slope
 
 
 def test_erasing_marks_what_it_hides() -> None:
@@ -319,7 +416,9 @@ def test_erasing_marks_what_it_hides() -> None:
     masks = torch.zeros(1, *HW, dtype=torch.uint8)
     masks[0, 10:110, 20:140] = 1
     erase = RandomErasing(1, scale=(0.25, 0.25), ratio=(1.0, 1.0), value=(1.0, 0.5, 0.0))
-    image, after = Compose([erase])(picture(), {**target, "masks": masks, "depth": torch.ones(HW)}, key=(0,))
+    image, after = Compose([erase])(
+        picture(), {**target, "masks": masks, "depth": torch.ones(HW)}, key=(0,)
+    )
     painted = (image[0] == 255) & (image[1] == 128) & (image[2] == 0)
     assert int(painted.sum()) == 69 * 69
     assert torch.equal(after["masks"][0], masks[0] * ~painted)
@@ -360,7 +459,7 @@ def test_colours_change_as_a_person_computes() -> None:
 def test_blur_keeps_brightness_and_spreads_a_point_by_its_sigma() -> None:
     point = np.zeros((41, 41, 3), dtype=np.float32)
     point[20, 20] = 1
-    for image in (Compose([RandomGaussianBlur((2, 2), p=1)])(point, {})[0], Compose([RandomGaussianBlur((2, 2), p=1)]).batch((torch.from_numpy(point).permute(2, 0, 1)[None], [{}]))[0][0].permute(1, 2, 0)):  # fmt: skip  # noqa: E501
+    for image in (Compose([RandomGaussianBlur((2, 2), p=1)])(point, {})[0], Compose([RandomGaussianBlur((2, 2), p=1)]).batch((torch.from_numpy(point).permute(2, 0, 1)[None], [{}]))[0][0].permute(1, 2, 0)):  # fmt: skip
         weight = np.asarray(image)[..., 0].astype(float)
         assert weight.sum() == pytest.approx(1, abs=1e-4)
         y, _ = np.mgrid[-20:21, -20:21]
@@ -410,17 +509,27 @@ def singular(target: dict[str, Any]) -> dict[str, Any]:
         ({"cam2img": [torch.eye(3)]}, "cam2img", "could hold a camera"),
         ({"area": torch.ones(2)}, "area", "unknown field"),
         ({"P2": [[1.0, 0, 0, 0]]}, "P2", "could hold a camera"),
-        ({"annotations": [{"bbox": [1.0, 2.0, 3.0, 4.0]}, {}]}, "annotations", "could hold a camera"),
+        (
+            {"annotations": [{"bbox": [1.0, 2.0, 3.0, 4.0]}, {}]},
+            "annotations",
+            "could hold a camera",
+        ),
         ({"intrinsics": {"fx": 500.0}}, "intrinsics", "could hold a camera"),
         ({"camera": object()}, "camera", "could hold a camera"),
         ({"masks": torch.zeros(2, *HW, dtype=torch.float16)}, "masks", "convert it to uint8"),
         ({"keypoint_mirror": torch.tensor([0, 1, 2])}, "keypoint_mirror", "permutation of 0 to 4"),
-        ({"keypoint_mirror": torch.tensor([1, 2, 0, 3, 4])}, "keypoint_mirror", "swap keypoints in pairs"),
+        (
+            {"keypoint_mirror": torch.tensor([1, 2, 0, 3, 4])},
+            "keypoint_mirror",
+            "swap keypoints in pairs",
+        ),
         ({"corners_2d": torch.zeros(2, 8, 2, dtype=F64)}, "K", "stale"),
         ({"size": torch.ones(2, 3, dtype=F64) * 9}, "corners_3d", "corner order"),
     ],
 )
-def test_bad_targets_name_the_sample_the_field_and_the_remedy(change: dict[str, Any], field: str, says: str) -> None:
+def test_bad_targets_name_the_sample_the_field_and_the_remedy(
+    change: dict[str, Any], field: str, says: str
+) -> None:
     with pytest.raises(SampleError, match=says) as caught:
         Compose([RandomHorizontalFlip(1)])(picture(), {**scene(), **change})
     assert caught.value.sample_id == "scene"
@@ -430,11 +539,15 @@ def test_bad_targets_name_the_sample_the_field_and_the_remedy(change: dict[str, 
 def test_cuboids_without_intrinsics_and_mirrored_keypoints_without_names_are_refused() -> None:
     target = scene()
     with pytest.raises(SampleError, match=r"scene: corners_3d: .*intrinsics K"):
-        Compose([Resize(50)])(picture(), {name: value for name, value in target.items() if name != "K"})
+        Compose([Resize(50)])(
+            picture(), {name: value for name, value in target.items() if name != "K"}
+        )
     bare = {name: value for name, value in target.items() if name != "keypoint_mirror"}
     with pytest.raises(SampleError, match=r"scene: keypoints: .*keypoint_mirror"):
         Compose([RandomHorizontalFlip(1)])(picture(), bare)
-    _, after = Compose([RandomHorizontalFlip(1)], keypoint_mirror=KEYPOINT_MIRROR.tolist())(picture(), bare)
+    _, after = Compose([RandomHorizontalFlip(1)], keypoint_mirror=KEYPOINT_MIRROR.tolist())(
+        picture(), bare
+    )
     assert_close(after["keypoints"][:, 0, 0], 159 - target["keypoints"][:, 1, 0])
 
 
@@ -467,7 +580,10 @@ def test_a_lens_is_carried_or_the_error_says_to_undistort() -> None:
         (lambda: PadTo(5, "left"), "position must be"),
         (lambda: RandomErasing(value="noise"), "value must be"),
         (lambda: Compose([Resize(5)], interpolation="area"), "interpolation must be one of"),
-        (lambda: Compose([RandomHorizontalFlip()], mirror="forbid"), "may mirror: RandomHorizontalFlip"),
+        (
+            lambda: Compose([RandomHorizontalFlip()], mirror="forbid"),
+            "may mirror: RandomHorizontalFlip",
+        ),
         (lambda: Compose([len]), "is no transform"),
         (lambda: Compose([Normalize(), ColorJitter(0.1)])(picture(), {}), "put Normalize last"),
         (lambda: Compose([PadTo(50)])(picture(), {}), "cannot hold an image of"),
@@ -483,7 +599,10 @@ def test_options_that_cannot_be_are_refused(make: Any, says: str) -> None:
 
 
 def test_the_side_of_the_camera_is_kept_when_the_old_middle_falls_behind_it() -> None:
-    """From the review: labels took -H when the middle of the old picture was no longer in front of the new camera."""
+    """From the review.
+
+    Labels took -H when the middle of the old picture was no longer in front of the new camera.
+    """
     K = torch.tensor([[200.0, 0, 100], [0, 200, 60], [0, 0, 1]], dtype=F64)
     center, eye = torch.tensor([[3.8, 0, 1.0]], dtype=F64), torch.eye(3, dtype=F64)[None]
     target = {"K": K, "center": center, "rotation": eye, "size": torch.full((1, 3), 0.2, dtype=F64)}
@@ -502,7 +621,9 @@ def test_the_side_of_the_camera_is_kept_when_the_old_middle_falls_behind_it() ->
 
 
 def test_what_is_added_to_a_target_is_a_float_whatever_comes_first() -> None:
-    _, after = Compose([RandomRotation((10, 10))])(picture(), {"labels": torch.tensor([1]), "boxes": torch.ones(1, 4)})
+    _, after = Compose([RandomRotation((10, 10))])(
+        picture(), {"labels": torch.tensor([1]), "boxes": torch.ones(1, 4)}
+    )
     assert after["H_out_in"].dtype == torch.float32
     masks = np.ones((1, *HW), dtype=np.uint8)
     _, after = Compose([RandomErasing(1, scale=(0.3, 0.3))])(picture(), {"masks": masks})
@@ -511,7 +632,10 @@ def test_what_is_added_to_a_target_is_a_float_whatever_comes_first() -> None:
 
 
 def test_a_box_beyond_the_horizon_has_no_area() -> None:
-    target = {"K": torch.tensor([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]], dtype=F64), "boxes": torch.tensor([[0.0, 40, 20, 80]], dtype=F64)}
+    target = {
+        "K": torch.tensor([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]], dtype=F64),
+        "boxes": torch.tensor([[0.0, 40, 20, 80]], dtype=F64),
+    }
     _, after = Compose([RandomVirtualCamera((80, 80), 0.0, 0.0)])(picture(), target)
     x_least, y_least, x_most, y_most = after["boxes"][0].tolist()
     assert (x_most - x_least) * (y_most - y_least) == 0
@@ -521,15 +645,29 @@ def test_crops_do_not_count_animals_that_are_not_in_the_picture() -> None:
     whole = scene(2, seed=4)
     center = whole["center"].clone()
     center[1] = torch.tensor([0.0, 0, -5])
-    target = {"K": whole["K"], "center": center, "rotation": whole["rotation"], "size": whole["size"]}
+    target = {
+        "K": whole["K"],
+        "center": center,
+        "rotation": whole["rotation"],
+        "size": whole["size"],
+    }
     crop = Compose([RandomResizedCrop(64, (0.05, 0.3), keep_part=0.9, min_visible=None)])
-    alone = {"K": target["K"], **{name: target[name][:1] for name in ("center", "rotation", "size")}}
+    alone = {
+        "K": target["K"],
+        **{name: target[name][:1] for name in ("center", "rotation", "size")},
+    }
     for index in range(20):
-        assert crop.sample_params(HW, target, (index,)).H_out_in.tolist() == crop.sample_params(HW, alone, (index,)).H_out_in.tolist()
+        assert (
+            crop.sample_params(HW, target, (index,)).H_out_in.tolist()
+            == crop.sample_params(HW, alone, (index,)).H_out_in.tolist()
+        )
 
 
 def test_faces_without_cuboids_are_scaled_or_left_out_but_never_stale() -> None:
-    target = {name: scene()[name] for name in ("K", "face_area", "face_share", "face_share_in_image", "face_visible")}
+    target = {
+        name: scene()[name]
+        for name in ("K", "face_area", "face_share", "face_share_in_image", "face_visible")
+    }
     _, after = Compose([Resize((60, 80))])(picture(), target)
     assert_close(after["face_area"], target["face_area"] / 4)
     assert "face_share_in_image" not in after
@@ -541,21 +679,34 @@ def test_faces_without_cuboids_are_scaled_or_left_out_but_never_stale() -> None:
 def test_cuboids_beyond_a_lens_s_field_of_view_are_refused() -> None:
     target = scene(1)
     narrow = torch.tensor([-0.4, 0.0, 0.0, 0.0], dtype=F64)  # folds at 42 degrees off the axis
-    wide = {"K": target["K"], "center": target["center"] + torch.tensor([7.0, 0, 0]), "rotation": target["rotation"], "size": target["size"]}
-    with pytest.raises(SampleError, match="distortion: animal 0 reaches beyond the lens's field of view"):
+    wide = {
+        "K": target["K"],
+        "center": target["center"] + torch.tensor([7.0, 0, 0]),
+        "rotation": target["rotation"],
+        "size": target["size"],
+    }
+    with pytest.raises(
+        SampleError, match="distortion: animal 0 reaches beyond the lens's field of view"
+    ):
         Compose([Resize(50)])(picture(), {**wide, "distortion": narrow})
-    Compose([Resize(50)])(picture(), {**{name: target[name] for name in wide}, "distortion": narrow})
+    Compose([Resize(50)])(
+        picture(), {**{name: target[name] for name in wide}, "distortion": narrow}
+    )
 
 
 def test_strong_zooms_of_large_pictures_are_no_singular_maps() -> None:
-    _, after = Compose([RandomAffine(0, scale=(0.005, 0.005))])(np.zeros((1000, 6000), dtype=np.uint8), {"K": scene()["K"]})
+    _, after = Compose([RandomAffine(0, scale=(0.005, 0.005))])(
+        np.zeros((1000, 6000), dtype=np.uint8), {"K": scene()["K"]}
+    )
     assert float(after["K"][0, 0]) == pytest.approx(0.005 * float(scene()["K"][0, 0]))
 
 
 def test_rgba_and_grey_images_go_through_both_executors_alike() -> None:
     for channels in (1, 4):
         image = torch.cat((picture(), picture(1)))[:channels]
-        compose = Compose([RandomRotation((20, 20))], fill=(9.0, 9.0, 9.0) if channels == 4 else 9.0)
+        compose = Compose(
+            [RandomRotation((20, 20))], fill=(9.0, 9.0, 9.0) if channels == 4 else 9.0
+        )
         one, _ = compose(image, {})
         batched, _ = compose.batch((image[None], [{}]))
         assert int((batched[0].int() - one.int()).abs().max()) <= LEVELS
@@ -574,15 +725,24 @@ def test_floats_outside_their_range_are_treated_alike_by_both_executors() -> Non
 
 def test_a_quarter_turn_maps_boxes_exactly() -> None:
     square = torch.tensor([[200.0, 0, 80], [0, 200, 60], [0, 0, 1]], dtype=F64)
-    box = Cuboid(torch.tensor([[0.0, 0, 5]], dtype=F64), torch.eye(3, dtype=F64)[None], torch.ones(1, 3, dtype=F64))
+    box = Cuboid(
+        torch.tensor([[0.0, 0, 5]], dtype=F64),
+        torch.eye(3, dtype=F64)[None],
+        torch.ones(1, 3, dtype=F64),
+    )
     cuboid = {"center": box.center, "rotation": box.rotation, "size": box.size}
     target = {"K": square, "boxes": torch.tensor([[30.0, 20, 80, 90]], dtype=F64), **cuboid}
     _, after = Compose([RandomRotation((90, 90))])(picture(), target)
-    assert_close(after["boxes"], torch.tensor([[49.0, 10, 119, 60]], dtype=F64))  # x' = 139 - y, y' = x - 20
+    assert_close(
+        after["boxes"], torch.tensor([[49.0, 10, 119, 60]], dtype=F64)
+    )  # x' = 139 - y, y' = x - 20
 
 
 def test_a_dropped_animal_that_a_later_map_shows_again_has_its_label() -> None:
-    """From the review: maps are fused, so what a crop cut off is there again when a later map makes room for it."""
+    """From the review.
+
+    Maps are fused, so what a crop cut off is there again when a later map makes room for it.
+    """
     target = {name: scene(6, seed=1)[name] for name in ("K", "corners_3d", "labels")}
     cropped = Compose([CenterCrop(40, min_visible=0.9)]).sample_params(HW, target)
     assert cropped.keep is not None
@@ -595,7 +755,13 @@ def test_a_dropped_animal_that_a_later_map_shows_again_has_its_label() -> None:
 
 
 def test_the_user_says_which_fields_of_his_own_follow_dropped_animals() -> None:
-    target = {**scene(6, seed=1), "herd": list("abcdef"), "orig_size": torch.tensor([1, 2, 3, 4, 5, 6]), "site": "north", "scores": torch.rand(6)}
+    target = {
+        **scene(6, seed=1),
+        "herd": list("abcdef"),
+        "orig_size": torch.tensor([1, 2, 3, 4, 5, 6]),
+        "site": "north",
+        "scores": torch.rand(6),
+    }
     crop = [CenterCrop(40, min_visible=0.9)]
     with pytest.raises(SampleError, match=r"scene: herd: has 6 entries.*per_animal=\['herd'\]"):
         Compose(crop)(picture(), target)
@@ -609,14 +775,22 @@ def test_the_user_says_which_fields_of_his_own_follow_dropped_animals() -> None:
         Compose(crop, per_animal=["herd"])(picture(), {**target, "herd": ["a", "b"]})
 
 
-@pytest.mark.parametrize("pipeline", [[], [RandomHorizontalFlip(0)], [CenterCrop(HW)], [Resize(HW)], [RandomRotation((5, 5))]])
+@pytest.mark.parametrize(
+    "pipeline",
+    [[], [RandomHorizontalFlip(0)], [CenterCrop(HW)], [Resize(HW)], [RandomRotation((5, 5))]],
+)
 @pytest.mark.parametrize("array", [True, False])
-def test_writing_to_what_came_out_changes_nothing_of_what_came_in(pipeline: list[Transform], array: bool) -> None:
+def test_writing_to_what_came_out_changes_nothing_of_what_came_in(
+    pipeline: list[Transform], array: bool
+) -> None:
     target: dict[str, Any] = {**scene(2), "masks": torch.ones(2, *HW, dtype=torch.uint8)}
     image: Any = picture().permute(1, 2, 0).contiguous().numpy() if array else picture()
     if array:
-        target = {name: value.numpy() if isinstance(value, Tensor) else value for name, value in target.items()}
-    kept, image_kept = pickle.loads(pickle.dumps(target)), pickle.loads(pickle.dumps(image))  # noqa: S301
+        target = {
+            name: value.numpy() if isinstance(value, Tensor) else value
+            for name, value in target.items()
+        }
+    kept, image_kept = pickle.loads(pickle.dumps(target)), pickle.loads(pickle.dumps(image))
     made, after = Compose(pipeline)(image, target)
     made[:] = 0
     for value in after.values():
@@ -637,7 +811,13 @@ def test_a_pipeline_in_a_pipeline_keeps_its_options_or_says_that_they_would_be_l
 
 
 def test_threads_that_share_a_pipeline_draw_what_one_alone_draws() -> None:
-    compose = Compose([kornia.RandomAffine(20.0, p=0.5), kornia.RandomHue((-0.2, 0.2), p=0.5), RandomHorizontalFlip()])
+    compose = Compose(
+        [
+            kornia.RandomAffine(20.0, p=0.5),
+            kornia.RandomHue((-0.2, 0.2), p=0.5),
+            RandomHorizontalFlip(),
+        ]
+    )
     image = picture()
     alone = [compose(image, {}, key=(0, index))[0] for index in range(40)]
     with ThreadPoolExecutor(4) as pool:

@@ -1,4 +1,7 @@
-"""Pipelines inside DataLoader workers: the same samples however many there are and however they are started."""
+"""Pipelines inside DataLoader workers.
+
+The same samples however many there are and however they are started.
+"""
 
 from typing import Any
 
@@ -14,9 +17,14 @@ def samples(epoch: int, **options: Any) -> list[tuple[Tensor, dict[str, Any]]]:
     return list(DataLoader(Scenes(epoch), batch_size=None, **options))
 
 
-def same(one: list[tuple[Tensor, dict[str, Any]]], other: list[tuple[Tensor, dict[str, Any]]]) -> bool:
+def same(
+    one: list[tuple[Tensor, dict[str, Any]]], other: list[tuple[Tensor, dict[str, Any]]]
+) -> bool:
     return all(
-        torch.equal(a[0], b[0]) and all(torch.equal(a[1][name], b[1][name]) for name in a[1] if isinstance(a[1][name], Tensor))
+        torch.equal(a[0], b[0])
+        and all(
+            torch.equal(a[1][name], b[1][name]) for name in a[1] if isinstance(a[1][name], Tensor)
+        )
         for a, b in zip(one, other, strict=True)
     )
 

@@ -16,14 +16,15 @@ Range = float | tuple[float, float]
 class RandomAffine(Transform):
     """Turn, zoom, shift and, on request, shear the picture about its middle.
 
-    Turning is an exact roll of the camera, for fx != fy too. K: one more scale and a shift; no skew without shear.
+    Turning is an exact roll of the camera, for fx != fy too. K: one more scale and a shift; no skew
+    without shear.
 
     Args:
         degrees: range of the turn, clockwise; a number x means [-x, x].
         translate: greatest shift as parts of the (width, height), e.g. (0.1, 0.1); None for none.
         scale: range of the zoom, e.g. (0.8, 1.2); None for none.
-        shear: range of the shear along x in degrees; None for none. It gives K a skew, so the pipeline must allow it
-            (Compose(allow_skew=True)).
+        shear: range of the shear along x in degrees; None for none. It gives K a skew, so the
+            pipeline must allow it (Compose(allow_skew=True)).
         p: probability.
 
     """
@@ -43,22 +44,31 @@ class RandomAffine(Transform):
         self.translate = (0.0, 0.0) if translate is None else translate
         for part in self.translate:
             check_range("translate", (0.0, part))
-        self.scale = (1.0, 1.0) if scale is None else check_range("scale", scale, about=None, least=1e-3)
+        self.scale = (
+            (1.0, 1.0) if scale is None else check_range("scale", scale, about=None, least=1e-3)
+        )
         self.shear = (0.0, 0.0) if shear is None else check_range("shear", shear)
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The one map."""
-        turn, zoom = rng.uniform(*self.degrees), math.exp(rng.uniform(math.log(self.scale[0]), math.log(self.scale[1])))
+        turn, zoom = (
+            rng.uniform(*self.degrees),
+            math.exp(rng.uniform(math.log(self.scale[0]), math.log(self.scale[1]))),
+        )
         shift = rng.uniform(-1, 1, 2) * self.translate
         lean = math.tan(math.radians(rng.uniform(*self.shear)))
         linear = rolling(view.K, turn) @ np.array([[1.0, lean], [0, 1]]) * zoom
         linear[np.abs(linear) < 1e-15 * np.abs(linear).max()] = 0  # a quarter turn keeps the axes
-        H = shifting(shift[0] * view.image_hw[1], shift[1] * view.image_hw[0]) @ about(linear, center_of(view.image_hw))
+        H = shifting(shift[0] * view.image_hw[1], shift[1] * view.image_hw[0]) @ about(
+            linear, center_of(view.image_hw)
+        )
         return (Warp(H, view.image_hw),)
 
 
 class RandomRotation(RandomAffine):
-    """Turn the picture about its middle by rolling the camera: exact, without skew, for fx != fy too.
+    """Turn the picture about its middle by rolling the camera.
+
+    Exact, without skew, for fx != fy too.
 
     Args:
         degrees: range of the turn, clockwise; a number x means [-x, x].

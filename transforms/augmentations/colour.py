@@ -24,8 +24,9 @@ Range = float | tuple[float, float]
 class ColorJitter(Transform):
     """Change brightness, contrast, saturation and hue, in this order, by one matrix.
 
-    Contrast is about mid grey and hue is a turn of the chroma plane (YIQ), so that all four are affine; kornia's and
-    torchvision's contrast is about the mean of the picture, and their hue goes through HSV, which costs most of their time.
+    Contrast is about mid grey and hue is a turn of the chroma plane (YIQ), so that all four are
+    affine; kornia's and torchvision's contrast is about the mean of the picture, and their hue goes
+    through HSV, which costs most of their time.
 
     Args:
         brightness: factor; a number x means [max(0, 1 - x), 1 + x].
@@ -36,7 +37,14 @@ class ColorJitter(Transform):
 
     """
 
-    def __init__(self, brightness: Range = 0.0, contrast: Range = 0.0, saturation: Range = 0.0, hue: Range = 0.0, p: float = 1.0) -> None:
+    def __init__(
+        self,
+        brightness: Range = 0.0,
+        contrast: Range = 0.0,
+        saturation: Range = 0.0,
+        hue: Range = 0.0,
+        p: float = 1.0,
+    ) -> None:
         super().__init__(p)
         self.brightness = check_range("brightness", brightness, about=1, least=0)
         self.contrast = check_range("contrast", contrast, about=1, least=0)
@@ -45,7 +53,10 @@ class ColorJitter(Transform):
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The one matrix."""
-        brightness, contrast, saturation, hue = (rng.uniform(*span) for span in (self.brightness, self.contrast, self.saturation, self.hue))
+        brightness, contrast, saturation, hue = (
+            rng.uniform(*span)
+            for span in (self.brightness, self.contrast, self.saturation, self.hue)
+        )
         matrix = colour_matrix(saturation_and_hue(saturation, hue) * contrast, 0.5 * (1 - contrast))
         return (Colour(compose_colours(matrix, colour_matrix(np.eye(3) * brightness, 0.0))),)
 
@@ -62,7 +73,9 @@ class RandomGrayscale(Transform):
 
 
 class Normalize(Transform):
-    """(x - mean) / std of colours in [0, 1]; the image leaves as float32 (float64 if it came so). Put it last.
+    """(x - mean) / std of colours in [0, 1]; the image leaves as float32 (float64 if it came so).
+
+    Put it last.
 
     Args:
         mean: per channel, of colours in [0, 1].
@@ -70,10 +83,21 @@ class Normalize(Transform):
 
     """
 
-    def __init__(self, mean: tuple[float, ...] = (0.485, 0.456, 0.406), std: tuple[float, ...] = (0.229, 0.224, 0.225)) -> None:
+    def __init__(
+        self,
+        mean: tuple[float, ...] = (0.485, 0.456, 0.406),
+        std: tuple[float, ...] = (0.229, 0.224, 0.225),
+    ) -> None:
         super().__init__()
-        if len(mean) != len(std) or any(not math.isfinite(m) for m in mean) or any(not s > 0 for s in std):
-            raise ConfigError(f"mean and std must have one finite value a channel, std > 0, got {mean!r} and {std!r}")
+        if (
+            len(mean) != len(std)
+            or any(not math.isfinite(m) for m in mean)
+            or any(not s > 0 for s in std)
+        ):
+            raise ConfigError(
+                f"mean and std must have one finite value a channel, std > 0, got {mean!r} and"
+                f" {std!r}"
+            )
         self.mean, self.std = tuple(float(m) for m in mean), tuple(float(s) for s in std)
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
@@ -89,6 +113,10 @@ def colour_matrix(linear: np.ndarray, offset: float) -> np.ndarray:
 def saturation_and_hue(saturation: float, hue: float) -> np.ndarray:
     """The (3, 3) matrix that keeps brightness, scales chroma, and turns it by a part of the circle."""
     angle = 2 * math.pi * hue
-    turn = np.array([[1, 0, 0], [0, math.cos(angle), -math.sin(angle)], [0, math.sin(angle), math.cos(angle)]])
-    matrix: np.ndarray = np.linalg.inv(CHROMA) @ (turn * np.array([[1.0], [saturation], [saturation]])) @ CHROMA
+    turn = np.array(
+        [[1, 0, 0], [0, math.cos(angle), -math.sin(angle)], [0, math.sin(angle), math.cos(angle)]]
+    )
+    matrix: np.ndarray = (
+        np.linalg.inv(CHROMA) @ (turn * np.array([[1.0], [saturation], [saturation]])) @ CHROMA
+    )
     return matrix

@@ -22,14 +22,16 @@ class RandomResizedCrop(Transform):
 
     Args:
         size: (height, width) after, or one number for both.
-        scale: range of the part's area over the greatest area of its aspect that fits into the picture.
-        ratio: range by which the part's aspect is changed against that of size, e.g. (3 / 4, 4 / 3); None keeps the aspect, so
-            that an animal is not stretched.
-        keep_part: at least this part of what is visible of some animal stays; of the crops drawn the first that keeps it is
-            taken, and if none does (TRIALS), the one that keeps most.
-        min_visible: animals of which less than this part of what was visible remains are dropped; None keeps all.
-        p: probability of a random crop; otherwise the greatest part of the right aspect is taken from the middle, so that the
-            size is always the same.
+        scale: range of the part's area over the greatest area of its aspect that fits into the
+            picture.
+        ratio: range by which the part's aspect is changed against that of size, e.g. (3 / 4, 4 /
+            3); None keeps the aspect, so that an animal is not stretched.
+        keep_part: at least this part of what is visible of some animal stays; of the crops drawn
+            the first that keeps it is taken, and if none does (TRIALS), the one that keeps most.
+        min_visible: animals of which less than this part of what was visible remains are dropped;
+            None keeps all.
+        p: probability of a random crop; otherwise the greatest part of the right aspect is taken
+            from the middle, so that the size is always the same.
 
     """
 
@@ -52,7 +54,9 @@ class RandomResizedCrop(Transform):
             raise ConfigError(f"scale must lie in (0, 1], got {scale!r}")
         self.ratio = None if ratio is None else check_range("ratio", ratio, about=None, least=1e-3)
         self.keep_part = check_probability("keep_part", keep_part)
-        self.min_visible = None if min_visible is None else check_probability("min_visible", min_visible)
+        self.min_visible = (
+            None if min_visible is None else check_probability("min_visible", min_visible)
+        )
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The map, and which animals stay."""
@@ -68,14 +72,18 @@ class RandomResizedCrop(Transform):
         warp = Warp(cropping((box[0], box[1], box[2], box[3]), self.size), self.size)
         return (warp, *keep_visible(view, None if parts is None else parts[best], self.min_visible))
 
-    def _draw(self, rng: np.random.Generator, image_hw: tuple[int, int], *, random: bool) -> np.ndarray:
+    def _draw(
+        self, rng: np.random.Generator, image_hw: tuple[int, int], *, random: bool
+    ) -> np.ndarray:
         """Boxes (TRIALS, 4) inside the picture, from edge to edge."""
         area, across, down, stretch = rng.random((4, TRIALS))
         low, high = self.scale
         area = low + (high - low) * area if random else np.ones(1)
         aspect = np.full(TRIALS, self.size[1] / self.size[0])
         if self.ratio is not None and random:
-            aspect = aspect * np.exp(math.log(self.ratio[0]) + math.log(self.ratio[1] / self.ratio[0]) * stretch)
+            aspect = aspect * np.exp(
+                math.log(self.ratio[0]) + math.log(self.ratio[1] / self.ratio[0]) * stretch
+            )
         height, width = image_hw
         wide = np.minimum(width, height * aspect) * np.sqrt(area)
         high_px = np.minimum(height, width / aspect) * np.sqrt(area)

@@ -21,8 +21,9 @@ from animal3dbox.transforms.view import View
 class RandomErasing(Transform):
     """Paint a rectangle over, and mark what it hides.
 
-    Masks lose its pixels, depth becomes unknown (0), keypoints below it get visibility 0, and occlusion (N,) grows: the part of
-    the animal (its mask, else its cuboid's silhouette in the picture) that is hidden. The cuboid, its faces and its 2D box stay.
+    Masks lose its pixels, depth becomes unknown (0), keypoints below it get visibility 0, and
+    occlusion (N,) grows: the part of the animal (its mask, else its cuboid's silhouette in the
+    picture) that is hidden. The cuboid, its faces and its 2D box stay.
 
     Args:
         p: probability.
@@ -53,11 +54,24 @@ class RandomErasing(Transform):
         height, width = view.image_hw
         area = rng.uniform(*self.scale) * height * width
         aspect = math.exp(rng.uniform(math.log(self.ratio[0]), math.log(self.ratio[1])))
-        wide, high = min(width, round(math.sqrt(area * aspect))), min(height, round(math.sqrt(area / aspect)))
-        left, top, seed = int(rng.integers(width - wide + 1)), int(rng.integers(height - high + 1)), int(rng.integers(SEEDS))
+        wide, high = (
+            min(width, round(math.sqrt(area * aspect))),
+            min(height, round(math.sqrt(area / aspect))),
+        )
+        left, top, seed = (
+            int(rng.integers(width - wide + 1)),
+            int(rng.integers(height - high + 1)),
+            int(rng.integers(SEEDS)),
+        )
         if wide == 0 or high == 0:
             return ()
-        value = None if isinstance(self.value, str) else self.value if isinstance(self.value, tuple) else (float(self.value),)
+        value = (
+            None
+            if isinstance(self.value, str)
+            else self.value
+            if isinstance(self.value, tuple)
+            else (float(self.value),)
+        )
         return (Erase(((left, top, left + wide, top + high),), value, seed),)
 
 
@@ -76,15 +90,23 @@ def hide_fields(fields: Fields, erase: Erase, image_hw: tuple[int, int]) -> Fiel
                 values[name][..., y_least:y_past, x_least:x_past] = 0
         if "keypoints" in out.values:
             keypoints = out.values["keypoints"]
-            low, high = like(keypoints, [x_least - 0.5, y_least - 0.5]), like(keypoints, [x_past - 0.5, y_past - 0.5])
+            low, high = (
+                like(keypoints, [x_least - 0.5, y_least - 0.5]),
+                like(keypoints, [x_past - 0.5, y_past - 0.5]),
+            )
             below = ((keypoints[..., :2] >= low) & (keypoints[..., :2] <= high)).all(-1)
-            values["keypoints"] = namespace(keypoints).concatenate((keypoints[..., :2], (keypoints[..., 2] * ~below)[..., None]), -1)
+            values["keypoints"] = namespace(keypoints).concatenate(
+                (keypoints[..., :2], (keypoints[..., 2] * ~below)[..., None]), -1
+            )
         out = out.updated(**values)
     return out
 
 
 def _hidden_part(fields: Fields, box: tuple[int, int, int, int], image_hw: tuple[int, int]) -> Any:
-    """The part (N,) of what was still visible of each animal that a rectangle hides; None if nothing tells."""
+    """The part (N,) of what was still visible of each animal that a rectangle hides.
+
+    None if nothing tells.
+    """
     x_least, y_least, x_past, y_past = box
     if "masks" in fields.values:
         masks = fields.values["masks"] > 0
@@ -96,5 +118,8 @@ def _hidden_part(fields: Fields, box: tuple[int, int, int, int], image_hw: tuple
     hidden = ~visible_faces(corners, corners[:, 0] * 0)
     quads = projected_faces(corners, fields.values["K"], fields.values.get("distortion"))
     whole = (area_in_frame(quads, image_hw) * hidden).sum(-1)
-    covered = (area_in_box(quads, like(quads, [x_least - 0.5, y_least - 0.5, x_past - 0.5, y_past - 0.5])) * hidden).sum(-1)
+    covered = (
+        area_in_box(quads, like(quads, [x_least - 0.5, y_least - 0.5, x_past - 0.5, y_past - 0.5]))
+        * hidden
+    ).sum(-1)
     return covered / (whole + (whole == 0))

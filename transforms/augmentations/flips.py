@@ -1,4 +1,7 @@
-"""Mirrors. A mirrored picture is the picture of the mirrored animal: left and right change places (relabel.py)."""
+"""Mirrors.
+
+A mirrored picture is the picture of the mirrored animal: left and right change places (relabel.py).
+"""
 
 import numpy as np
 
@@ -32,12 +35,13 @@ class _RandomFlip(Transform):
 class RandomHorizontalFlip(_RandomFlip):
     """Mirror left and right.
 
-    K: cx' = W - 1 - cx. The camera frame is mirrored in x; corners, faces and keypoints are renamed.
+    K: cx' = W - 1 - cx. The camera frame is mirrored in x; corners, faces and keypoints are
+    renamed.
 
     Args:
         p: probability.
-        mirror: "relabel", or "forbid" for re-identification, where a mirrored left flank is not the right flank of any animal:
-            the picture is then never mirrored, whatever p is.
+        mirror: "relabel", or "forbid" for re-identification, where a mirrored left flank is not the
+            right flank of any animal: the picture is then never mirrored, whatever p is.
 
     """
 

@@ -1,4 +1,7 @@
-"""Blur and noise: they act where they stand in the pipeline, since they do not commute with maps of pixels."""
+"""Blur and noise.
+
+They act where they stand in the pipeline, since they do not commute with maps of pixels.
+"""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""Random perspective: four corners moved at will. No real camera takes such pictures, so it has to be asked for."""
+"""Random perspective: four corners moved at will.
+
+No real camera takes such pictures, so it has to be asked for.
+"""
 
 import numpy as np
 
@@ -17,30 +20,40 @@ class RandomPerspective(Transform):
     Args:
         distortion_scale: how far a corner moves at most, as part of half the side, in [0, 1).
         p: probability.
-        allow_skew: must be True: the camera gets a skew K[0, 1], which most detectors ignore. RandomVirtualCamera gives
-            perspective without it.
+        allow_skew: must be True: the camera gets a skew K[0, 1], which most detectors ignore.
+            RandomVirtualCamera gives perspective without it.
 
     """
 
     geometric = True
 
-    def __init__(self, distortion_scale: float = 0.3, p: float = 0.5, *, allow_skew: bool = False) -> None:
+    def __init__(
+        self, distortion_scale: float = 0.3, p: float = 0.5, *, allow_skew: bool = False
+    ) -> None:
         super().__init__(p)
         self.distortion_scale = check_probability("distortion_scale", distortion_scale)
         if distortion_scale >= 1:
             raise ConfigError(f"distortion_scale must lie in [0, 1), got {distortion_scale!r}")
         if not allow_skew:
             raise ConfigError(
-                "RandomPerspective gives the camera a skew, which most detectors ignore: pass allow_skew=True if yours reads K[0, 1], "
-                "or take RandomVirtualCamera, which gives perspective without skew"
+                "RandomPerspective gives the camera a skew, which most detectors ignore: pass"
+                " allow_skew=True if yours reads K[0, 1], or take RandomVirtualCamera, which gives"
+                " perspective without skew"
             )
         self.allow_skew = allow_skew
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The one map."""
         height, width = view.image_hw
-        edges = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
-        inwards = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * rng.random((4, 2)) * self.distortion_scale * (width / 2, height / 2)
+        edges = np.array(
+            [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
+        )
+        inwards = (
+            np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+            * rng.random((4, 2))
+            * self.distortion_scale
+            * (width / 2, height / 2)
+        )
         return (Warp(four_points(edges, edges + inwards), view.image_hw),)
 
 

@@ -16,7 +16,8 @@ class Resize(Transform):
     K: x' = (x + 1/2) s - 1/2, so fx' = s fx and cx' = (cx + 1/2) s - 1/2; likewise y.
 
     Args:
-        size: (height, width); or one number for the shorter side, keeping the aspect up to the rounding to whole pixels.
+        size: (height, width); or one number for the shorter side, keeping the aspect up to the
+            rounding to whole pixels.
 
     """
 
@@ -61,7 +62,9 @@ class LetterBox(Transform):
         return (Warp(fitting(view.image_hw, self.size, enlarge=self.enlarge), self.size),)
 
 
-def fitting(image_hw: tuple[int, int], size: tuple[int, int], *, enlarge: bool = True) -> np.ndarray:
+def fitting(
+    image_hw: tuple[int, int], size: tuple[int, int], *, enlarge: bool = True
+) -> np.ndarray:
     """The map (3, 3) that puts a whole picture into the middle of another size."""
     factor = min(size[0] / image_hw[0], size[1] / image_hw[1])
     factor = factor if enlarge else min(factor, 1.0)
@@ -79,7 +82,8 @@ class PadTo(Transform):
 
     Args:
         size: (height, width), or one number for both; not smaller than the picture.
-        position: "center", or "top_left" to fill on the right and at the bottom only, which leaves K as it is.
+        position: "center", or "top_left" to fill on the right and at the bottom only, which leaves
+            K as it is.
 
     """
 
@@ -96,7 +100,10 @@ class PadTo(Transform):
         """The one map."""
         room = (self.size[0] - view.image_hw[0], self.size[1] - view.image_hw[1])
         if min(room) < 0:
-            raise ConfigError(f"PadTo({self.size}) cannot hold an image of {view.image_hw} (height, width): resize or crop it first")
+            raise ConfigError(
+                f"PadTo({self.size}) cannot hold an image of {view.image_hw} (height, width):"
+                " resize or crop it first"
+            )
         shift = (room[1] // 2, room[0] // 2) if self.position == "center" else (0, 0)
         return (Warp(shifting(*shift), self.size),)
 
@@ -108,7 +115,8 @@ class CenterCrop(Transform):
 
     Args:
         size: (height, width), or one number for both.
-        min_visible: drop animals of which less than this part of what was visible remains; None keeps all.
+        min_visible: drop animals of which less than this part of what was visible remains; None
+            keeps all.
 
     """
 
@@ -117,7 +125,9 @@ class CenterCrop(Transform):
     def __init__(self, size: Size, min_visible: float | None = None) -> None:
         super().__init__()
         self.size = check_size("size", size)
-        self.min_visible = None if min_visible is None else check_probability("min_visible", min_visible)
+        self.min_visible = (
+            None if min_visible is None else check_probability("min_visible", min_visible)
+        )
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The map, and which animals stay."""
@@ -128,9 +138,13 @@ class CenterCrop(Transform):
         return (warp, *keep_visible(view, None if parts is None else parts[0], self.min_visible))
 
 
-def keep_visible(view: View, parts: np.ndarray | None, min_visible: float | None) -> tuple[Keep, ...]:
+def keep_visible(
+    view: View, parts: np.ndarray | None, min_visible: float | None
+) -> tuple[Keep, ...]:
     """The step that keeps the animals of which at least a given part is left, of parts (N,)."""
     if parts is None or min_visible is None:
         return ()
-    kept = tuple(index for index, part in zip(view.alive, parts, strict=True) if not part < min_visible)
+    kept = tuple(
+        index for index, part in zip(view.alive, parts, strict=True) if not part < min_visible
+    )
     return (Keep(kept, min_visible),) if kept != view.alive else ()

@@ -1,4 +1,7 @@
-"""Pictures that another camera at the same place would take: the full family of maps that are exact and have no skew."""
+"""Pictures that another camera at the same place would take.
+
+The full family of maps that are exact and have no skew.
+"""
 
 import math
 
@@ -37,54 +40,85 @@ class RandomVirtualCamera(Transform):
 
     geometric = True
 
-    def __init__(self, yaw: Range = 5.0, pitch: Range = 5.0, roll: Range = 5.0, zoom: tuple[float, float] = (1.0, 1.0), p: float = 1.0) -> None:
+    def __init__(
+        self,
+        yaw: Range = 5.0,
+        pitch: Range = 5.0,
+        roll: Range = 5.0,
+        zoom: tuple[float, float] = (1.0, 1.0),
+        p: float = 1.0,
+    ) -> None:
         super().__init__(p)
-        self.yaw, self.pitch, self.roll = (check_range(*named) for named in (("yaw", yaw), ("pitch", pitch), ("roll", roll)))
+        self.yaw, self.pitch, self.roll = (
+            check_range(*named) for named in (("yaw", yaw), ("pitch", pitch), ("roll", roll))
+        )
         for name, (low, high) in (("yaw", self.yaw), ("pitch", self.pitch)):
             if low <= -90 or high >= 90:
-                raise ConfigError(f"{name} must lie within (-90, 90) degrees: nothing of the picture would be left, got {(low, high)}")
+                raise ConfigError(
+                    f"{name} must lie within (-90, 90) degrees: nothing of the picture would be"
+                    f" left, got {(low, high)}"
+                )
         self.zoom = check_range("zoom", zoom, about=None, least=1e-3)
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The one map."""
         K = required_K(view, type(self).__name__)
-        R = camera_rotation(rng.uniform(*self.yaw), rng.uniform(*self.pitch), rng.uniform(*self.roll))
+        R = camera_rotation(
+            rng.uniform(*self.yaw), rng.uniform(*self.pitch), rng.uniform(*self.roll)
+        )
         K_new = K.copy()
         K_new[:2, :2] *= math.exp(rng.uniform(math.log(self.zoom[0]), math.log(self.zoom[1])))
         return (Warp(K_new @ R @ np.linalg.inv(K), view.image_hw),)
 
 
 class PerspectiveCrop(Transform):
-    """Look straight at one animal: the camera turns until the box's centre lies on the optical axis, and zooms to fill the picture.
+    """Look straight at one animal.
 
-    K: the principal point is the middle, fx = fy. What a crop leaves oblique is seen head-on, so the apparent shape no longer
-    depends on where in the picture the animal stood.
+    The camera turns until the box's centre lies on the optical axis, and zooms to fill the picture.
+
+    K: the principal point is the middle, fx = fy. What a crop leaves oblique is seen head-on, so
+    the apparent shape no longer depends on where in the picture the animal stood.
 
     Args:
         size: (height, width) after, or one number for both.
         margin: range of the empty part of the picture on either side of the box, in [0, 1).
         jitter_deg: range by which the camera misses the centre, in yaw and pitch.
-        min_visible: drop animals of which less than this part remains visible; the one looked at stays. None keeps all.
+        min_visible: drop animals of which less than this part remains visible; the one looked at
+            stays. None keeps all.
 
-    With several animals one that lies in front of the camera is drawn; with none the picture is fitted into the size.
+    With several animals one that lies in front of the camera is drawn; with none the picture is
+    fitted into the size.
 
     """
 
     geometric = True
 
-    def __init__(self, size: Size, margin: tuple[float, float] = (0.05, 0.2), jitter_deg: float = 0.0, min_visible: float | None = 0.1) -> None:
+    def __init__(
+        self,
+        size: Size,
+        margin: tuple[float, float] = (0.05, 0.2),
+        jitter_deg: float = 0.0,
+        min_visible: float | None = 0.1,
+    ) -> None:
         super().__init__()
         self.size = check_size("size", size)
         self.margin = check_range("margin", margin, about=None, least=0)
         if self.margin[1] >= 1:
             raise ConfigError(f"margin must lie in [0, 1), got {margin!r}")
         self.jitter_deg = check_range("jitter_deg", jitter_deg)
-        self.min_visible = None if min_visible is None else check_probability("min_visible", min_visible)
+        self.min_visible = (
+            None if min_visible is None else check_probability("min_visible", min_visible)
+        )
 
     def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
         """The map, and which animals stay."""
         K = required_K(view, type(self).__name__)
-        draws, yaw, pitch, margin = rng.random(), rng.uniform(*self.jitter_deg), rng.uniform(*self.jitter_deg), rng.uniform(*self.margin)
+        draws, yaw, pitch, margin = (
+            rng.random(),
+            rng.uniform(*self.jitter_deg),
+            rng.uniform(*self.jitter_deg),
+            rng.uniform(*self.margin),
+        )
         seen = np.flatnonzero(view.in_front())
         if view.corners_cam is None or not len(seen):
             return (Warp(fitting(view.image_hw, self.size), self.size),)
@@ -99,17 +133,30 @@ class PerspectiveCrop(Transform):
         parts = None if self.min_visible is None else view.parts_in_picture()
         if parts is None or self.min_visible is None:
             return ()
-        return (Keep(tuple(index for row, index in enumerate(view.alive) if row == chosen or parts[row] >= self.min_visible), self.min_visible),)
+        return (
+            Keep(
+                tuple(
+                    index
+                    for row, index in enumerate(view.alive)
+                    if row == chosen or parts[row] >= self.min_visible
+                ),
+                self.min_visible,
+            ),
+        )
 
 
 def look_along(direction: np.ndarray) -> np.ndarray:
-    """The rotation R_new_old (3, 3) without roll that turns a direction of the camera frame into the optical axis."""
+    """The rotation R_new_old (3, 3) without roll that turns a direction of the camera frame into
+    the optical axis."""
     x, y, z = direction / np.linalg.norm(direction)
-    return camera_rotation(math.degrees(math.atan2(x, z)), math.degrees(math.atan2(-y, math.hypot(x, z))), 0)
+    return camera_rotation(
+        math.degrees(math.atan2(x, z)), math.degrees(math.atan2(-y, math.hypot(x, z))), 0
+    )
 
 
 def focused(corners_cam: np.ndarray, size: tuple[int, int], margin: float) -> np.ndarray:
-    """Intrinsics (3, 3) with the principal point in the middle that let corners (8, 3) fill a picture up to its margin."""
+    """Intrinsics (3, 3) with the principal point in the middle that let corners (8, 3) fill a
+    picture up to its margin."""
     spread = np.abs(corners_cam[:, :2] / corners_cam[:, 2:]).max(axis=0)
     focal = (1 - margin) * min(size[1] / 2 / spread[0], size[0] / 2 / spread[1])
     across, down = center_of(size)

@@ -7,18 +7,24 @@ from torch import Tensor
 from animal3dbox.geometry.arrays import AnyArray, like, namespace
 
 
-def mapped_boxes(boxes: AnyArray, H_out_in: AnyArray, image_hw: tuple[int, int], outline: tuple[AnyArray, AnyArray] | None) -> AnyArray:
+def mapped_boxes(
+    boxes: AnyArray,
+    H_out_in: AnyArray,
+    image_hw: tuple[int, int],
+    outline: tuple[AnyArray, AnyArray] | None,
+) -> AnyArray:
     """Upright boxes round mapped boxes, inside the new frame.
 
-    Exact where the map keeps the axes (flip, crop, resize, quarter turns). Any other map turns the box, and what lies round it
-    bounds the animal less tightly; it is cut to the outline of the projected cuboid where that has any overlap with it.
+    Exact where the map keeps the axes (flip, crop, resize, quarter turns). Any other map turns the
+    box, and what lies round it bounds the animal less tightly; it is cut to the outline of the
+    projected cuboid where that has any overlap with it.
 
     Args:
         boxes: (N, 4).
         H_out_in: (3, 3).
         image_hw: of the image after.
-        outline: (N, 4) boxes round the projected cuboids and (N,) whether each means something; None if the map keeps the axes, or
-            without cuboids.
+        outline: (N, 4) boxes round the projected cuboids and (N,) whether each means something;
+            None if the map keeps the axes, or without cuboids.
 
     Returns:
         (N, 4); without area where nothing of the box lies in the frame.
@@ -29,16 +35,24 @@ def mapped_boxes(boxes: AnyArray, H_out_in: AnyArray, image_hw: tuple[int, int],
     w = around @ H_out_in[2, :2] + H_out_in[2, 2]
     height, width = image_hw
     low, high = like(boxes, [-0.5, -0.5]), like(boxes, [width - 0.5, height - 0.5])
-    px = (around @ H_out_in[:2, :2].mT + H_out_in[:2, 2]) / xp.where(w > 0, w, xp.ones_like(w))[..., None]
+    px = (around @ H_out_in[:2, :2].mT + H_out_in[:2, 2]) / xp.where(w > 0, w, xp.ones_like(w))[
+        ..., None
+    ]
     x, y = px[..., 0], px[..., 1]
     known = (w > 0).all(-1)[:, None]  # across the horizon nothing bounds the box
     if px.shape[0] == 0:
         return boxes
     start, end = xp.stack((least(x), least(y)), -1), xp.stack((-least(-x), -least(-y)), -1)
     gone = ~(w > 0).any(-1)[:, None]
-    start, end = xp.where(known, start, low), xp.where(known, end, xp.where(gone, low + 0 * start, high + 0 * start))
+    start, end = (
+        xp.where(known, start, low),
+        xp.where(known, end, xp.where(gone, low + 0 * start, high + 0 * start)),
+    )
     if outline is not None:
-        tight_start, tight_end = xp.maximum(start, outline[0][:, :2]), xp.minimum(end, outline[0][:, 2:])
+        tight_start, tight_end = (
+            xp.maximum(start, outline[0][:, :2]),
+            xp.minimum(end, outline[0][:, 2:]),
+        )
         tightens = (outline[1] & (tight_end > tight_start).all(-1))[:, None]
         start, end = xp.where(tightens, tight_start, start), xp.where(tightens, tight_end, end)
     held = [xp.minimum(xp.maximum(edge, low), high) for edge in (start, end)]
@@ -73,7 +87,9 @@ def boxes_of_masks(masks: AnyArray, otherwise: AnyArray) -> AnyArray:
     """
     found = otherwise.tolist()
     for index, mask in enumerate(masks > 0):
-        x, y, width, height = cv2.boundingRect((mask.cpu().numpy() if isinstance(mask, Tensor) else mask).astype(np.uint8))
+        x, y, width, height = cv2.boundingRect(
+            (mask.cpu().numpy() if isinstance(mask, Tensor) else mask).astype(np.uint8)
+        )
         if width:
             found[index] = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5)
     return like(otherwise, found) if len(found) else otherwise

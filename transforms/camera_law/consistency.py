@@ -1,4 +1,5 @@
-"""Is the target one target? A camera or boxes left stale by another library are found before they are augmented further."""
+"""Is the target one target? A camera or boxes left stale by another library are found before they
+are augmented further."""
 
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.arrays import as_numpy, norm
@@ -10,11 +11,15 @@ from animal3dbox.transforms.camera_law.law import corners_of, corners_of_boxes
 NAMES = ("K", "distortion", "corners_3d", "corners_2d", "center", "rotation", "size")
 TOLERANCE_PX = 0.5
 TOLERANCE_RELATIVE = 1e-3
-"""Float32 targets agree to about 1e-6 of their values; what is beyond these was made by different cameras."""
+"""Float32 targets agree to about 1e-6 of their values.
+
+What is beyond these was made by different cameras.
+"""
 
 
 def check_consistent(fields: Fields) -> None:
-    """Raise a SampleError unless corners_2d are the projections of the cuboids and corners_3d are those of center, rotation and size."""
+    """Raise a SampleError unless corners_2d are the projections of the cuboids and corners_3d are
+    those of center, rotation and size."""
     values = {name: as_numpy(fields.values[name]) for name in NAMES if name in fields.values}
     corners = corners_of(values)
     if corners is None or not fields.count:
@@ -28,8 +33,9 @@ def check_consistent(fields: Fields) -> None:
             raise SampleError(
                 fields.sample_id,
                 "corners_3d",
-                f"animal {worst}: corners differ from those of center, rotation and size by {off[worst]:.3g}; the corner order is "
-                "that of animal3dbox.geometry.cuboid.CORNER_SIGNS, the frame the camera's",
+                f"animal {worst}: corners differ from those of center, rotation and size by"
+                f" {off[worst]:.3g}; the corner order is that of"
+                " animal3dbox.geometry.cuboid.CORNER_SIGNS, the frame the camera's",
             )
     if "corners_2d" in values and "K" in values:
         px, depth = project(values["K"], corners, values.get("distortion"))
@@ -40,6 +46,7 @@ def check_consistent(fields: Fields) -> None:
             raise SampleError(
                 fields.sample_id,
                 "K",
-                f"is stale: animal {worst}'s corners_2d differ from the projection of its cuboid by {off[worst].max():.3g} px; something "
-                "changed the picture without the camera (or the camera without the picture)",
+                f"is stale: animal {worst}'s corners_2d differ from the projection of its cuboid by"
+                f" {off[worst].max():.3g} px; something changed the picture without the camera (or"
+                " the camera without the picture)",
             )

@@ -1,7 +1,8 @@
 """The one law: what a map of pixels does to everything that is known about the image.
 
-With H K = k K' Q (RQ decomposition), the mapped image is what the camera K' sees after its frame has been turned by Q:
-points' = Q points. Where det Q = -1 the scene is mirrored, and what is called left or right is renamed (relabel.py).
+With H K = k K' Q (RQ decomposition), the mapped image is what the camera K' sees after its frame
+has been turned by Q: points' = Q points. Where det Q = -1 the scene is mirrored, and what is called
+left or right is renamed (relabel.py).
 """
 
 from dataclasses import replace
@@ -16,8 +17,17 @@ from animal3dbox.geometry.arrays import like, namespace
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
 from animal3dbox.geometry.distortion import check_field_of_view, turned_distortion
-from animal3dbox.geometry.face_visibility import corners_visibility, near_depth_of_corners, visible_faces
-from animal3dbox.geometry.homography import CameraUpdate, apply_homography, handedness, update_camera
+from animal3dbox.geometry.face_visibility import (
+    corners_visibility,
+    near_depth_of_corners,
+    visible_faces,
+)
+from animal3dbox.geometry.homography import (
+    CameraUpdate,
+    apply_homography,
+    handedness,
+    update_camera,
+)
 from animal3dbox.transforms.camera_law.boxes import keeps_axes, least, mapped_boxes
 from animal3dbox.transforms.camera_law.fields import Fields
 from animal3dbox.transforms.camera_law.relabel import Relabelling
@@ -39,9 +49,11 @@ def map_fields(
 
     Args:
         fields: the target before.
-        H_out_in: (3, 3) float64, of the sign that makes w > 0 on what stays in the picture: -H would be the camera looking backwards.
+        H_out_in: (3, 3) float64, of the sign that makes w > 0 on what stays in the picture: -H
+            would be the camera looking backwards.
         image_hw_out: of the image after.
-        keypoint_mirror: (J,) each keypoint's counterpart on the other side; the target's own field goes before.
+        keypoint_mirror: (J,) each keypoint's counterpart on the other side; the target's own field
+            goes before.
         allow_skew: let K'[0, 1] become non-zero.
 
     Returns:
@@ -52,7 +64,14 @@ def map_fields(
 
     """
     values = fields.values
-    H: Any = next((torch.from_numpy(H_out_in).to(value.device) for value in values.values() if isinstance(value, Tensor)), H_out_in)
+    H: Any = next(
+        (
+            torch.from_numpy(H_out_in).to(value.device)
+            for value in values.values()
+            if isinstance(value, Tensor)
+        ),
+        H_out_in,
+    )
     relabel = Relabelling(handedness(H) < 0)
     out = {name: value for name, value in values.items() if name in UNMOVED}
     out["H_out_in"] = H @ values["H_out_in"] if "H_out_in" in values else H
@@ -71,7 +90,9 @@ def map_fields(
     if "keypoints" in values:
         out["keypoints"] = _mapped_keypoints(fields, H, relabel, image_hw_out, keypoint_mirror)
     if "keypoints_3d" in values:
-        out["keypoints_3d"] = _renamed_keypoints(fields, relabel.world_points(values["keypoints_3d"]), relabel, keypoint_mirror)
+        out["keypoints_3d"] = _renamed_keypoints(
+            fields, relabel.world_points(values["keypoints_3d"]), relabel, keypoint_mirror
+        )
     if "boxes" in values:
         outline = None if corners is None or keeps_axes(H) else _projected_outline(out, corners)
         out["boxes"] = mapped_boxes(values["boxes"], H, image_hw_out, outline)
@@ -81,15 +102,24 @@ def map_fields(
 
 
 def _faces(values: dict[str, Any], H: Any, relabel: Relabelling, *, known: bool) -> dict[str, Any]:
-    """What is said of faces, as far as a map of pixels tells it without the cuboids; the rest is left out, not left stale."""
+    """What is said of faces, as far as a map of pixels tells it without the cuboids.
+
+    The rest is left out, not left stale.
+    """
     out: dict[str, Any] = {}
-    if "face_visible" in values:  # the camera centre does not move, so no face appears or disappears
+    if (
+        "face_visible" in values
+    ):  # the camera centre does not move, so no face appears or disappears
         out["face_visible"] = relabel.faces(values["face_visible"])
     if bool(H[2, :2].any()):
         return out
     grows = abs(H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]) / H[2, 2] ** 2
-    scales = {"surface_share": 1} if known else {"surface_share": 1, "face_area": grows, "face_share": 1}
-    return out | {name: relabel.faces(values[name] * by) for name, by in scales.items() if name in values}
+    scales = (
+        {"surface_share": 1} if known else {"surface_share": 1, "face_area": grows, "face_share": 1}
+    )
+    return out | {
+        name: relabel.faces(values[name] * by) for name, by in scales.items() if name in values
+    }
 
 
 def _updated_camera(fields: Fields, H: Any, allow_skew: bool) -> CameraUpdate[Any]:
@@ -103,8 +133,9 @@ def _updated_camera(fields: Fields, H: Any, allow_skew: bool) -> CameraUpdate[An
         raise SampleError(
             fields.sample_id,
             "K",
-            f"the map gives the camera a skew of {float(update.K[0, 1]):.3g} px, which most detectors ignore; use RandomRotation and "
-            "RandomVirtualCamera (exact, no skew), or Compose(allow_skew=True) if yours reads K[0, 1]",
+            f"the map gives the camera a skew of {float(update.K[0, 1]):.3g} px, which most"
+            " detectors ignore; use RandomRotation and RandomVirtualCamera (exact, no skew), or"
+            " Compose(allow_skew=True) if yours reads K[0, 1]",
         )
     return update
 
@@ -134,20 +165,29 @@ def _moved(fields: Fields, update: CameraUpdate[Any], relabel: Relabelling) -> d
 
 
 def corners_of(values: dict[str, Any]) -> Any:
-    """Corners (N, 8, 3) in the camera frame, from the corners or from center, rotation and size; None if there are no boxes."""
+    """Corners (N, 8, 3) in the camera frame, from the corners or from center, rotation and size.
+
+    None if there are no boxes.
+    """
     return values["corners_3d"] if "corners_3d" in values else corners_of_boxes(values)
 
 
 def corners_of_boxes(values: dict[str, Any]) -> Any:
-    """Corners (N, 8, 3) in the camera frame of center, rotation and size; None if one of them is missing."""
+    """Corners (N, 8, 3) in the camera frame of center, rotation and size.
+
+    None if one of them is missing.
+    """
     if not {"center", "rotation", "size"} <= set(values):
         return None
     signs = like(values["size"], CORNER_SIGNS)
     return values["center"][:, None] + (signs * values["size"][:, None] / 2) @ values["rotation"].mT
 
 
-def _seen(values: dict[str, Any], out: dict[str, Any], corners: Any, image_hw: tuple[int, int]) -> dict[str, Any]:
-    """Projections, areas, shares and truncation under the new camera, of the fields that were there."""
+def _seen(
+    values: dict[str, Any], out: dict[str, Any], corners: Any, image_hw: tuple[int, int]
+) -> dict[str, Any]:
+    """Projections, areas, shares and truncation under the new camera, of the fields that were
+    there."""
     seen: dict[str, Any] = {}
     if "distortion" in out:
         check_field_of_view(out["distortion"], corners)
@@ -158,10 +198,19 @@ def _seen(values: dict[str, Any], out: dict[str, Any], corners: Any, image_hw: t
         seen["corner_in_front"] = _typed(in_front, values["corner_in_front"])
     if "behind_camera" in values:
         seen["behind_camera"] = _typed(~in_front.all(-1), values["behind_camera"])
-    wanted = {"face_area": "area", "face_share": "share", "face_share_in_image": "share_in_image", "truncation": "truncation"}
+    wanted = {
+        "face_area": "area",
+        "face_share": "share",
+        "face_share_in_image": "share_in_image",
+        "truncation": "truncation",
+    }
     wanted = {name: attribute for name, attribute in wanted.items() if name in values}
     if wanted:
-        visible = out["face_visible"] != 0 if "face_visible" in out else visible_faces(corners, corners[:, 0] * 0)
+        visible = (
+            out["face_visible"] != 0
+            if "face_visible" in out
+            else visible_faces(corners, corners[:, 0] * 0)
+        )
         visibility = corners_visibility(corners, out["K"], image_hw, visible, out.get("distortion"))
         seen |= {name: getattr(visibility, attribute) for name, attribute in wanted.items()}
     return seen
@@ -169,10 +218,20 @@ def _seen(values: dict[str, Any], out: dict[str, Any], corners: Any, image_hw: t
 
 def _typed(flags: Any, before: Any) -> Any:
     """Booleans in the dtype that the field had."""
-    return flags.to(before.dtype) if isinstance(flags, Tensor) else flags.astype(before.dtype, copy=False)
+    return (
+        flags.to(before.dtype)
+        if isinstance(flags, Tensor)
+        else flags.astype(before.dtype, copy=False)
+    )
 
 
-def _mapped_keypoints(fields: Fields, H: Any, relabel: Relabelling, image_hw: tuple[int, int], permutation: np.ndarray | None) -> Any:
+def _mapped_keypoints(
+    fields: Fields,
+    H: Any,
+    relabel: Relabelling,
+    image_hw: tuple[int, int],
+    permutation: np.ndarray | None,
+) -> Any:
     """Keypoints (N, J, 3); visibility 0 outside the frame and beyond the map's horizon."""
     keypoints = fields.values["keypoints"]
     xp = namespace(keypoints)
@@ -180,12 +239,16 @@ def _mapped_keypoints(fields: Fields, H: Any, relabel: Relabelling, image_hw: tu
     safe = xp.where(abs(w) < 1e-12, xp.full_like(w, 1e-12), w)
     px = (keypoints[..., :2] @ H[:2, :2].mT + H[:2, 2]) / safe[..., None]
     height, width = image_hw
-    inside = (w > 0) & (px >= -0.5).all(-1) & (px[..., 0] <= width - 0.5) & (px[..., 1] <= height - 0.5)
+    inside = (
+        (w > 0) & (px >= -0.5).all(-1) & (px[..., 0] <= width - 0.5) & (px[..., 1] <= height - 0.5)
+    )
     mapped = xp.concatenate((px, (keypoints[..., 2] * inside)[..., None]), -1)
     return _renamed_keypoints(fields, mapped, relabel, permutation)
 
 
-def _renamed_keypoints(fields: Fields, keypoints: Any, relabel: Relabelling, permutation: np.ndarray | None) -> Any:
+def _renamed_keypoints(
+    fields: Fields, keypoints: Any, relabel: Relabelling, permutation: np.ndarray | None
+) -> Any:
     if not bool(relabel.mirrored):
         return keypoints
     permutation = fields.values.get("keypoint_mirror", permutation)
@@ -193,7 +256,8 @@ def _renamed_keypoints(fields: Fields, keypoints: Any, relabel: Relabelling, per
         raise SampleError(
             fields.sample_id,
             "keypoints",
-            "a mirror needs each keypoint's counterpart on the other side: give target['keypoint_mirror'] or Compose(keypoint_mirror=...)",
+            "a mirror needs each keypoint's counterpart on the other side: give"
+            " target['keypoint_mirror'] or Compose(keypoint_mirror=...)",
         )
     try:
         return relabel.keypoints(keypoints, permutation)
@@ -202,8 +266,13 @@ def _renamed_keypoints(fields: Fields, keypoints: Any, relabel: Relabelling, per
 
 
 def _projected_outline(out: dict[str, Any], corners: Any) -> tuple[Any, Any]:
-    """Upright boxes (N, 4) round the projected cuboids and which of them mean something, to tighten 2D boxes by."""
-    px = out["corners_2d"] if "corners_2d" in out else project(out["K"], corners, out.get("distortion"))[0]
+    """Upright boxes (N, 4) round the projected cuboids and which of them mean something, to tighten
+    2D boxes by."""
+    px = (
+        out["corners_2d"]
+        if "corners_2d" in out
+        else project(out["K"], corners, out.get("distortion"))[0]
+    )
     in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]
     x, y = px[..., 0], px[..., 1]
     return namespace(px).stack((least(x), least(y), -least(-x), -least(-y)), -1), in_front.all(-1)

@@ -17,13 +17,20 @@ def check_size(name: str, size: Size) -> tuple[int, int]:
 
     """
     pair = (size, size) if isinstance(size, int | np.integer) else tuple(size)
-    if len(pair) != 2 or any(isinstance(side, bool) or int(side) != side or side <= 0 for side in pair):
-        raise ConfigError(f"{name} must be a whole number > 0 or a pair (height, width) of them, got {size!r}")
+    if len(pair) != 2 or any(
+        isinstance(side, bool) or int(side) != side or side <= 0 for side in pair
+    ):
+        raise ConfigError(
+            f"{name} must be a whole number > 0 or a pair (height, width) of them, got {size!r}"
+        )
     return int(pair[0]), int(pair[1])
 
 
 def scaling(scale_xy: tuple[float, float]) -> np.ndarray:
-    """Resize by (x, y) factors: x' = (x + 1/2) s - 1/2, since the image starts half a pixel before its first centre."""
+    """Resize by (x, y) factors.
+
+    X' = (x + 1/2) s - 1/2, since the image starts half a pixel before its first centre.
+    """
     x, y = scale_xy
     return np.array([[x, 0, 0.5 * x - 0.5], [0, y, 0.5 * y - 0.5], [0, 0, 1.0]])
 
@@ -34,16 +41,23 @@ def shifting(x: float, y: float) -> np.ndarray:
 
 
 def cropping(box: tuple[float, float, float, float], image_hw: tuple[int, int]) -> np.ndarray:
-    """Show an upright box (x least, y least, x greatest, y greatest, from edge to edge) in an image of the given size."""
+    """Show an upright box (x least, y least, x greatest, y greatest, from edge to edge) in an image
+    of the given size."""
     x_least, y_least, x_most, y_most = box
-    H: np.ndarray = scaling((image_hw[1] / (x_most - x_least), image_hw[0] / (y_most - y_least))) @ shifting(-x_least - 0.5, -y_least - 0.5)
+    H: np.ndarray = scaling(
+        (image_hw[1] / (x_most - x_least), image_hw[0] / (y_most - y_least))
+    ) @ shifting(-x_least - 0.5, -y_least - 0.5)
     return H
 
 
 def flipping(image_hw: tuple[int, int], *, horizontal: bool) -> np.ndarray:
     """Mirror the picture: x' = W - 1 - x, or y' = H - 1 - y."""
     height, width = image_hw
-    return np.array([[-1.0, 0, width - 1], [0, 1, 0], [0, 0, 1]]) if horizontal else np.array([[1.0, 0, 0], [0, -1, height - 1], [0, 0, 1]])
+    return (
+        np.array([[-1.0, 0, width - 1], [0, 1, 0], [0, 0, 1]])
+        if horizontal
+        else np.array([[1.0, 0, 0], [0, -1, height - 1], [0, 0, 1]])
+    )
 
 
 def about(linear: np.ndarray, fixed_px: tuple[float, float]) -> np.ndarray:
@@ -61,17 +75,26 @@ def center_of(image_hw: tuple[int, int]) -> tuple[float, float]:
 
 
 def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> np.ndarray:
-    """R_new_old of a camera that turns right by yaw, then up by pitch, then clockwise by roll, (3, 3)."""
+    """R_new_old of a camera that turns right by yaw, then up by pitch, then clockwise by roll, (3,
+    3)."""
     yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
-    turn = np.array([[math.cos(yaw), 0, -math.sin(yaw)], [0, 1, 0], [math.sin(yaw), 0, math.cos(yaw)]])
-    tilt = np.array([[1, 0, 0], [0, math.cos(pitch), math.sin(pitch)], [0, -math.sin(pitch), math.cos(pitch)]])
-    spin = np.array([[math.cos(roll), math.sin(roll), 0], [-math.sin(roll), math.cos(roll), 0], [0, 0, 1]])
+    turn = np.array(
+        [[math.cos(yaw), 0, -math.sin(yaw)], [0, 1, 0], [math.sin(yaw), 0, math.cos(yaw)]]
+    )
+    tilt = np.array(
+        [[1, 0, 0], [0, math.cos(pitch), math.sin(pitch)], [0, -math.sin(pitch), math.cos(pitch)]]
+    )
+    spin = np.array(
+        [[math.cos(roll), math.sin(roll), 0], [-math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
+    )
     R: np.ndarray = spin @ tilt @ turn
     return R
 
 
 def rolling(K: np.ndarray | None, angle_deg: float) -> np.ndarray:
-    """The (2, 2) linear part of a picture turned clockwise by rolling the camera: exact, without skew, for fx != fy too.
+    """The (2, 2) linear part of a picture turned clockwise by rolling the camera.
+
+    Exact, without skew, for fx != fy too.
 
     Args:
         K: (3, 3); None turns the picture as if its pixels were square.

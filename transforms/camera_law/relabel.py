@@ -1,7 +1,10 @@
-"""What a mirror does to names: the group {identity, mirror} acting on everything that is called left or right.
+"""What a mirror does to names.
 
-A mirrored picture shows the mirrored animal: its left flank is the image of the old right one. One object holds whether a
-map mirrors, and acts alike on corners, faces, keypoints, box parameters and points of the world.
+The group {identity, mirror} acting on everything that is called left or right.
+
+A mirrored picture shows the mirrored animal: its left flank is the image of the old right one. One
+object holds whether a map mirrors, and acts alike on corners, faces, keypoints, box parameters and
+points of the world.
 """
 
 from dataclasses import dataclass
@@ -21,7 +24,8 @@ class Relabelling:
     """The action of a map of pixels on names.
 
     Attributes:
-        mirrored: (...,) bool tensor or array, whether the map mirrors; its batch dimensions lead those of every argument below.
+        mirrored: (...,) bool tensor or array, whether the map mirrors; its batch dimensions lead
+            those of every argument below.
     """
 
     mirrored: Any
@@ -29,7 +33,9 @@ class Relabelling:
     def _pick(self, values: AnyArray, swapped: AnyArray) -> AnyArray:
         if self.mirrored.ndim == 0:
             return swapped if bool(self.mirrored) else values
-        mirrored = self.mirrored.reshape(*self.mirrored.shape, *[1] * (values.ndim - self.mirrored.ndim))
+        mirrored = self.mirrored.reshape(
+            *self.mirrored.shape, *[1] * (values.ndim - self.mirrored.ndim)
+        )
         picked: AnyArray = namespace(values).where(mirrored, swapped, values)
         return picked
 
@@ -55,12 +61,18 @@ class Relabelling:
         return self._pick(values, values[..., permutation.tolist(), :])
 
     def box_axes(self, rotation: AnyArray) -> AnyArray:
-        """Box axes (..., 3, 3), already turned by Q of det -1, as a rotation again: left is negated."""
+        """Box axes (..., 3, 3), already turned by Q of det -1, as a rotation again.
+
+        Left is negated.
+        """
         check_shape("rotation", rotation, "... 3 3")
         return self._pick(rotation, rotation * like(rotation, [1.0, -1.0, 1.0]))
 
     def world_points(self, points: AnyArray) -> AnyArray:
-        """Points (..., 3) fixed to the world, such as a mesh's vertices: S = diag(1, -1, 1) mirrors the world."""
+        """Points (..., 3) fixed to the world, such as a mesh's vertices.
+
+        S = diag(1, -1, 1) mirrors the world.
+        """
         check_shape("points", points, "... 3")
         return self._pick(points, points * like(points, [1.0, -1.0, 1.0]))
 
@@ -73,6 +85,9 @@ def check_keypoint_mirror(permutation: Tensor | np.ndarray, count: int) -> None:
     """Raise a ShapeError unless this is a permutation of the keypoints that is its own inverse."""
     given = permutation.tolist()
     if sorted(given) != list(range(count)):
-        raise ShapeError(f"keypoint_mirror must be a permutation of 0 to {count - 1}, one entry a keypoint, got {given}")
+        raise ShapeError(
+            f"keypoint_mirror must be a permutation of 0 to {count - 1}, one entry a keypoint, got"
+            f" {given}"
+        )
     if any(given[other] != index for index, other in enumerate(given)):
         raise ShapeError(f"keypoint_mirror must swap keypoints in pairs (p[p[j]] = j), got {given}")

@@ -28,15 +28,17 @@ def transform_target(
 
     Args:
         target: see Compose.
-        H_out_in: (3, 3), px_out ~ H_out_in px_in; pixel centres sit at whole numbers. Of H and -H the one with
-            w > 0 in the middle of the picture before is taken.
+        H_out_in: (3, 3), px_out ~ H_out_in px_in; pixel centres sit at whole numbers. Of H and -H
+            the one with w > 0 in the middle of the picture before is taken.
         image_hw_in: height and width before.
         image_hw_out: height and width after.
-        keypoint_mirror: (J,) each keypoint's counterpart on the other side, if the target does not hold its own.
+        keypoint_mirror: (J,) each keypoint's counterpart on the other side, if the target does not
+            hold its own.
         allow_skew: let K'[0, 1] become non-zero.
 
     Returns:
-        The target after, every field in the form in which it came; masks and depth are read at the nearest pixel.
+        The target after, every field in the form in which it came; masks and depth are read at the
+        nearest pixel.
 
     Raises:
         SampleError: naming the field that is wrong or cannot follow.
@@ -44,37 +46,63 @@ def transform_target(
     """
     fields = read_target(target, image_hw_in)
     check_consistent(fields)
-    H = oriented_homography(checked_map(H_out_in, fields), np.array([(image_hw_in[1] - 1) / 2, (image_hw_in[0] - 1) / 2]))
+    H = oriented_homography(
+        checked_map(H_out_in, fields),
+        np.array([(image_hw_in[1] - 1) / 2, (image_hw_in[0] - 1) / 2]),
+    )
     permutation = None if keypoint_mirror is None else np.array(list(keypoint_mirror))
-    return write_target(mapped_with_pixels(fields, H, image_hw_out, keypoint_mirror=permutation, allow_skew=allow_skew))
+    return write_target(
+        mapped_with_pixels(
+            fields, H, image_hw_out, keypoint_mirror=permutation, allow_skew=allow_skew
+        )
+    )
 
 
 def inverse(
-    predicted: Mapping[str, Any], H_out_in: Tensor | np.ndarray, image_hw: tuple[int, int], *, keypoint_mirror: Sequence[int] | None = None
+    predicted: Mapping[str, Any],
+    H_out_in: Tensor | np.ndarray,
+    image_hw: tuple[int, int],
+    *,
+    keypoint_mirror: Sequence[int] | None = None,
 ) -> dict[str, Any]:
     """Predictions for an augmented picture as predictions for the original one.
 
     Args:
-        predicted: fields of a target, in the augmented camera's frame and pixels, with the augmented K (which cuboids need); no
-            masks or depth.
+        predicted: fields of a target, in the augmented camera's frame and pixels, with the
+            augmented K (which cuboids need); no masks or depth.
         H_out_in: (3, 3) the augmented target's H_out_in.
         image_hw: height and width of the original.
-        keypoint_mirror: (J,) each keypoint's counterpart, if the picture was mirrored and keypoints are predicted.
+        keypoint_mirror: (J,) each keypoint's counterpart, if the picture was mirrored and keypoints
+            are predicted.
 
     Returns:
         The same fields under the original camera, whose K they get.
 
     Raises:
-        SampleError: a field is wrong, see Compose; masks and depth cannot be read backwards without loss.
+        SampleError: a field is wrong, see Compose; masks and depth cannot be read backwards without
+            loss.
 
     """
-    fields = read_target({name: value for name, value in predicted.items() if name not in ("H_out_in", "mirrored", "masks", "depth")}, image_hw)
+    fields = read_target(
+        {
+            name: value
+            for name, value in predicted.items()
+            if name not in ("H_out_in", "mirrored", "masks", "depth")
+        },
+        image_hw,
+    )
     for name in ("masks", "depth"):
         if name in predicted:
-            raise SampleError(fields.sample_id, name, "cannot go back without loss: warp it yourself by the inverse of H_out_in")
+            raise SampleError(
+                fields.sample_id,
+                name,
+                "cannot go back without loss: warp it yourself by the inverse of H_out_in",
+            )
     H = checked_map(H_out_in, fields)
     permutation = None if keypoint_mirror is None else np.array(list(keypoint_mirror))
-    back = write_target(map_fields(fields, np.linalg.inv(H), image_hw, keypoint_mirror=permutation, allow_skew=True))
+    back = write_target(
+        map_fields(fields, np.linalg.inv(H), image_hw, keypoint_mirror=permutation, allow_skew=True)
+    )
     return {name: value for name, value in back.items() if name not in ("H_out_in", "mirrored")}
 
 
@@ -82,9 +110,17 @@ def checked_map(H_out_in: Tensor | np.ndarray, fields: Fields) -> np.ndarray:
     """The map as a float64 array, or a SampleError."""
     H = np.asarray(as_numpy(H_out_in))
     if H.shape != (3, 3) or not np.isfinite(H).all():
-        raise SampleError(fields.sample_id, "H_out_in", f"must be (3, 3) and finite, got shape {H.shape}: {H.tolist()}")
+        raise SampleError(
+            fields.sample_id,
+            "H_out_in",
+            f"must be (3, 3) and finite, got shape {H.shape}: {H.tolist()}",
+        )
     H = H.astype(np.float64)
     rows = np.sqrt((H * H).sum(axis=1)).prod()
     if abs(np.linalg.det(H)) <= 1e-14 * rows:
-        raise SampleError(fields.sample_id, "H_out_in", "must be invertible, but its determinant is zero: it flattens the image")
+        raise SampleError(
+            fields.sample_id,
+            "H_out_in",
+            "must be invertible, but its determinant is zero: it flattens the image",
+        )
     return H

@@ -1,4 +1,7 @@
-"""Anything that a pipeline may be made of, as one of our transforms. kornia is imported only for those who use it."""
+"""Anything that a pipeline may be made of, as one of our transforms.
+
+Kornia is imported only for those who use it.
+"""
 
 from typing import Any
 
@@ -22,7 +25,11 @@ def as_transform(transform: Any) -> Transform:
         return KorniaTransform(transform)
     if "torch" in homes:
         raise ConfigError(
-            f"{type(transform).__name__} is a module that cannot say what it does to the camera; take a transform of animal3dbox.transforms, or "
-            "derive it from kornia's IntensityAugmentationBase2D if it changes colours only"
+            f"{type(transform).__name__} is a module that cannot say what it does to the camera;"
+            " take a transform of animal3dbox.transforms, or derive it from kornia's"
+            " IntensityAugmentationBase2D if it changes colours only"
         )
-    raise ConfigError(f"{transform!r} is no transform: take one of animal3dbox.transforms, or an augmentation of kornia")
+    raise ConfigError(
+        f"{transform!r} is no transform: take one of animal3dbox.transforms, or an augmentation of"
+        " kornia"
+    )

@@ -12,8 +12,18 @@ from torch import Tensor
 from animal3dbox.transforms.kornia_bridge.operations import gates, is_geometric, matrices, output_hw
 from animal3dbox.transforms.rendering.torch_executor import warp
 
-LINEAR = (kornia.Denormalize, kornia.Normalize, kornia.RandomChannelDropout, kornia.RandomChannelShuffle, kornia.RandomGrayscale, kornia.RandomInvert)
-"""Affine maps of colours without clipping: they commute with interpolation, but for the fill, which they then colour too."""
+LINEAR = (
+    kornia.Denormalize,
+    kornia.Normalize,
+    kornia.RandomChannelDropout,
+    kornia.RandomChannelShuffle,
+    kornia.RandomGrayscale,
+    kornia.RandomInvert,
+)
+"""Affine maps of colours without clipping.
+
+They commute with interpolation, but for the fill, which they then colour too.
+"""
 WIDE = (torch.int32, torch.int64)
 
 
@@ -41,7 +51,9 @@ class Coloured:
 Stage = Moved | Coloured
 
 
-def drawn_stages(pipeline: Any, params: Sequence[Any], shape: tuple[int, int, int, int]) -> list[Stage]:
+def drawn_stages(
+    pipeline: Any, params: Sequence[Any], shape: tuple[int, int, int, int]
+) -> list[Stage]:
     """What a kornia pipeline will do, in its order, without what it skips.
 
     Args:
@@ -69,7 +81,8 @@ def drawn_stages(pipeline: Any, params: Sequence[Any], shape: tuple[int, int, in
 
 
 def fused(stages: Sequence[Stage], commutes: Callable[[Any], bool]) -> list[Stage]:
-    """The same stages with maps of pixels multiplied together, also across operations on colours that commute with them."""
+    """The same stages with maps of pixels multiplied together, also across operations on colours
+    that commute with them."""
     result: list[Stage] = []
     for stage in stages:
         place = len(result)
@@ -92,7 +105,9 @@ def whole_map(stages: Sequence[Stage], count: int, image_hw: tuple[int, int]) ->
     return Moved(np.broadcast_to(np.eye(3), (count, 3, 3)), image_hw)
 
 
-def run_images(images: Tensor, stages: Sequence[Stage], interpolation: str, fill: tuple[float, ...]) -> Tensor:
+def run_images(
+    images: Tensor, stages: Sequence[Stage], interpolation: str, fill: tuple[float, ...]
+) -> Tensor:
     """The pictures (B, C, H', W') of a batch (B, C, H, W) after all stages."""
     for stage in fused(stages, lambda op: isinstance(op, LINEAR)):
         if isinstance(stage, Moved):
@@ -103,12 +118,19 @@ def run_images(images: Tensor, stages: Sequence[Stage], interpolation: str, fill
 
 
 def run_masks(masks: Tensor, stages: Sequence[Stage]) -> Tensor:
-    """Masks (B, C, H', W') or (B, H', W') of a batch, read at the nearest pixel; they lose what an erasing hides."""
+    """Masks (B, C, H', W') or (B, H', W') of a batch, read at the nearest pixel.
+
+    They lose what an erasing hides.
+    """
     layers = masks[:, None] if masks.ndim == 3 else masks
-    layers = layers.to(torch.float64 if masks.dtype in WIDE else torch.promote_types(masks.dtype, torch.float32))
+    layers = layers.to(
+        torch.float64 if masks.dtype in WIDE else torch.promote_types(masks.dtype, torch.float32)
+    )
     for stage in fused(stages, lambda op: not isinstance(op, kornia.RandomErasing)):
         if isinstance(stage, Moved):
             layers = warp(layers, stage.H_out_in, stage.image_hw, "nearest", (0.0,))
         elif isinstance(stage.op, kornia.RandomErasing):
-            layers = stage.op.transform_masks(layers, params=dict(stage.params), flags=stage.op.flags)
+            layers = stage.op.transform_masks(
+                layers, params=dict(stage.params), flags=stage.op.flags
+            )
     return (layers[:, 0] if masks.ndim == 3 else layers).to(masks.dtype)

@@ -1,4 +1,5 @@
-"""Does a kornia operation move its pixels by its matrix? Measured on a picture whose colours are its coordinates."""
+"""Does a kornia operation move its pixels by its matrix? Measured on a picture whose colours are
+its coordinates."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,9 +13,15 @@ from animal3dbox.transforms.kornia_bridge.operations import matrices, mirrored, 
 PROBE_HW = ((97, 128), (131, 90))
 TOLERANCE_PX = 0.1
 MARGIN_PX = 3
-"""How far from the edges of the picture that goes in: interpolation reads up to two pixels further."""
+"""How far from the edges of the picture that goes in.
+
+Interpolation reads up to two pixels further.
+"""
 MARGIN_PART = 0.15
-"""How far from the edges of the picture that comes out, over its side: a crop that is resized repeats its edge."""
+"""How far from the edges of the picture that comes out, over its side.
+
+A crop that is resized repeats its edge.
+"""
 FEWEST_PIXELS = 25
 DRAWS = 4
 
@@ -24,7 +31,8 @@ class Measured:
     """One draw of an operation, measured.
 
     Attributes:
-        off_px: the greatest distance along x or y between where a pixel came from and where the matrix says.
+        off_px: the greatest distance along x or y between where a pixel came from and where the
+            matrix says.
         pixels: of the interior, on which this was measured.
         image_hw: height and width that came out.
         claimed_hw: height and width that the drawn parameters announce.
@@ -49,7 +57,10 @@ def measure(op: Any, image_hw: tuple[int, int], seed: int, *, applied: bool = Tr
 
     """
     height, width = image_hw
-    x, y = torch.arange(width, dtype=torch.float64).expand(height, width), torch.arange(height, dtype=torch.float64)[:, None].expand(height, width)
+    x, y = (
+        torch.arange(width, dtype=torch.float64).expand(height, width),
+        torch.arange(height, dtype=torch.float64)[:, None].expand(height, width),
+    )
     image = torch.stack((x, y, torch.ones_like(x)))[None]
     with seeded(seed):
         params = op.forward_parameters(image.shape)
@@ -66,45 +77,69 @@ def measure(op: Any, image_hw: tuple[int, int], seed: int, *, applied: bool = Tr
     top, left = (int(MARGIN_PART * side) + 1 for side in out_hw)
     inside[:top], inside[-top:], inside[:, :left], inside[:, -left:] = False, False, False, False
     off = np.abs(came_from - said)[inside]
-    return Measured(float(off.max(initial=0)), int(inside.sum()), out_hw, output_hw(op, params, image_hw), mirrored(H))
+    return Measured(
+        float(off.max(initial=0)),
+        int(inside.sum()),
+        out_hw,
+        output_hw(op, params, image_hw),
+        mirrored(H),
+    )
 
 
 def check_matrix(op: Any, sizes: tuple[tuple[int, int], ...] = PROBE_HW) -> bool:
     """Whether the operation was seen to mirror.
 
     Raises:
-        ConfigError: its pixels are not where its matrix says, its size is not what it announces, or nothing could be measured.
+        ConfigError: its pixels are not where its matrix says, its size is not what it announces, or
+            nothing could be measured.
 
     """
     name = type(op).__name__
     nearest = getattr(op.flags.get("resample"), "name", "") == "NEAREST"
     allowed = TOLERANCE_PX + (0.5 if nearest else 0.0)
-    draws = [(seed, True) for seed in range(DRAWS)] + ([(DRAWS, False)] if op.p < 1 or op.p_batch < 1 else [])
+    draws = [(seed, True) for seed in range(DRAWS)] + (
+        [(DRAWS, False)] if op.p < 1 or op.p_batch < 1 else []
+    )
     seen: list[Measured] = []
     for image_hw in sizes:
         try:
             seen += [measure(op, image_hw, seed, applied=applied) for seed, applied in draws]
-        except (ArithmeticError, AssertionError, LookupError, NotImplementedError, RuntimeError, TypeError, ValueError) as error:
+        except (
+            ArithmeticError,
+            AssertionError,
+            LookupError,
+            NotImplementedError,
+            RuntimeError,
+            TypeError,
+            ValueError,
+        ) as error:
             raise ConfigError(
-                f"{name} cannot be measured on an image of {image_hw}: {error}; give KorniaTransform(op, probe_hw=...) others"
+                f"{name} cannot be measured on an image of {image_hw}: {error}; give"
+                " KorniaTransform(op, probe_hw=...) others"
             ) from error
     for result in seen:
         if result.image_hw != result.claimed_hw:
             raise ConfigError(
-                f"{name} makes images of {result.image_hw} (height, width) but announces {result.claimed_hw}; "
-                "let its parameters hold output_size (B, 2)"
+                f"{name} makes images of {result.image_hw} (height, width) but announces"
+                f" {result.claimed_hw}; let its parameters hold output_size (B, 2)"
             )
         if not result.off_px <= allowed:
             raise ConfigError(
-                f"{name}'s pixels are up to {result.off_px:.3g} px from where its matrix says, so it would leave the camera stale; correct it"
+                f"{name}'s pixels are up to {result.off_px:.3g} px from where its matrix says, so"
+                " it would leave the camera stale; correct it"
             )
     if sum(result.pixels for result in seen) < FEWEST_PIXELS:
-        raise ConfigError(f"{name} leaves nothing to measure on images of {sizes}; give KorniaTransform(op, probe_hw=...) that suit it")
+        raise ConfigError(
+            f"{name} leaves nothing to measure on images of {sizes}; give KorniaTransform(op,"
+            " probe_hw=...) that suit it"
+        )
     return any(result.mirrored for result in seen)
 
 
 def check_blur(op: Any, side_px: int = 160) -> None:
-    """Raise a ConfigError if a blur also moves the picture: an even kernel by half a pixel, a motion with a direction by more.
+    """Raise a ConfigError if a blur also moves the picture.
+
+    An even kernel by half a pixel, a motion with a direction by more.
 
     Args:
         op: an operation on colours that leaves a ramp a ramp.
@@ -122,6 +157,7 @@ def check_blur(op: Any, side_px: int = 160) -> None:
         off_px = float(moved.detach().mean(dim=(1, 2)).abs().max())
         if off_px > TOLERANCE_PX:
             raise ConfigError(
-                f"{type(op).__name__} moves the picture by {off_px:.2g} px without a matrix, which would leave the camera stale; "
-                "give it odd kernel sizes, and direction=0.0 if it has one"
+                f"{type(op).__name__} moves the picture by {off_px:.2g} px without a matrix, which"
+                " would leave the camera stale; give it odd kernel sizes, and direction=0.0 if it"
+                " has one"
             )

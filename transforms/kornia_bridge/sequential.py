@@ -1,4 +1,7 @@
-"""kornia's AugmentationSequential for pictures with cameras and cuboids: the same draws, the same geometry, one warp."""
+"""kornia's AugmentationSequential for pictures with cameras and cuboids.
+
+The same draws, the same geometry, one warp.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +16,14 @@ from animal3dbox.transforms.camera_law.consistency import check_consistent
 from animal3dbox.transforms.camera_law.fields import read_target, write_target
 from animal3dbox.transforms.camera_law.law import map_fields
 from animal3dbox.transforms.camera_law.relabel import Relabelling, check_keypoint_mirror
-from animal3dbox.transforms.kornia_bridge.fusion import Moved, Stage, drawn_stages, run_images, run_masks, whole_map
+from animal3dbox.transforms.kornia_bridge.fusion import (
+    Moved,
+    Stage,
+    drawn_stages,
+    run_images,
+    run_masks,
+    whole_map,
+)
 from animal3dbox.transforms.kornia_bridge.operations import measured_mirror
 from animal3dbox.transforms.rendering.sampling import check_interpolation
 
@@ -27,30 +37,37 @@ SHAPES = {
 KORNIAS = ("input", "mask", "keypoints", "bbox_xyxy", "class")
 """Keys with kornia's own meaning, but that bbox_xyxy is clipped to the frame.
 
-The others are fields of a target (fields.py), of N boxes in the camera frame, and follow the law."""
+The others are fields of a target (fields.py), of N boxes in the camera frame, and follow the
+law."""
 
 
 class CameraAugmentationSequential(torch.nn.Module):
     """A kornia pipeline, unmodified, that keeps cameras and cuboids true and reads the pixels once.
 
-    ``image, K, corners_3d = aug(image, K, corners_3d)`` with ``data_keys=["input", "K", "corners_3d"]``, or
-    ``aug({"image": image, "K": K})``. Under the same torch.manual_seed it draws what kornia would draw; neighbouring geometric
-    operations are multiplied together, and so are those with an unclipped affine operation on colours between them (LINEAR). Any
-    other operation on colours is kornia's own, in its place. What lies outside the picture is filled once, at the end.
+    ``image, K, corners_3d = aug(image, K, corners_3d)`` with ``data_keys=["input", "K",
+    "corners_3d"]``, or ``aug({"image": image, "K": K})``. Under the same torch.manual_seed it draws
+    what kornia would draw; neighbouring geometric operations are multiplied together, and so are
+    those with an unclipped affine operation on colours between them (LINEAR). Any other operation
+    on colours is kornia's own, in its place. What lies outside the picture is filled once, at the
+    end.
 
     Args:
         ops: kornia augmentations, or one kornia AugmentationSequential.
         data_keys: names out of SHAPES ("image" is "input"), one an argument.
-        keypoint_mirror: (J,) for each keypoint its counterpart on the other side; needed for keypoints if an operation may mirror.
+        keypoint_mirror: (J,) for each keypoint its counterpart on the other side; needed for
+            keypoints if an operation may mirror.
         mirror: "relabel", or "forbid" to refuse operations that may mirror.
         allow_skew: let the camera get a skew K[0, 1].
-        interpolation: "bilinear", "bicubic" or "nearest", whatever the operations' own; masks are nearest.
+        interpolation: "bilinear", "bicubic" or "nearest", whatever the operations' own; masks are
+            nearest.
         fill: of what lies outside the picture, in the image's own units, one or one a channel.
-        check: compare corners_2d, cuboids and K with each other first, so that a stale camera is found.
+        check: compare corners_2d, cuboids and K with each other first, so that a stale camera is
+            found.
         options: of AugmentationSequential, such as random_apply or same_on_batch.
 
     Attributes:
-        transform_matrix: (B, 3, 3) what the last call did to pixels, in the image's dtype; None before.
+        transform_matrix: (B, 3, 3) what the last call did to pixels, in the image's dtype; None
+            before.
 
     Raises:
         ConfigError: an operation cannot say what it does to the camera, or a key is not known.
@@ -75,18 +92,35 @@ class CameraAugmentationSequential(torch.nn.Module):
         self.pipeline = _pipeline(ops, options)
         self.data_keys = None if data_keys is None else [_key(name) for name in data_keys]
         self.mirrors = {name: measured_mirror(op) for name, op in self.pipeline.named_children()}
-        guilty = [type(self.pipeline.get_submodule(name)).__name__ for name, may_mirror in self.mirrors.items() if may_mirror]
+        guilty = [
+            type(self.pipeline.get_submodule(name)).__name__
+            for name, may_mirror in self.mirrors.items()
+            if may_mirror
+        ]
         if mirror == "forbid" and guilty:
-            raise ConfigError(f"mirror='forbid', but these may mirror: {', '.join(guilty)}; take them out")
-        self.keypoint_mirror = None if keypoint_mirror is None else torch.tensor(list(keypoint_mirror))
+            raise ConfigError(
+                f"mirror='forbid', but these may mirror: {', '.join(guilty)}; take them out"
+            )
+        self.keypoint_mirror = (
+            None if keypoint_mirror is None else torch.tensor(list(keypoint_mirror))
+        )
         if self.keypoint_mirror is not None:
             check_keypoint_mirror(self.keypoint_mirror, len(self.keypoint_mirror))
-        self.allow_skew, self.interpolation, self.check = allow_skew, check_interpolation(interpolation), check
+        self.allow_skew, self.interpolation, self.check = (
+            allow_skew,
+            check_interpolation(interpolation),
+            check,
+        )
         self.fill = fill if isinstance(fill, tuple) else (float(fill),)
         self.transform_matrix: Tensor | None = None
         self._params: Sequence[Any] | None = None
 
-    def forward(self, *args: Any, params: Sequence[Any] | None = None, data_keys: Sequence[Any] | None = None) -> Any:
+    def forward(
+        self,
+        *args: Any,
+        params: Sequence[Any] | None = None,
+        data_keys: Sequence[Any] | None = None,
+    ) -> Any:
         """Augment a batch.
 
         Args:
@@ -95,7 +129,8 @@ class CameraAugmentationSequential(torch.nn.Module):
             data_keys: for this call.
 
         Returns:
-            The tensors in the same order, in a list if there are several, or a dict; each of the dtype that came.
+            The tensors in the same order, in a list if there are several, or a dict; each of the
+            dtype that came.
 
         """
         as_dict = len(args) == 1 and isinstance(args[0], Mapping)
@@ -103,13 +138,21 @@ class CameraAugmentationSequential(torch.nn.Module):
         names = [_key(name) for name in given]
         values = list(args[0].values()) if as_dict else list(args)
         if len(names) != len(values) or len(set(names)) != len(names):
-            raise ConfigError(f"data_keys must name each argument once, got {list(given)} for {len(values)} arguments")
+            raise ConfigError(
+                f"data_keys must name each argument once, got {list(given)} for {len(values)}"
+                " arguments"
+            )
         images = _checked(dict(zip(names, values, strict=True)))
         if "keypoints" in names and any(self.mirrors.values()) and self.keypoint_mirror is None:
-            raise ConfigError("keypoints under a mirror change their names: give keypoint_mirror=[...], each one's counterpart on the other side")
+            raise ConfigError(
+                "keypoints under a mirror change their names: give keypoint_mirror=[...], each"
+                " one's counterpart on the other side"
+            )
         self._params = self.pipeline.forward_parameters(images.shape) if params is None else params
         shape = (images.shape[0], images.shape[1], images.shape[2], images.shape[3])
-        results = self._mapped(dict(zip(names, values, strict=True)), drawn_stages(self.pipeline, self._params, shape))
+        results = self._mapped(
+            dict(zip(names, values, strict=True)), drawn_stages(self.pipeline, self._params, shape)
+        )
         if as_dict:
             return {name: results[key] for name, key in zip(given, names, strict=True)}
         return results[names[0]] if len(names) == 1 else [results[name] for name in names]
@@ -121,34 +164,54 @@ class CameraAugmentationSequential(torch.nn.Module):
         moved = whole_map(stages, images.shape[0], image_hw)
         H = torch.from_numpy(moved.H_out_in.copy()).to(images.device)
         if bool((torch.linalg.det(H) < 0).any()) and not any(self.mirrors.values()):
-            raise ConfigError("the pipeline mirrored a picture although none of its operations was known to mirror")
-        results = self._mapped_targets(values, H, image_hw, moved) | {"input": run_images(images, stages, self.interpolation, self.fill)}
+            raise ConfigError(
+                "the pipeline mirrored a picture although none of its operations was known to"
+                " mirror"
+            )
+        results = self._mapped_targets(values, H, image_hw, moved) | {
+            "input": run_images(images, stages, self.interpolation, self.fill)
+        }
         if "mask" in values:
             results["mask"] = run_masks(values["mask"], stages)
         if "keypoints" in values:
             results["keypoints"] = self._mapped_keypoints(values["keypoints"], H)
         if "bbox_xyxy" in values:
             boxes = values["bbox_xyxy"]
-            rows = [mapped_boxes(box.double(), H[row], moved.image_hw, None) for row, box in enumerate(boxes)]
+            rows = [
+                mapped_boxes(box.double(), H[row], moved.image_hw, None)
+                for row, box in enumerate(boxes)
+            ]
             results["bbox_xyxy"] = torch.stack(rows).to(boxes.dtype)
         if "class" in values:
             results["class"] = values["class"]
         self.transform_matrix = H.to(images.dtype)
         return results
 
-    def _mapped_targets(self, values: dict[str, Tensor], H: Tensor, image_hw: tuple[int, int], moved: Moved) -> dict[str, Tensor]:
+    def _mapped_targets(
+        self, values: dict[str, Tensor], H: Tensor, image_hw: tuple[int, int], moved: Moved
+    ) -> dict[str, Tensor]:
         """Cameras and cuboids, picture by picture, by the law."""
         named = {name: value for name, value in values.items() if name not in KORNIAS}
         still = torch.eye(3, dtype=torch.float64, device=H.device)
         rows = []
         for row in range(H.shape[0] if named else 0):
-            fields = read_target({**{name: value[row] for name, value in named.items()}, "image_id": f"picture {row} of the batch"}, image_hw)
+            fields = read_target(
+                {
+                    **{name: value[row] for name, value in named.items()},
+                    "image_id": f"picture {row} of the batch",
+                },
+                image_hw,
+            )
             if self.check:
                 check_consistent(fields)
             if moved.image_hw != image_hw or not torch.equal(H[row], still):
-                fields = map_fields(fields, moved.H_out_in[row], moved.image_hw, allow_skew=self.allow_skew)
+                fields = map_fields(
+                    fields, moved.H_out_in[row], moved.image_hw, allow_skew=self.allow_skew
+                )
             rows.append(write_target(fields))
-        return {name: torch.stack([torch.as_tensor(target[name]) for target in rows]) for name in named}
+        return {
+            name: torch.stack([torch.as_tensor(target[name]) for target in rows]) for name in named
+        }
 
     def _mapped_keypoints(self, keypoints: Tensor, H: Tensor) -> Tensor:
         """Keypoints (B, J, 2), wherever they come to lie, renamed under a mirror."""
@@ -156,7 +219,11 @@ class CameraAugmentationSequential(torch.nn.Module):
         w = (points * H[:, None, 2, :2]).sum(-1) + H[:, None, 2, 2]
         if bool((w <= 0).any()):
             row = int((w <= 0).any(-1).nonzero()[0])
-            raise SampleError(f"picture {row} of the batch", "keypoints", "one lies beyond the map's horizon; narrow the perspective or leave it out")
+            raise SampleError(
+                f"picture {row} of the batch",
+                "keypoints",
+                "one lies beyond the map's horizon; narrow the perspective or leave it out",
+            )
         mapped = apply_homography(H, points)
         if self.keypoint_mirror is not None:
             mapped = Relabelling(torch.linalg.det(H) < 0).keypoints(mapped, self.keypoint_mirror)
@@ -169,7 +236,10 @@ def _pipeline(ops: Sequence[Any], options: dict[str, Any]) -> Any:
 
     if len(ops) == 1 and isinstance(ops[0], kornia.AugmentationSequential):
         if options:
-            raise ConfigError(f"options {sorted(options)} belong to the AugmentationSequential that was given: set them there")
+            raise ConfigError(
+                f"options {sorted(options)} belong to the AugmentationSequential that was given:"
+                " set them there"
+            )
         return ops[0]
     return kornia.AugmentationSequential(*ops, **options)
 
@@ -180,23 +250,47 @@ def _key(name: Any) -> str:
     text = {"image": "input", "IMAGE": "input"}.get(text, text)
     if text not in SHAPES:
         known = ", ".join(f"{key} {shape}" for key, shape in SHAPES.items())
-        raise ConfigError(f"unknown data key {name!r}, which would be left stale; known are {known} (and image for input)")
+        raise ConfigError(
+            f"unknown data key {name!r}, which would be left stale; known are {known} (and image"
+            " for input)"
+        )
     return text
 
 
 def _checked(values: dict[str, Any]) -> Tensor:
     """The images, after the shapes of all values have been compared with theirs."""
     images = values.get("input")
-    if not isinstance(images, Tensor) or images.ndim != 4 or images.dtype not in (torch.float32, torch.float64) or 0 in images.shape:
-        came = f"{tuple(images.shape)} {images.dtype}" if isinstance(images, Tensor) else type(images).__name__
-        raise ShapeError(f"input must be images {SHAPES['input']} float32 or float64, not empty, got {came}")
+    if (
+        not isinstance(images, Tensor)
+        or images.ndim != 4
+        or images.dtype not in (torch.float32, torch.float64)
+        or 0 in images.shape
+    ):
+        came = (
+            f"{tuple(images.shape)} {images.dtype}"
+            if isinstance(images, Tensor)
+            else type(images).__name__
+        )
+        raise ShapeError(
+            f"input must be images {SHAPES['input']} float32 or float64, not empty, got {came}"
+        )
     for name, value in values.items():
         if not isinstance(value, Tensor) or value.ndim == 0 or value.shape[0] != images.shape[0]:
             came = str(tuple(value.shape)) if isinstance(value, Tensor) else type(value).__name__
-            raise ShapeError(f"{name} must be a tensor {SHAPES[name]} with the images' B = {images.shape[0]}, got {came}")
+            raise ShapeError(
+                f"{name} must be a tensor {SHAPES[name]} with the images' B = {images.shape[0]},"
+                f" got {came}"
+            )
     for name, sides in (("keypoints", 2), ("bbox_xyxy", 4)):
         if name in values and (values[name].ndim != 3 or values[name].shape[-1] != sides):
-            raise ShapeError(f"{name} must have shape {SHAPES[name]}, got {tuple(values[name].shape)}")
-    if "mask" in values and (values["mask"].ndim not in (3, 4) or values["mask"].shape[-2:] != images.shape[-2:]):
-        raise ShapeError(f"mask must be {SHAPES['mask']} of the images' size {tuple(images.shape[-2:])}, got {tuple(values['mask'].shape)}")
+            raise ShapeError(
+                f"{name} must have shape {SHAPES[name]}, got {tuple(values[name].shape)}"
+            )
+    if "mask" in values and (
+        values["mask"].ndim not in (3, 4) or values["mask"].shape[-2:] != images.shape[-2:]
+    ):
+        raise ShapeError(
+            f"mask must be {SHAPES['mask']} of the images' size {tuple(images.shape[-2:])}, got"
+            f" {tuple(values['mask'].shape)}"
+        )
     return images

@@ -1,4 +1,7 @@
-"""Plans of a batch run side by side: what has the same kind, size and form goes through the device together."""
+"""Plans of a batch run side by side.
+
+What has the same kind, size and form goes through the device together.
+"""
 
 from collections.abc import Sequence
 
@@ -10,7 +13,12 @@ from animal3dbox.transforms.steps import Local, Pass
 
 
 def run_batch(
-    images: Sequence[Tensor], stages: Sequence[Sequence[Pass | Local]], interpolation: str, fill: tuple[float, ...], *, uint8: bool
+    images: Sequence[Tensor],
+    stages: Sequence[Sequence[Pass | Local]],
+    interpolation: str,
+    fill: tuple[float, ...],
+    *,
+    uint8: bool,
 ) -> list[Tensor]:
     """Run every image through its own stages.
 
@@ -33,7 +41,9 @@ def run_batch(
                 groups.setdefault(_alike(plan[turn], current[row]), []).append(row)
         for rows in groups.values():
             together = torch.stack([current[row] for row in rows])
-            done = run_stage(together, [stages[row][turn] for row in rows], interpolation, fill, uint8=uint8)
+            done = run_stage(
+                together, [stages[row][turn] for row in rows], interpolation, fill, uint8=uint8
+            )
             for row, result in zip(rows, done, strict=True):
                 current[row] = result
     return current
@@ -42,5 +52,12 @@ def run_batch(
 def _alike(stage: Pass | Local, image: Tensor) -> tuple[object, ...]:
     """What must agree for images to go through the device together."""
     if isinstance(stage, Pass):
-        return ("pass", stage.image_hw, stage.H_out_in is None, stage.colour is None, stage.standardise is None, tuple(image.shape))
+        return (
+            "pass",
+            stage.image_hw,
+            stage.H_out_in is None,
+            stage.colour is None,
+            stage.standardise is None,
+            tuple(image.shape),
+        )
     return (type(stage).__name__, tuple(image.shape))

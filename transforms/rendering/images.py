@@ -1,4 +1,5 @@
-"""Images as they come in (tensors or arrays, CHW or HWC, uint8 or float) and as the executors want them."""
+"""Images as they come in (tensors or arrays, CHW or HWC, uint8 or float) and as the executors want
+them."""
 
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -44,14 +45,17 @@ def image_form(image: Image) -> ImageForm:
     """What kind of image this is.
 
     Args:
-        image: tensor, (C, H, W) unless only the last size is 1, 3 or 4; or array, (H, W, C) unless only the first is; or (H, W).
+        image: tensor, (C, H, W) unless only the last size is 1, 3 or 4; or array, (H, W, C) unless
+            only the first is; or (H, W).
 
     Raises:
         ShapeError: the shape or the dtype is none that is supported.
 
     """
     if not isinstance(image, Tensor | np.ndarray):
-        raise ShapeError(f"image must be a torch tensor or a numpy array, got {type(image).__name__}")
+        raise ShapeError(
+            f"image must be a torch tensor or a numpy array, got {type(image).__name__}"
+        )
     shape = tuple(image.shape)
     first, last = (len(shape) == 3 and shape[side] in CHANNELS for side in (0, -1))
     tensor = isinstance(image, Tensor)
@@ -62,13 +66,25 @@ def image_form(image: Image) -> ImageForm:
     elif last:
         layout = "hwc"
     else:
-        raise ShapeError(f"image must have shape (C, H, W), (H, W, C) or (H, W) with C = 1, 3 or 4, got {shape}")
+        raise ShapeError(
+            f"image must have shape (C, H, W), (H, W, C) or (H, W) with C = 1, 3 or 4, got {shape}"
+        )
     height, width = shape[-2:] if layout != "hwc" else shape[:2]
     if height == 0 or width == 0:
         raise ShapeError(f"image must not be empty, got shape {shape}")
     dtype: torch.dtype | np.dtype[np.generic] = image.dtype
-    if dtype not in (torch.uint8, torch.float32, torch.float64, np.dtype(np.uint8), np.dtype(np.float32), np.dtype(np.float64)):
-        raise ShapeError(f"image must be uint8 (0 to 255), float32 or float64 (0 to 1), got {dtype}; convert it first")
+    if dtype not in (
+        torch.uint8,
+        torch.float32,
+        torch.float64,
+        np.dtype(np.uint8),
+        np.dtype(np.float32),
+        np.dtype(np.float64),
+    ):
+        raise ShapeError(
+            f"image must be uint8 (0 to 255), float32 or float64 (0 to 1), got {dtype}; convert it"
+            " first"
+        )
     channels = {"hw": 1, "chw": shape[0], "hwc": shape[-1]}[layout]
     return ImageForm(tensor, layout, dtype, (int(height), int(width)), channels)
 
@@ -79,7 +95,8 @@ def image_to_hwc(image: Image, form: ImageForm, *, spare: bool = False) -> np.nd
     Args:
         image: of any supported kind.
         form: of the image.
-        spare: give RGB a fourth channel, since OpenCV warps four twice as fast as three; opencv_executor.run_stages drops it.
+        spare: give RGB a fourth channel, since OpenCV warps four twice as fast as three;
+            opencv_executor.run_stages drops it.
 
     """
     array = image.detach().numpy() if isinstance(image, Tensor) else image
@@ -91,13 +108,18 @@ def image_to_hwc(image: Image, form: ImageForm, *, spare: bool = False) -> np.nd
     return array[..., None] if array.ndim == 2 else array
 
 
-def image_from_hwc(array: np.ndarray, form: ImageForm, standardise: Standardise | None = None) -> Any:
-    """The (H, W, C) result, perhaps with a spare channel, in the form in which the image came, and standardised if asked."""
+def image_from_hwc(
+    array: np.ndarray, form: ImageForm, standardise: Standardise | None = None
+) -> Any:
+    """The (H, W, C) result, perhaps with a spare channel, in the form in which the image came, and
+    standardised if asked."""
     planes = [array[..., 0]] if array.shape[-1] == 1 else list(cv2.split(array))[: form.channels]
     if standardise is not None:
         floats = np.empty((form.channels, *array.shape[:2]), dtype=np.float32)
         unit = 255.0 if array.dtype == np.uint8 else 1.0
-        for plane, mean, std, out in zip(planes, standardise.mean, standardise.std, floats, strict=True):
+        for plane, mean, std, out in zip(
+            planes, standardise.mean, standardise.std, floats, strict=True
+        ):
             np.multiply(plane, np.float32(1 / (unit * std)), out=out, dtype=np.float32)
             out -= np.float32(mean / std)
         planes = list(floats)
@@ -114,16 +136,26 @@ def image_from_hwc(array: np.ndarray, form: ImageForm, standardise: Standardise 
 
 
 def owned(result: Any, image: Image) -> Any:
-    """The result, copied if it is still the caller's memory: writing to it must not change the image that came."""
+    """The result, copied if it is still the caller's memory.
+
+    Writing to it must not change the image that came.
+    """
     if isinstance(result, Tensor) and isinstance(image, Tensor):
-        return result.clone() if result.untyped_storage().data_ptr() == image.untyped_storage().data_ptr() else result
+        return (
+            result.clone()
+            if result.untyped_storage().data_ptr() == image.untyped_storage().data_ptr()
+            else result
+        )
     if isinstance(result, np.ndarray) and isinstance(image, np.ndarray):
         return result.copy() if np.may_share_memory(result, image) else result
     return result
 
 
 def image_to_bchw(image: Image, form: ImageForm) -> Tensor:
-    """The image as a floating-point batch of one, (1, C, H, W), in its own grey levels; differentiable."""
+    """The image as a floating-point batch of one, (1, C, H, W), in its own grey levels.
+
+    Differentiable.
+    """
     tensor = image if isinstance(image, Tensor) else torch.from_numpy(np.ascontiguousarray(image))
     if form.layout == "hwc":
         tensor = tensor.permute(2, 0, 1)
@@ -133,7 +165,10 @@ def image_to_bchw(image: Image, form: ImageForm) -> Tensor:
 
 
 def image_from_bchw(batch: Tensor, form: ImageForm, *, normalised: bool) -> Any:
-    """The (1, C, H, W) result in the form in which the image came; uint8 is rounded, unless a Normalize has made it float."""
+    """The (1, C, H, W) result in the form in which the image came.
+
+    Uint8 is rounded, unless a Normalize has made it float.
+    """
     tensor = batch[0]
     if form.is_uint8 and not normalised:
         tensor = tensor.round().clamp(0, 255).to(torch.uint8)

@@ -9,13 +9,24 @@ import torch
 
 from animal3dbox.errors import ShapeError
 from animal3dbox.transforms.rendering.images import Image, ImageForm, image_from_hwc, image_to_hwc
-from animal3dbox.transforms.rendering.sampling import Reading, check_erase, gaussian_kernel, plan_reading
+from animal3dbox.transforms.rendering.sampling import (
+    Reading,
+    check_erase,
+    gaussian_kernel,
+    plan_reading,
+)
 from animal3dbox.transforms.steps import Blur, Erase, KorniaPixels, Local, Noise, Pass
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC}
 
 
-def run_stages(image: Image, form: ImageForm, stages: Sequence[Pass | Local], interpolation: str, fill: tuple[float, ...]) -> Any:
+def run_stages(
+    image: Image,
+    form: ImageForm,
+    stages: Sequence[Pass | Local],
+    interpolation: str,
+    fill: tuple[float, ...],
+) -> Any:
     """All stages of a plan.
 
     Args:
@@ -29,7 +40,12 @@ def run_stages(image: Image, form: ImageForm, stages: Sequence[Pass | Local], in
         The image in the form in which it came; float after a standardisation.
 
     """
-    spare = form.channels == 3 and bool(stages) and isinstance(stages[0], Pass) and stages[0].H_out_in is not None
+    spare = (
+        form.channels == 3
+        and bool(stages)
+        and isinstance(stages[0], Pass)
+        and stages[0].H_out_in is not None
+    )
     array = image_to_hwc(image, form, spare=spare)
     for index, stage in enumerate(stages):
         if index and array.shape[2] != form.channels:
@@ -38,20 +54,40 @@ def run_stages(image: Image, form: ImageForm, stages: Sequence[Pass | Local], in
     last = stages[-1] if stages else None  # a standardisation is always the last thing done
     standardise = last.standardise if isinstance(last, Pass) else None
     if standardise is not None and len(standardise.mean) != form.channels:
-        raise ShapeError(f"Normalize has {len(standardise.mean)} channels, the image {form.channels}")
+        raise ShapeError(
+            f"Normalize has {len(standardise.mean)} channels, the image {form.channels}"
+        )
     return image_from_hwc(array, form, standardise)
 
 
-def run_stage(image: np.ndarray, stage: Pass | Local, interpolation: str, fill: tuple[float, ...], *, channels: int) -> np.ndarray:
-    """One stage of a plan but for its standardisation; image (H, W, C) uint8, or float in [0, 1], perhaps with a spare channel."""
+def run_stage(
+    image: np.ndarray,
+    stage: Pass | Local,
+    interpolation: str,
+    fill: tuple[float, ...],
+    *,
+    channels: int,
+) -> np.ndarray:
+    """One stage of a plan but for its standardisation.
+
+    Image (H, W, C) uint8, or float in [0, 1], perhaps with a spare channel.
+    """
     if isinstance(stage, Pass):
         if stage.H_out_in is not None:
             unit = 1.0 if image.dtype == np.uint8 else 1 / 255
-            image = warp(image, stage.H_out_in, stage.image_hw, interpolation, tuple(level * unit for level in fill))
+            image = warp(
+                image,
+                stage.H_out_in,
+                stage.image_hw,
+                interpolation,
+                tuple(level * unit for level in fill),
+            )
         return image if stage.colour is None else recolour(image, stage.colour, channels)
     if isinstance(stage, Blur):
         kernel = gaussian_kernel(stage.sigma_px, (image.shape[0], image.shape[1]))
-        return _with_channels(cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT_101))
+        return _with_channels(
+            cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REFLECT_101)
+        )
     if isinstance(stage, Noise):
         noise = np.random.default_rng(stage.seed).standard_normal(image.shape, dtype=np.float32)
         return _in_levels(_levels(image) + noise * np.float32(255 * stage.sigma), image)
@@ -60,8 +96,17 @@ def run_stage(image: np.ndarray, stage: Pass | Local, interpolation: str, fill: 
     return _kornia(image, stage)
 
 
-def warp(image: np.ndarray, H_out_in: np.ndarray, image_hw: tuple[int, int], interpolation: str, fill: tuple[float, ...]) -> np.ndarray:
-    """The mapped image (H', W', C); fill in the image's own grey levels where there is nothing to read."""
+def warp(
+    image: np.ndarray,
+    H_out_in: np.ndarray,
+    image_hw: tuple[int, int],
+    interpolation: str,
+    fill: tuple[float, ...],
+) -> np.ndarray:
+    """The mapped image (H', W', C).
+
+    Fill in the image's own grey levels where there is nothing to read.
+    """
     if H_out_in[2, 2] > 0 and (H_out_in[2, :2] == 0).all():
         moved = _whole_pixels(image, H_out_in / H_out_in[2, 2], image_hw, fill)
         if moved is not None:
@@ -76,9 +121,18 @@ def warp(image: np.ndarray, H_out_in: np.ndarray, image_hw: tuple[int, int], int
     size = (image_hw[1], image_hw[0])
     if reading.affine:
         matrix = reading.H_in_out[:2] / reading.H_in_out[2, 2]
-        result = cv2.warpAffine(source, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border)
+        result = cv2.warpAffine(
+            source, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border
+        )
     else:
-        result = cv2.warpPerspective(source, reading.H_in_out, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border)
+        result = cv2.warpPerspective(
+            source,
+            reading.H_in_out,
+            size,
+            flags=flags,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=border,
+        )
     result = cv2.cvtColor(result, cv2.COLOR_RGBA2RGB) if three else _with_channels(result)
     return _blank_beyond(result, reading, border)
 
@@ -89,7 +143,9 @@ def _blank_beyond(image: np.ndarray, reading: Reading, border: tuple[float, ...]
     return image
 
 
-def _whole_pixels(image: np.ndarray, H: np.ndarray, image_hw: tuple[int, int], fill: tuple[float, ...]) -> np.ndarray | None:
+def _whole_pixels(
+    image: np.ndarray, H: np.ndarray, image_hw: tuple[int, int], fill: tuple[float, ...]
+) -> np.ndarray | None:
     """The mapped image if the map only flips and shifts by whole pixels; None otherwise."""
     if H[0, 1] or H[1, 0] or abs(H[0, 0]) != 1 or abs(H[1, 1]) != 1 or H[0, 2] % 1 or H[1, 2] % 1:
         return None
@@ -97,7 +153,10 @@ def _whole_pixels(image: np.ndarray, H: np.ndarray, image_hw: tuple[int, int], f
     # After a flip the picture's first pixel is the one that was last.
     left = int(H[0, 2]) - (image.shape[1] - 1 if H[0, 0] < 0 else 0)
     top = int(H[1, 2]) - (image.shape[0] - 1 if H[1, 1] < 0 else 0)
-    rows, columns = _overlap(top, image.shape[0], image_hw[0]), _overlap(left, image.shape[1], image_hw[1])
+    rows, columns = (
+        _overlap(top, image.shape[0], image_hw[0]),
+        _overlap(left, image.shape[1], image_hw[1]),
+    )
     part = source[rows[0] - top : rows[1] - top, columns[0] - left : columns[1] - left]
     if part.shape[:2] == tuple(image_hw):
         return np.ascontiguousarray(part)
@@ -121,7 +180,9 @@ def _shrunken(image: np.ndarray, shrink_xy: tuple[int, int], fill: tuple[float, 
     height, width = image.shape[:2]
     more_down, more_across = -height % down, -width % across
     if more_down or more_across:
-        image = cv2.copyMakeBorder(image, 0, more_down, 0, more_across, cv2.BORDER_CONSTANT, value=_four(fill))
+        image = cv2.copyMakeBorder(
+            image, 0, more_down, 0, more_across, cv2.BORDER_CONSTANT, value=_four(fill)
+        )
     size = ((width + more_across) // across, (height + more_down) // down)
     return _with_channels(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
@@ -145,8 +206,14 @@ def erased(image: np.ndarray, step: Erase) -> np.ndarray:
     rng = np.random.default_rng(step.seed)
     for x_least, y_least, x_past, y_past in step.boxes:
         shape = (y_past - y_least, x_past - x_least, image.shape[2])
-        colours = rng.random(shape, dtype=np.float32) if step.value is None else np.broadcast_to(np.array(step.value), shape)
-        result[y_least:y_past, x_least:x_past] = np.round(colours * unit) if unit == 255 else colours
+        colours = (
+            rng.random(shape, dtype=np.float32)
+            if step.value is None
+            else np.broadcast_to(np.array(step.value), shape)
+        )
+        result[y_least:y_past, x_least:x_past] = (
+            np.round(colours * unit) if unit == 255 else colours
+        )
     return result
 
 
@@ -158,7 +225,9 @@ def _kornia(image: np.ndarray, step: KorniaPixels) -> np.ndarray:
 
 def _levels(image: np.ndarray) -> np.ndarray:
     """The image as float32 grey levels 0 to 255."""
-    levels: np.ndarray = image.astype(np.float32) * np.float32(1 if image.dtype == np.uint8 else 255)
+    levels: np.ndarray = image.astype(np.float32) * np.float32(
+        1 if image.dtype == np.uint8 else 255
+    )
     return levels
 
 

@@ -27,22 +27,32 @@ def mapped_with_pixels(
 ) -> Fields:
     """The law (law.map_fields, same arguments) with masks and depth.
 
-    A 2D box that was its mask's box becomes the mapped mask's box; any other (amodal, or of a mask that was painted over) is mapped.
+    A 2D box that was its mask's box becomes the mapped mask's box; any other (amodal, or of a mask
+    that was painted over) is mapped.
     """
-    mapped = map_fields(fields, H_out_in, image_hw_out, keypoint_mirror=keypoint_mirror, allow_skew=allow_skew)
+    mapped = map_fields(
+        fields, H_out_in, image_hw_out, keypoint_mirror=keypoint_mirror, allow_skew=allow_skew
+    )
     mapped = mapped.updated(**warp_pixel_fields(fields, H_out_in, image_hw_out))
     if "masks" in mapped.values and "boxes" in mapped.values:
         before, boxes = fields.values["boxes"], mapped.values["boxes"]
         off = abs(boxes_of_masks(fields.values["masks"], before + SAME_BOX_PX + 1) - before)
         of_mask = (off <= SAME_BOX_PX).all(-1)[:, None]
-        return mapped.updated(boxes=namespace(boxes).where(of_mask, boxes_of_masks(mapped.values["masks"], boxes), boxes))
+        return mapped.updated(
+            boxes=namespace(boxes).where(
+                of_mask, boxes_of_masks(mapped.values["masks"], boxes), boxes
+            )
+        )
     return mapped
 
 
-def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_out: tuple[int, int]) -> dict[str, Any]:
+def warp_pixel_fields(
+    before: Fields, H_out_in: np.ndarray, image_hw_out: tuple[int, int]
+) -> dict[str, Any]:
     """The masks and the depth of the mapped image, read at the nearest pixel.
 
-    Depth changes by the law depth' = w depth / k with k the norm of row 3 of H K: the optical axis turns.
+    Depth changes by the law depth' = w depth / k with k the norm of row 3 of H K: the optical axis
+    turns.
 
     Args:
         before: the target before the map.
@@ -57,13 +67,22 @@ def warp_pixel_fields(before: Fields, H_out_in: np.ndarray, image_hw_out: tuple[
     if "masks" in before.values:
         masks = as_numpy(before.values["masks"])
         readable = masks.astype(np.uint8) if masks.dtype == bool else masks
-        layers = [warp(mask[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0] for mask in readable]
+        layers = [
+            warp(mask[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0]
+            for mask in readable
+        ]
         stacked = np.stack(layers) if layers else np.zeros((0, *image_hw_out))
         moved["masks"] = _as_came(stacked.astype(masks.dtype, copy=False), before.values["masks"])
     if "depth" in before.values:
         if "K" not in before.values:
-            raise SampleError(before.sample_id, "depth", "needs the intrinsics K (3, 3): a turn of the camera changes depth")
-        read = warp(as_numpy(before.values["depth"])[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0]
+            raise SampleError(
+                before.sample_id,
+                "depth",
+                "needs the intrinsics K (3, 3): a turn of the camera changes depth",
+            )
+        read = warp(
+            as_numpy(before.values["depth"])[..., None], H_out_in, image_hw_out, "nearest", (0.0,)
+        )[..., 0]
         factor = depth_factor(H_out_in, as_numpy(before.values["K"]), image_hw_out)
         moved["depth"] = _as_came(read * factor.astype(read.dtype), before.values["depth"])
     return moved

@@ -1,4 +1,7 @@
-"""What both executors share about reading pixels: how much to shrink first, where there is nothing to read, ties."""
+"""What both executors share about reading pixels.
+
+How much to shrink first, where there is nothing to read, ties.
+"""
 
 from dataclasses import dataclass
 
@@ -10,7 +13,8 @@ from animal3dbox.transforms.steps import Erase
 
 INTERPOLATIONS = ("nearest", "bilinear", "bicubic")
 TIE_PX = 1e-3
-"""Nearest neighbours are read this much to the left and above, so that a tie goes to the same pixel everywhere."""
+"""Nearest neighbours are read this much to the left and above, so that a tie goes to the same pixel
+everywhere."""
 
 
 @dataclass(frozen=True)
@@ -18,11 +22,14 @@ class Reading:
     """How to read a picture for a warp.
 
     Attributes:
-        shrink_xy: whole numbers of pixels to average first, so that strong shrinking does not alias.
-        H_in_out: (3, 3) from pixels of the result to pixels of the shrunken picture; the third coordinate of its result is
-            positive where something can be read, since H_out_in is oriented.
+        shrink_xy: whole numbers of pixels to average first, so that strong shrinking does not
+            alias.
+        H_in_out: (3, 3) from pixels of the result to pixels of the shrunken picture; the third
+            coordinate of its result is positive where something can be read, since H_out_in is
+            oriented.
         image_hw: height and width of the result.
-        horizon: whether parts of the result lie beyond the map's horizon, where there is nothing to read.
+        horizon: whether parts of the result lie beyond the map's horizon, where there is nothing to
+            read.
     """
 
     shrink_xy: tuple[int, int]
@@ -43,7 +50,12 @@ class Reading:
         return over
 
 
-def plan_reading(H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int], interpolation: str) -> Reading:
+def plan_reading(
+    H_out_in: np.ndarray,
+    image_hw_in: tuple[int, int],
+    image_hw_out: tuple[int, int],
+    interpolation: str,
+) -> Reading:
     """How to read a picture.
 
     Args:
@@ -70,11 +82,28 @@ def plan_reading(H_out_in: np.ndarray, image_hw_in: tuple[int, int], image_hw_ou
 def _corners(image_hw: tuple[int, int]) -> np.ndarray:
     """The corners and the middle of an image, homogeneous (5, 3)."""
     right, bottom = image_hw[1] - 0.5, image_hw[0] - 0.5
-    return np.array([[-0.5, -0.5, 1], [right, -0.5, 1], [-0.5, bottom, 1], [right, bottom, 1], [(right - 0.5) / 2, (bottom - 0.5) / 2, 1]])
+    return np.array(
+        [
+            [-0.5, -0.5, 1],
+            [right, -0.5, 1],
+            [-0.5, bottom, 1],
+            [right, bottom, 1],
+            [(right - 0.5) / 2, (bottom - 0.5) / 2, 1],
+        ]
+    )
 
 
-def _shrink(H_in_out: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tuple[int, int], *, affine: bool) -> tuple[int, int]:
-    """Whole numbers of pixels (x, y) to average: how many are read per pixel made, where the fewest are."""
+def _shrink(
+    H_in_out: np.ndarray,
+    image_hw_in: tuple[int, int],
+    image_hw_out: tuple[int, int],
+    *,
+    affine: bool,
+) -> tuple[int, int]:
+    """Whole numbers of pixels (x, y) to average.
+
+    How many are read per pixel made, where the fewest are.
+    """
     if affine:
         fewest = np.hypot(H_in_out[:2, 0], H_in_out[:2, 1]) / abs(H_in_out[2, 2])
     else:
@@ -83,16 +112,23 @@ def _shrink(H_in_out: np.ndarray, image_hw_in: tuple[int, int], image_hw_out: tu
         if not len(mapped):
             return 1, 1
         px, w = mapped[:, :2] / mapped[:, 2:], mapped[:, 2, None, None]
-        jacobian = (H_in_out[None, :2, :2] - px[:, :, None] * H_in_out[None, 2:, :2]) / w  # d px_in / d px_out, by the quotient rule
+        jacobian = (
+            H_in_out[None, :2, :2] - px[:, :, None] * H_in_out[None, 2:, :2]
+        ) / w  # d px_in / d px_out, by the quotient rule
         fewest = np.linalg.norm(jacobian, axis=2).min(axis=0)
-    across, down = (max(1, int(min(float(steps), side) + 1e-6)) for steps, side in zip(fewest, image_hw_in[::-1], strict=True))
+    across, down = (
+        max(1, int(min(float(steps), side) + 1e-6))
+        for steps, side in zip(fewest, image_hw_in[::-1], strict=True)
+    )
     return across, down
 
 
 def check_interpolation(interpolation: str) -> str:
     """The name, or a ConfigError that lists the known ones."""
     if interpolation not in INTERPOLATIONS:
-        raise ConfigError(f"interpolation must be one of {', '.join(INTERPOLATIONS)}, got {interpolation!r}")
+        raise ConfigError(
+            f"interpolation must be one of {', '.join(INTERPOLATIONS)}, got {interpolation!r}"
+        )
     return interpolation
 
 
@@ -107,4 +143,7 @@ def gaussian_kernel(sigma_px: float, image_hw: tuple[int, int]) -> np.ndarray:
 def check_erase(step: Erase, channels: int) -> None:
     """Raise a ShapeError unless the erasing colour has one value, or one a channel."""
     if step.value is not None and len(step.value) not in (1, channels):
-        raise ShapeError(f"image has {channels} channels, but RandomErasing's value has {len(step.value)}: give one number, or one a channel")
+        raise ShapeError(
+            f"image has {channels} channels, but RandomErasing's value has {len(step.value)}: give"
+            " one number, or one a channel"
+        )

@@ -1,23 +1,40 @@
-"""The executor of batches on a device: torch on (B, C, H, W) floats, differentiable in the image."""
+"""The executor of batches on a device.
+
+Torch on (B, C, H, W) floats, differentiable in the image.
+"""
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.transforms.rendering.sampling import Reading, check_erase, gaussian_kernel, plan_reading
+from animal3dbox.transforms.rendering.sampling import (
+    Reading,
+    check_erase,
+    gaussian_kernel,
+    plan_reading,
+)
 from animal3dbox.transforms.steps import Blur, KorniaPixels, Local, Noise, Pass, Standardise
 
 
-def run_stage(images: Tensor, stages: list[Pass | Local], interpolation: str, fill: tuple[float, ...], *, uint8: bool) -> Tensor:
+def run_stage(
+    images: Tensor,
+    stages: list[Pass | Local],
+    interpolation: str,
+    fill: tuple[float, ...],
+    *,
+    uint8: bool,
+) -> Tensor:
     """One stage of the plans of a batch.
 
     Args:
         images: (B, C, H, W) float: grey levels 0 to 255 if uint8, else colours in [0, 1].
-        stages: one an image, of one kind; passes agree on the size after, and on what they do to colours or not.
+        stages: one an image, of one kind; passes agree on the size after, and on what they do to
+            colours or not.
         interpolation: see sampling.INTERPOLATIONS.
         fill: grey levels 0 to 255, one or one a channel.
-        uint8: whether the images came as uint8; results are then rounded where the other executor rounds.
+        uint8: whether the images came as uint8; results are then rounded where the other executor
+            rounds.
 
     Returns:
         (B, C, H', W').
@@ -26,24 +43,46 @@ def run_stage(images: Tensor, stages: list[Pass | Local], interpolation: str, fi
     unit = 255.0 if uint8 else 1.0
     first = stages[0]
     if not isinstance(first, Pass):
-        results = [_local(image[None], stage, unit) for image, stage in zip(images, stages, strict=True) if not isinstance(stage, Pass)]
+        results = [
+            _local(image[None], stage, unit)
+            for image, stage in zip(images, stages, strict=True)
+            if not isinstance(stage, Pass)
+        ]
         return torch.cat(results)
     passes = [stage for stage in stages if isinstance(stage, Pass)]
     maps = [stage.H_out_in for stage in passes]
     if any(H is not None for H in maps):
         H = np.stack([np.eye(3) if H is None else H for H in maps])
-        images = warp(images, H, first.image_hw, interpolation, tuple(level * unit / 255 for level in fill), rounded=uint8)
+        images = warp(
+            images,
+            H,
+            first.image_hw,
+            interpolation,
+            tuple(level * unit / 255 for level in fill),
+            rounded=uint8,
+        )
     if any(stage.colour is not None for stage in passes):
         images = _recoloured(images, passes, unit)
         images = images.round() if uint8 else images
     if first.standardise is not None:
         steps = [stage.standardise for stage in passes if stage.standardise is not None]
-        images = torch.cat([_standardised(image[None] / unit, step) for image, step in zip(images, steps, strict=True)])
+        images = torch.cat(
+            [
+                _standardised(image[None] / unit, step)
+                for image, step in zip(images, steps, strict=True)
+            ]
+        )
     return images
 
 
 def warp(
-    images: Tensor, H_out_in: np.ndarray, image_hw: tuple[int, int], interpolation: str, fill: tuple[float, ...], *, rounded: bool = False
+    images: Tensor,
+    H_out_in: np.ndarray,
+    image_hw: tuple[int, int],
+    interpolation: str,
+    fill: tuple[float, ...],
+    *,
+    rounded: bool = False,
 ) -> Tensor:
     """The mapped images.
 
@@ -59,36 +98,60 @@ def warp(
         (B, C, H', W').
 
     """
-    readings = [plan_reading(H, (images.shape[-2], images.shape[-1]), image_hw, interpolation) for H in H_out_in]
+    readings = [
+        plan_reading(H, (images.shape[-2], images.shape[-1]), image_hw, interpolation)
+        for H in H_out_in
+    ]
     shrinks = sorted({reading.shrink_xy for reading in readings})
     if len(shrinks) == 1:
         return _read(images, readings, interpolation, fill, rounded=rounded)
     result = images.new_empty((*images.shape[:2], *image_hw))
     for shrink in shrinks:
         rows = [row for row, reading in enumerate(readings) if reading.shrink_xy == shrink]
-        warped = _read(images[rows], [readings[row] for row in rows], interpolation, fill, rounded=rounded)
+        warped = _read(
+            images[rows], [readings[row] for row in rows], interpolation, fill, rounded=rounded
+        )
         result = result.index_copy(0, torch.tensor(rows, device=images.device), warped)
     return result
 
 
-def _read(images: Tensor, readings: list[Reading], interpolation: str, fill: tuple[float, ...], *, rounded: bool) -> Tensor:
+def _read(
+    images: Tensor,
+    readings: list[Reading],
+    interpolation: str,
+    fill: tuple[float, ...],
+    *,
+    rounded: bool,
+) -> Tensor:
     """Read pictures that are all shrunken alike."""
     channels = images.shape[1]
-    background = images.new_tensor((*fill, *[0.0] * channels)[:channels] if len(fill) > 1 else fill * channels)[:, None, None]
+    background = images.new_tensor(
+        (*fill, *[0.0] * channels)[:channels] if len(fill) > 1 else fill * channels
+    )[:, None, None]
     # A constant border is a border of zeros round the picture less the constant.
     filled = any(fill)
     source = images - background if filled else images
     across, down = readings[0].shrink_xy
     if (across, down) != (1, 1):
-        padded = torch.nn.functional.pad(source, (0, -images.shape[-1] % across, 0, -images.shape[-2] % down))
+        padded = torch.nn.functional.pad(
+            source, (0, -images.shape[-1] % across, 0, -images.shape[-2] % down)
+        )
         source = torch.nn.functional.avg_pool2d(padded, (down, across))
         if rounded:  # OpenCV rounds blocks of 2 x 2 half up, others half to even
             levels = source + background
-            source = ((levels + 0.5).floor() if (across, down) == (2, 2) else levels.round()) - background
-    grid = sampling_grid(np.stack([reading.H_in_out for reading in readings]), readings[0].image_hw, source)
-    warped = torch.nn.functional.grid_sample(source, grid, mode=interpolation, padding_mode="zeros", align_corners=False)
+            source = (
+                (levels + 0.5).floor() if (across, down) == (2, 2) else levels.round()
+            ) - background
+    grid = sampling_grid(
+        np.stack([reading.H_in_out for reading in readings]), readings[0].image_hw, source
+    )
+    warped = torch.nn.functional.grid_sample(
+        source, grid, mode=interpolation, padding_mode="zeros", align_corners=False
+    )
     if any(reading.horizon for reading in readings):
-        beyond = torch.from_numpy(np.stack([reading.beyond() for reading in readings])).to(images.device)
+        beyond = torch.from_numpy(np.stack([reading.beyond() for reading in readings])).to(
+            images.device
+        )
         warped = torch.where(beyond[:, None], torch.zeros_like(warped), warped)
     warped = warped + background if filled else warped
     return warped.round().clamp(0, 255) if rounded else warped
@@ -111,7 +174,9 @@ def sampling_grid(H_in_out: np.ndarray, image_hw: tuple[int, int], source: Tenso
     height, width = source.shape[-2:]
     units = np.array([[2 / width, 0, 1 / width - 1], [0, 2 / height, 1 / height - 1], [0, 0, 1.0]])
     affine = bool((H_in_out[:, 2, :2] == 0).all())
-    matrices = torch.from_numpy(units @ (H_in_out / H_in_out[:, 2:, 2:] if affine else H_in_out)).to(source)
+    matrices = torch.from_numpy(
+        units @ (H_in_out / H_in_out[:, 2:, 2:] if affine else H_in_out)
+    ).to(source)
     x = torch.arange(image_hw[1], dtype=source.dtype, device=source.device)
     y = torch.arange(image_hw[0], dtype=source.dtype, device=source.device)
     across = [matrices[:, row, 0, None] * x for row in (0, 1)]
@@ -122,7 +187,10 @@ def sampling_grid(H_in_out: np.ndarray, image_hw: tuple[int, int], source: Tenso
             torch.add(across[axis][:, None], down[axis][:, :, None], out=grid[..., axis])
         return grid
     lines = [across[axis][:, None] + down[axis][:, :, None] for axis in (0, 1)]
-    w = matrices[:, 2, 0, None, None] * x + (matrices[:, 2, 1, None] * y + matrices[:, 2, 2, None])[:, :, None]
+    w = (
+        matrices[:, 2, 0, None, None] * x
+        + (matrices[:, 2, 1, None] * y + matrices[:, 2, 2, None])[:, :, None]
+    )
     safe = torch.where(w.abs() < 1e-12, torch.full_like(w, 1e-12), w)
     return torch.stack(lines, dim=-1) / safe[..., None]
 
@@ -130,10 +198,17 @@ def sampling_grid(H_in_out: np.ndarray, image_hw: tuple[int, int], source: Tenso
 def _recoloured(images: Tensor, passes: list[Pass], unit: float) -> Tensor:
     """Colours under each image's (3, 4) map, clipped."""
     if images.shape[1] != 3:
-        raise ShapeError(f"image must have 3 channels (RGB) for colour transforms, got {images.shape[1]}")
+        raise ShapeError(
+            f"image must have 3 channels (RGB) for colour transforms, got {images.shape[1]}"
+        )
     same = np.eye(3, 4)
-    matrices = images.new_tensor(np.stack([same if stage.colour is None else stage.colour for stage in passes]))
-    mixed = torch.einsum("bij,bjhw->bihw", matrices[:, :, :3], images) + unit * matrices[:, :, 3, None, None]
+    matrices = images.new_tensor(
+        np.stack([same if stage.colour is None else stage.colour for stage in passes])
+    )
+    mixed = (
+        torch.einsum("bij,bjhw->bihw", matrices[:, :, :3], images)
+        + unit * matrices[:, :, 3, None, None]
+    )
     return mixed.clamp(0, unit)
 
 
@@ -153,19 +228,31 @@ def _local(image: Tensor, step: Local, unit: float) -> Tensor:
         kernel = torch.from_numpy(gaussian_kernel(step.sigma_px, (height, width))).to(image)
         reach, channels = len(kernel) // 2, image.shape[1]
         padded = torch.nn.functional.pad(image, (reach, reach, reach, reach), mode="reflect")
-        rows = torch.nn.functional.conv2d(padded, kernel.reshape(1, 1, 1, -1).expand(channels, 1, 1, -1), groups=channels)
-        blurred = torch.nn.functional.conv2d(rows, kernel.reshape(1, 1, -1, 1).expand(channels, 1, -1, 1), groups=channels)
+        rows = torch.nn.functional.conv2d(
+            padded, kernel.reshape(1, 1, 1, -1).expand(channels, 1, 1, -1), groups=channels
+        )
+        blurred = torch.nn.functional.conv2d(
+            rows, kernel.reshape(1, 1, -1, 1).expand(channels, 1, -1, 1), groups=channels
+        )
         return _kept(blurred, unit) if unit == 255 else blurred
     rng = np.random.default_rng(step.seed)
     if isinstance(step, Noise):
         noise = rng.standard_normal((height, width, image.shape[1]), dtype=np.float32)
-        return _kept(image + torch.from_numpy(noise).permute(2, 0, 1).to(image) * (step.sigma * unit), unit)
+        return _kept(
+            image + torch.from_numpy(noise).permute(2, 0, 1).to(image) * (step.sigma * unit), unit
+        )
     check_erase(step, image.shape[1])
     result = image.clone()
     for x_least, y_least, x_past, y_past in step.boxes:
         shape = (y_past - y_least, x_past - x_least, image.shape[1])
-        colours = rng.random(shape, dtype=np.float32) if step.value is None else np.broadcast_to(np.array(step.value), shape)
-        result[..., y_least:y_past, x_least:x_past] = torch.from_numpy(np.ascontiguousarray(colours)).permute(2, 0, 1).to(image) * unit
+        colours = (
+            rng.random(shape, dtype=np.float32)
+            if step.value is None
+            else np.broadcast_to(np.array(step.value), shape)
+        )
+        result[..., y_least:y_past, x_least:x_past] = (
+            torch.from_numpy(np.ascontiguousarray(colours)).permute(2, 0, 1).to(image) * unit
+        )
     return _kept(result, unit) if unit == 255 else result
 
 

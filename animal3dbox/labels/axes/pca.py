@@ -9,8 +9,9 @@ from animal3dbox.geometry.checks import check_shape
 def pca_axes(vertices_world: Tensor) -> Tensor:
     """Axes along the directions of greatest spread (section 3.1, PCA).
 
-    The sign of an eigenvector means nothing, so the front of the animal comes out at random: that is the baseline's
-    known fault and kept as it is. The third axis is turned to make the frame right-handed.
+    The sign of an eigenvector means nothing, so the front of the animal comes out at random: that
+    is the baseline's known fault and kept as it is. The third axis is turned to make the frame
+    right-handed.
 
     Args:
         vertices_world: (V, 3).

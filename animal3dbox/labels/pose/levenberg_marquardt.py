@@ -1,6 +1,9 @@
-"""Batched robust Levenberg-Marquardt on camera poses: many starts at once, with their derivatives by hand.
+"""Batched robust Levenberg-Marquardt on camera poses.
 
-A step is (w, d): R becomes small_turns(w) R, t becomes t + d. Depths are held above LEAST_DEPTH by not taking steps beyond it.
+Many starts at once, with their derivatives by hand.
+
+A step is (w, d): R becomes small_turns(w) R, t becomes t + d. Depths are held above LEAST_DEPTH by
+not taking steps beyond it.
 """
 
 from collections.abc import Callable
@@ -20,7 +23,10 @@ SETTLED = 1e-10
 """Relative gain in cost below which a pose counts as found."""
 
 ROUNDING, RESIDUAL_ROUNDING = 1e-13, 1e-12
-"""Of the cost, and of its root, since residuals of exact keypoints are differences of pixels: a cost that rises by less has not risen."""
+"""Of the cost, and of its root, since residuals of exact keypoints are differences of pixels.
+
+A cost that rises by less has not risen.
+"""
 ONES = np.eye(6)
 HALF_CROSS = np.array(CROSS) / 2
 """(3, 9): a vector times this is half its cross_matrix, row by row."""
@@ -43,7 +49,9 @@ class Local:
     b: Array
 
 
-def project_with_slopes(points: Array, linear: Array, R: Array, t: Array) -> tuple[Array, Array, Array]:
+def project_with_slopes(
+    points: Array, linear: Array, R: Array, t: Array
+) -> tuple[Array, Array, Array]:
     """Where points stand in the picture, about its principal point, and how that moves with a step.
 
     Args:
@@ -81,7 +89,10 @@ def project_with_slopes(points: Array, linear: Array, R: Array, t: Array) -> tup
 
 
 def small_turns(w: Array) -> Array:
-    """Rotations (B, 3, 3) about w (B, 3), by its length to first order: Cayley's map, whose angle is 2 atan(|w| / 2)."""
+    """Rotations (B, 3, 3) about w (B, 3), by its length to first order.
+
+    Cayley's map, whose angle is 2 atan(|w| / 2).
+    """
     half = (w @ HALF_CROSS).reshape(-1, 3, 3)
     turn: Array = half @ half
     turn += half
@@ -90,7 +101,9 @@ def small_turns(w: Array) -> Array:
     return turn
 
 
-def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: int, gain: float = SETTLED) -> tuple[Array, Array, Array, bool]:
+def descend(
+    local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: int, gain: float = SETTLED
+) -> tuple[Array, Array, Array, bool]:
     """Poses that cost less, by at most so many damped steps, each kept only if it helps.
 
     Args:
@@ -111,16 +124,26 @@ def descend(local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: 
         step = -np.linalg.solve(here.A + ridge[..., None] * ONES, here.b[..., None])[..., 0]
         R_new, t_new = small_turns(step[:, :3]) @ R, t + step[:, 3:]
         there = local(R_new, t_new)
-        better = (there.cost <= here.cost * (1 + ROUNDING) + RESIDUAL_ROUNDING * np.sqrt(here.cost)) & np.isfinite(there.cost)
-        settled = (better & (there.cost >= here.cost * (1 - gain)) & (damping <= FIRST_DAMPING)) | (here.cost < NOTHING)
-        R, t, here = (R_new, t_new, there) if better.all() else _where(better, (R_new, t_new, there), (R, t, here))
+        better = (
+            there.cost <= here.cost * (1 + ROUNDING) + RESIDUAL_ROUNDING * np.sqrt(here.cost)
+        ) & np.isfinite(there.cost)
+        settled = (better & (there.cost >= here.cost * (1 - gain)) & (damping <= FIRST_DAMPING)) | (
+            here.cost < NOTHING
+        )
+        R, t, here = (
+            (R_new, t_new, there)
+            if better.all()
+            else _where(better, (R_new, t_new, there), (R, t, here))
+        )
         damping = np.minimum(np.maximum(np.where(better, damping * 0.1, damping * 8), 1e-12), 1e8)
         if settled.all():
             return R, t, here.cost, True
     return R, t, here.cost, False
 
 
-def _where(better: NDArray[np.bool_], there: tuple[Array, Array, Local], here: tuple[Array, Array, Local]) -> tuple[Array, Array, Local]:
+def _where(
+    better: NDArray[np.bool_], there: tuple[Array, Array, Local], here: tuple[Array, Array, Local]
+) -> tuple[Array, Array, Local]:
     """For each pose what is there if that is better (B,), else what is here."""
     vectors, matrices = better[:, None], better[:, None, None]
     local = Local(

@@ -1,4 +1,7 @@
-"""Many starting poses, all refined at once on the keypoints alone; the hopeless ones are left behind on the way."""
+"""Many starting poses, all refined at once on the keypoints alone.
+
+The hopeless ones are left behind on the way.
+"""
 
 import math
 from collections.abc import Iterable
@@ -9,23 +12,37 @@ import torch
 
 from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.camera import look_at
-from animal3dbox.labels.pose.levenberg_marquardt import LEAST_DEPTH, Array, Local, descend, project_with_slopes
+from animal3dbox.labels.pose.levenberg_marquardt import (
+    LEAST_DEPTH,
+    Array,
+    Local,
+    descend,
+    project_with_slopes,
+)
 from animal3dbox.labels.pose.problem import PoseEstimate, PoseProblem
 
 AZIMUTHS = 8
 ELEVATIONS_DEG = (-20.0, 15.0, 50.0, 85.0)
 SURE_GAIN = 1e-4
-"""Relative gain in cost below which the descent from a sure start leaves the rest to the joint cost's."""
+"""Relative gain in cost below which the descent from a sure start leaves the rest to the joint
+cost's."""
 WIDE_ROUNDS, MIDDLE_ROUNDS, NARROW_ROUNDS, LAST_ROUNDS = 2, 3, 3, 3
 KEPT = 6
 """Poses that go on once the loss has begun to narrow."""
 INITIAL_SCALE = 0.25
-"""Of the keypoints' extent: the robust loss starts this wide, so that far starts feel every keypoint, and narrows."""
+"""Of the keypoints' extent.
+
+The robust loss starts this wide, so that far starts feel every keypoint, and narrows.
+"""
 CAUCHY_95 = 2.385
-"""Width of the Cauchy loss in standard deviations at which it keeps 95 % of least squares' efficiency on clean data."""
+"""Width of the Cauchy loss in standard deviations at which it keeps 95 % of least squares'
+efficiency on clean data."""
 RAYLEIGH_MEDIAN = 1.1774
 SURE_KEYPOINTS, SURE_EXTENT, SURE_DISTANCE = 10, 40.0, 4.0
-"""So many keypoints, over so many sigma in the picture, each explained to so many sigma: another view could not do that too."""
+"""So many keypoints, over so many sigma in the picture, each explained to so many sigma.
+
+Another view could not do that too.
+"""
 APART = 0.05
 """Rotations that differ by less, in the Frobenius norm, are one."""
 
@@ -61,12 +78,18 @@ class Sight:
         off /= self.sigma
         square = (off * off).sum(1) / self.width**2
         cost = self.width**2 / 2 * np.log1p(square).sum(-1)
-        root = np.sqrt(1 / (1 + square))[:, None]  # of the weight: half of it to either factor of A and b
+        root = np.sqrt(1 / (1 + square))[
+            :, None
+        ]  # of the weight: half of it to either factor of A and b
         off *= root
         slopes *= (root / self.sigma)[:, None]
         slopes = slopes.reshape(len(R), 6, -1)
         allowed = depth.min(-1) > LEAST_DEPTH
-        return Local(np.where(allowed, cost, np.inf), slopes @ slopes.mT, (slopes @ off.reshape(len(R), -1, 1))[..., 0])
+        return Local(
+            np.where(allowed, cost, np.inf),
+            slopes @ slopes.mT,
+            (slopes @ off.reshape(len(R), -1, 1))[..., 0],
+        )
 
 
 @dataclass(frozen=True)
@@ -77,7 +100,8 @@ class Candidates:
         R: (B, 3, 3).
         t: (B, 3).
         names: (B,) the starts they came from.
-        scale: standard deviation of the residuals over the keypoints' own, at least 1; how badly the body fits.
+        scale: standard deviation of the residuals over the keypoints' own, at least 1; how badly
+            the body fits.
     """
 
     R: Array
@@ -100,8 +124,17 @@ def _views() -> Array:
         indexing="ij",
     )
     azimuth, elevation = azimuth.flatten(), elevation.flatten()
-    eyes = torch.stack((torch.cos(elevation) * torch.cos(azimuth), torch.cos(elevation) * torch.sin(azimuth), torch.sin(elevation)), dim=-1)
-    return look_at(eyes, torch.zeros_like(eyes), torch.tensor([0.0, 0, 1], dtype=torch.float64))[:, :3, :3].numpy()
+    eyes = torch.stack(
+        (
+            torch.cos(elevation) * torch.cos(azimuth),
+            torch.cos(elevation) * torch.sin(azimuth),
+            torch.sin(elevation),
+        ),
+        dim=-1,
+    )
+    return look_at(eyes, torch.zeros_like(eyes), torch.tensor([0.0, 0, 1], dtype=torch.float64))[
+        :, :3, :3
+    ].numpy()
 
 
 VIEWS = _views()
@@ -120,7 +153,9 @@ def weak_perspective_translation(sight: Sight, R: Array) -> Array:
     middle_depth = turned[:, 2].mean(-1)
     depth = np.maximum(spread_3d / max(spread_2d, 1e-9), 1e-3) - middle_depth
     depth = np.maximum(depth, 4 * LEAST_DEPTH - turned[:, 2].min(-1))
-    return np.concatenate((middle_2d * (depth + middle_depth)[:, None] - middle_3d, depth[:, None]), -1)
+    return np.concatenate(
+        (middle_2d * (depth + middle_depth)[:, None] - middle_3d, depth[:, None]), -1
+    )
 
 
 def _sight(problem: PoseProblem) -> tuple[Sight, float]:
@@ -133,7 +168,9 @@ def _sight(problem: PoseProblem) -> tuple[Sight, float]:
 
 
 def search_poses(problem: PoseProblem, starts: Iterable[PoseEstimate]) -> Candidates:
-    """Refine the given starts and, unless one of them is beyond doubt, a grid of views; robust, keypoints only.
+    """Refine the given starts and, unless one of them is beyond doubt, a grid of views.
+
+    Robust, keypoints only.
 
     Args:
         problem: about its own mean, in units of its own spread.
@@ -158,7 +195,10 @@ def _found_among_views(sight: Sight, R_box: Array, starts: list[PoseEstimate]) -
     R_views = VIEWS @ R_box.T
     t_views = weak_perspective_translation(sight, R_views)
     names = *(start.hypothesis for start in starts), *(f"view_{i}" for i in range(len(R_views)))
-    R, t = np.stack([*(start.R.numpy() for start in starts), *R_views]), np.stack([*(start.t.numpy() for start in starts), *t_views])
+    R, t = (
+        np.stack([*(start.R.numpy() for start in starts), *R_views]),
+        np.stack([*(start.t.numpy() for start in starts), *t_views]),
+    )
     R, t, *_ = descend(sight.local, R, t, WIDE_ROUNDS)
     middle = replace(sight, width=math.sqrt(sight.width * CAUCHY_95))
     R, t, cost, _ = descend(middle.local, R, t, MIDDLE_ROUNDS)

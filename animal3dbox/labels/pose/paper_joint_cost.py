@@ -19,13 +19,17 @@ def _cross(v: Array) -> Array:
 
 
 def rotate(axis_angle: Array) -> tuple[Array, Array]:
-    """The rotation exp(w) and the left Jacobian that turns a change of w into one of the rotation, (3, 3) each."""
+    """The rotation exp(w) and the left Jacobian that turns a change of w into one of the rotation,
+    (3, 3) each."""
     angle = float(np.linalg.norm(axis_angle))
     W = _cross(axis_angle)
     if angle < 1e-6:
         return np.eye(3) + W + W @ W / 2, np.eye(3) + W / 2 + W @ W / 6
     first, second = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    return np.eye(3) + np.sin(angle) / angle * W + first * W @ W, np.eye(3) + first * W + second * W @ W
+    return (
+        np.eye(3) + np.sin(angle) / angle * W + first * W @ W,
+        np.eye(3) + first * W + second * W @ W,
+    )
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,8 @@ class JointCost:
         sigma: (N,) px.
         K: (3, 3).
         R_start: (3, 3).
-        extent: (M, 3) the points whose projected bounding box is compared with the mask's; M = 0 without that term.
+        extent: (M, 3) the points whose projected bounding box is compared with the mask's; M = 0
+            without that term.
         mask_box: (4,) xyxy px.
     """
 
@@ -70,12 +75,16 @@ class JointCost:
         return (cam @ self.K.T)[:, :2] / z[:, None], z
 
     def keypoints(self, pose: Array) -> tuple[Array, Array]:
-        """x_hat - x over sigma, whose length is a Mahalanobis distance (section 2.2.2, d_Mahalanobis); (N, 2), (N, 2, 6)."""
+        """x_hat - x over sigma, whose length is a Mahalanobis distance (section 2.2.2,
+        d_Mahalanobis); (N, 2), (N, 2, 6)."""
         px, by_pose = self._project(self.points, pose)
         return (px - self.pixels) / self.sigma[:, None], by_pose / self.sigma[:, None, None]
 
     def box(self, pose: Array) -> tuple[Array, Array]:
-        """Projected bounds minus the mask's, coordinate by coordinate (section 2.2.2, d_bbox); (4,) px and (4, 6), or none."""
+        """Projected bounds minus the mask's, coordinate by coordinate (section 2.2.2, d_bbox).
+
+        (4,) px and (4, 6), or none.
+        """
         if len(self.extent) == 0:
             return np.zeros(0), np.zeros((0, 6))
         px, _ = self._pixels(self.extent @ (rotate(pose[:3])[0] @ self.R_start).T + pose[3:])
@@ -86,7 +95,10 @@ class JointCost:
 
 
 def outermost(vertices: Array) -> Array:
-    """The vertices (M, 3) of a body's convex hull: before the camera, they alone can bound its projection."""
+    """The vertices (M, 3) of a body's convex hull.
+
+    Before the camera, they alone can bound its projection.
+    """
     try:
         return vertices[ConvexHull(vertices).vertices]
     except QhullError:  # a flat body has no hull in space
@@ -99,12 +111,25 @@ def joint_cost(problem: PoseProblem, R_start: Array, extent: str) -> JointCost:
     Args:
         problem: about its own mean, in units of its own spread.
         R_start: (3, 3).
-        extent: what to compare with the mask: "keypoints", "mesh" (the keypoints if there is no mesh) or "none".
+        extent: what to compare with the mask: "keypoints", "mesh" (the keypoints if there is no
+            mesh) or "none".
 
     """
     points = problem.points_world.numpy()
     cloud = np.zeros((0, 3))
     if problem.mask_box is not None and extent != "none":
-        cloud = points if extent == "keypoints" or problem.vertices_world is None else outermost(problem.vertices_world.numpy())
+        cloud = (
+            points
+            if extent == "keypoints" or problem.vertices_world is None
+            else outermost(problem.vertices_world.numpy())
+        )
     box = np.zeros(4) if problem.mask_box is None else problem.mask_box.numpy()
-    return JointCost(points, problem.points_px.numpy(), problem.sigma_px.numpy(), problem.K.numpy(), R_start, cloud, box)
+    return JointCost(
+        points,
+        problem.points_px.numpy(),
+        problem.sigma_px.numpy(),
+        problem.K.numpy(),
+        R_start,
+        cloud,
+        box,
+    )

@@ -14,15 +14,18 @@ LITERAL_FLOOR = 1e-3
 """Distances below this weigh as if they were this far off: a distance itself has a kink at zero."""
 
 
-def refined_pose(problem: PoseProblem, start: PoseEstimate, config: LabelConfig) -> PoseEstimate | PoseFailure:
+def refined_pose(
+    problem: PoseProblem, start: PoseEstimate, config: LabelConfig
+) -> PoseEstimate | PoseFailure:
     """The pose that minimises the joint cost, from a starting pose (section 2.2.2, least_squares).
 
     Args:
         problem: about its own mean, in units of its own spread.
         start: the initial pose.
-        config: lambda, the tolerances, and how E_total is read: "vector" squares all residuals, as SciPy does with the
-            vector it is given; "literal" minimises lambda sum d_i + (1 - lambda) sum |d_bbox| with the distances
-            unsquared, by solving reweighted squares until they settle.
+        config: lambda, the tolerances, and how E_total is read: "vector" squares all residuals, as
+            SciPy does with the vector it is given; "literal" minimises lambda sum d_i + (1 -
+            lambda) sum |d_bbox| with the distances unsquared, by solving reweighted squares until
+            they settle.
 
     Returns:
         The refined pose, or why it is no answer: SciPy reports success behind the camera, too.
@@ -35,13 +38,19 @@ def refined_pose(problem: PoseProblem, start: PoseEstimate, config: LabelConfig)
     else:
         pose = _literal(cost, pose, config)
     R = torch.from_numpy(rotate(pose[:3])[0] @ cost.R_start)
-    return checked_pose(problem, PoseEstimate(R, torch.from_numpy(pose[3:].copy()), start.hypothesis, start.warnings))
+    return checked_pose(
+        problem,
+        PoseEstimate(R, torch.from_numpy(pose[3:].copy()), start.hypothesis, start.warnings),
+    )
 
 
 def literal_energy(cost: JointCost, pose: Array, config: LabelConfig) -> float:
     """E_total as printed, distances unsquared."""
     distances = np.linalg.norm(cost.keypoints(pose)[0], axis=1)
-    return float(config.lambda_keypoints * distances.sum() + (1 - config.lambda_keypoints) * np.abs(cost.box(pose)[0]).sum())
+    return float(
+        config.lambda_keypoints * distances.sum()
+        + (1 - config.lambda_keypoints) * np.abs(cost.box(pose)[0]).sum()
+    )
 
 
 def _literal(cost: JointCost, pose: Array, config: LabelConfig) -> Array:
@@ -50,7 +59,14 @@ def _literal(cost: JointCost, pose: Array, config: LabelConfig) -> Array:
     for _ in range(LITERAL_ROUNDS):
         distances = np.linalg.norm(cost.keypoints(pose)[0], axis=1)
         off = np.abs(cost.box(pose)[0])
-        pose = _solve(cost, pose, 1 / np.maximum(distances, LITERAL_FLOOR), 1 / np.maximum(off, LITERAL_FLOOR), config, rounds=4)
+        pose = _solve(
+            cost,
+            pose,
+            1 / np.maximum(distances, LITERAL_FLOOR),
+            1 / np.maximum(off, LITERAL_FLOOR),
+            config,
+            rounds=4,
+        )
         energy = literal_energy(cost, pose, config)
         settled = abs(least - energy) <= 1e-6 * least
         if energy < least:
@@ -60,16 +76,32 @@ def _literal(cost: JointCost, pose: Array, config: LabelConfig) -> Array:
     return best
 
 
-def _solve(cost: JointCost, pose: Array, keypoint_weights: Array, box_weights: Array, config: LabelConfig, rounds: int | None = None) -> Array:
+def _solve(
+    cost: JointCost,
+    pose: Array,
+    keypoint_weights: Array,
+    box_weights: Array,
+    config: LabelConfig,
+    rounds: int | None = None,
+) -> Array:
     """One SciPy solve of the squared residuals under fixed weights."""
     by_keypoint = np.sqrt(config.lambda_keypoints * keypoint_weights)[:, None]
     by_bound = np.sqrt((1 - config.lambda_keypoints) * box_weights[: 4 if len(cost.extent) else 0])
 
     def residuals(x: Array) -> Array:
-        return np.concatenate(((by_keypoint * cost.keypoints(x)[0]).ravel(), by_bound * cost.box(x)[0]))
+        return np.concatenate(
+            ((by_keypoint * cost.keypoints(x)[0]).ravel(), by_bound * cost.box(x)[0])
+        )
 
     def jacobian(x: Array) -> Array:
-        return np.concatenate(((by_keypoint[..., None] * cost.keypoints(x)[1]).reshape(-1, 6), by_bound[:, None] * cost.box(x)[1]))
+        return np.concatenate(
+            (
+                (by_keypoint[..., None] * cost.keypoints(x)[1]).reshape(-1, 6),
+                by_bound[:, None] * cost.box(x)[1],
+            )
+        )
 
-    solved = least_squares(residuals, pose, jac=jacobian, xtol=config.xtol, ftol=config.ftol, max_nfev=rounds or 200)
+    solved = least_squares(
+        residuals, pose, jac=jacobian, xtol=config.xtol, ftol=config.ftol, max_nfev=rounds or 200
+    )
     return np.asarray(solved.x, dtype=np.float64)

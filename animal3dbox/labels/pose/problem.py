@@ -11,7 +11,8 @@ from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.camera import project
 
 RELATIVE_FLATNESS = 1e-3
-"""Points whose third principal spread is less than this part of the first count as lying in one plane."""
+"""Points whose third principal spread is less than this part of the first count as lying in one
+plane."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,9 @@ class PoseFailure:
 
 def reprojection_errors(problem: PoseProblem, R: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
     """Distance (N,) in px of each landmark's projection from its keypoint, and depth (N,)."""
-    projected, depth = project(problem.K.numpy(), problem.points_world.numpy() @ R.numpy().T + t.numpy())
+    projected, depth = project(
+        problem.K.numpy(), problem.points_world.numpy() @ R.numpy().T + t.numpy()
+    )
     return torch.from_numpy(norm(projected - problem.points_px.numpy())), torch.from_numpy(depth)
 
 
@@ -84,7 +87,9 @@ def degenerate_points(problem: PoseProblem, min_keypoints: int) -> PoseFailure |
     points, pixels = problem.points_world.numpy(), problem.points_px.numpy()
     count = len(points)
     if count < min_keypoints:
-        return PoseFailure("too_few_keypoints", f"{count} visible keypoints, but min_keypoints is {min_keypoints}")
+        return PoseFailure(
+            "too_few_keypoints", f"{count} visible keypoints, but min_keypoints is {min_keypoints}"
+        )
     spread = np.linalg.svd(points - points.mean(0), compute_uv=False)
     offsets = points[:, None] - points[None]
     apart = (offsets * offsets).sum(-1) > (1e-9 * spread[0]) ** 2
@@ -94,12 +99,18 @@ def degenerate_points(problem: PoseProblem, min_keypoints: int) -> PoseFailure |
     if distinct < min_keypoints:
         return PoseFailure(
             "coplanar_keypoints",
-            f"of {count} visible keypoints only {distinct} lie at different places on the body, but min_keypoints is {min_keypoints}",
+            f"of {count} visible keypoints only {distinct} lie at different places on the body, but"
+            f" min_keypoints is {min_keypoints}",
         )
     if spread[2] < RELATIVE_FLATNESS * spread[0]:
-        return PoseFailure("coplanar_keypoints", f"the {count} visible keypoints lie in one plane of the body")
+        return PoseFailure(
+            "coplanar_keypoints", f"the {count} visible keypoints lie in one plane of the body"
+        )
     if np.abs(pixels - pixels[0]).max() < 1e-6:
-        return PoseFailure("coplanar_keypoints", f"all {count} visible keypoints are at the same pixel {pixels[0].tolist()}")
+        return PoseFailure(
+            "coplanar_keypoints",
+            f"all {count} visible keypoints are at the same pixel {pixels[0].tolist()}",
+        )
     return None
 
 
@@ -110,7 +121,9 @@ def landmark_frame(problem: PoseProblem) -> tuple[Tensor, float]:
     return torch.from_numpy(middle), float(np.sqrt(((points - middle) ** 2).sum(-1).mean()))
 
 
-def in_unit_scale(problem: PoseProblem, solve: Callable[[PoseProblem], PoseEstimate | PoseFailure]) -> PoseEstimate | PoseFailure:
+def in_unit_scale(
+    problem: PoseProblem, solve: Callable[[PoseProblem], PoseEstimate | PoseFailure]
+) -> PoseEstimate | PoseFailure:
     """Solve about the landmarks' mean and in units of their spread, so that the answer is free of the mesh's unit.
 
     Args:
@@ -127,7 +140,13 @@ def in_unit_scale(problem: PoseProblem, solve: Callable[[PoseProblem], PoseEstim
         scaled = problem.vertices_world.numpy() - middle.numpy()
         scaled /= unit
         vertices = torch.from_numpy(scaled)
-    found = solve(replace(problem, points_world=(problem.points_world - middle) / unit, vertices_world=vertices))
+    found = solve(
+        replace(
+            problem, points_world=(problem.points_world - middle) / unit, vertices_world=vertices
+        )
+    )
     if isinstance(found, PoseFailure):
         return found
-    return PoseEstimate(found.R, found.t * unit - found.R @ middle, found.hypothesis, found.warnings)
+    return PoseEstimate(
+        found.R, found.t * unit - found.R @ middle, found.hypothesis, found.warnings
+    )

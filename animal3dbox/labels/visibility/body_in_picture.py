@@ -1,4 +1,7 @@
-"""What the picture shows of the body itself under a camera: its flat box, its overlap with the mask, its visible surface."""
+"""What the picture shows of the body itself under a camera.
+
+Its flat box, its overlap with the mask, its visible surface.
+"""
 
 import numpy as np
 import torch
@@ -16,15 +19,24 @@ from animal3dbox.labels.pose.problem import PoseEstimate
 from animal3dbox.labels.visibility.visible_surface import surface_share
 
 
-def mask_overlap(part: NDArray[np.bool_], place: tuple[slice, slice], mask: NDArray[np.bool_]) -> float:
-    """Intersection over union of a drawn part (h, w) at its place in the frame and a mask (H, W); 0 if both are empty."""
+def mask_overlap(
+    part: NDArray[np.bool_], place: tuple[slice, slice], mask: NDArray[np.bool_]
+) -> float:
+    """Intersection over union of a drawn part (h, w) at its place in the frame and a mask (H, W).
+
+    0 if both are empty.
+    """
     shared = np.count_nonzero(part & mask[place])
     union = np.count_nonzero(part) + np.count_nonzero(mask) - shared
     return float(shared / union) if union else 0.0
 
 
-def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, box: Tensor | None, config: LabelConfig) -> ShownBody:
-    """The body under a camera; nothing is drawn unless the configuration asks for it, or the body reaches behind the camera.
+def shown_body(
+    seen: Observation, pose: PoseEstimate, R_box: Tensor, box: Tensor | None, config: LabelConfig
+) -> ShownBody:
+    """The body under a camera.
+
+    Nothing is drawn unless the configuration asks for it, or the body reaches behind the camera.
 
     Args:
         seen: the animal.
@@ -43,11 +55,21 @@ def shown_body(seen: Observation, pose: PoseEstimate, R_box: Tensor, box: Tensor
         vertices_cam = _in_camera(pose.R.numpy(), pose.t.numpy(), seen.vertices)
         straight = bent_points(vertices_cam, seen.distortion)
         if seen.mask is not None and config.mask_iou:
-            overlap = mask_overlap(*covered_part(straight, seen.faces, seen.K, seen.image_hw), seen.mask)
+            overlap = mask_overlap(
+                *covered_part(straight, seen.faces, seen.K, seen.image_hw), seen.mask
+            )
         if config.surface_share:
             mesh = torch.from_numpy(vertices_cam), seen.faces
-            shares = surface_share(*mesh, pose.R @ R_box, torch.from_numpy(seen.K), seen.image_hw, torch.from_numpy(straight))
-    return ShownBody(box if box is not None else _mesh_box(seen, seen.vertices, pose), overlap, shares)
+            shares = surface_share(
+                *mesh,
+                pose.R @ R_box,
+                torch.from_numpy(seen.K),
+                seen.image_hw,
+                torch.from_numpy(straight),
+            )
+    return ShownBody(
+        box if box is not None else _mesh_box(seen, seen.vertices, pose), overlap, shares
+    )
 
 
 def _in_camera(R: Array, t: Array, vertices: Array) -> Array:
@@ -58,7 +80,10 @@ def _in_camera(R: Array, t: Array, vertices: Array) -> Array:
 
 
 def _mesh_box(seen: Observation, vertices: Array, pose: PoseEstimate) -> Tensor:
-    """The flat box (4,) xyxy px of a body (V, 3) without a mask: the bounds of what the frame shows of it."""
+    """The flat box (4,) xyxy px of a body (V, 3) without a mask.
+
+    The bounds of what the frame shows of it.
+    """
     K, R, t = seen.K, pose.R.numpy(), pose.t.numpy()
     if seen.distortion is None:
         scaled = _in_camera(K @ R, K @ t, vertices).T
@@ -68,14 +93,24 @@ def _mesh_box(seen: Observation, vertices: Array, pose: PoseEstimate) -> Tensor:
         px = scaled[:2]
         px /= scaled[2]
         bounds, frame = np.concatenate((px.min(1), px.max(1))), frame_box(seen.image_hw)
-        (left, top, right, bottom), (first_x, first_y, last_x, last_y) = bounds.tolist(), frame.tolist()
+        (left, top, right, bottom), (first_x, first_y, last_x, last_y) = (
+            bounds.tolist(),
+            frame.tolist(),
+        )
         if left >= first_x and top >= first_y and right <= last_x and bottom <= last_y:
             return torch.from_numpy(bounds)
-        if seen.faces is not None and (inside := bounds_in_frame(px, seen.faces, frame)) is not None:
+        if (
+            seen.faces is not None
+            and (inside := bounds_in_frame(px, seen.faces, frame)) is not None
+        ):
             return torch.from_numpy(inside)
     vertices_cam = _in_camera(R, t, vertices)
     if seen.faces is not None and scaled[2].min() <= 0:
-        part, (rows, columns) = covered_part(bent_points(vertices_cam, seen.distortion), seen.faces, K, seen.image_hw)
+        part, (rows, columns) = covered_part(
+            bent_points(vertices_cam, seen.distortion), seen.faces, K, seen.image_hw
+        )
         if part.any():
-            return mask_box(part) + torch.tensor([columns.start, rows.start, columns.start, rows.start])
+            return mask_box(part) + torch.tensor(
+                [columns.start, rows.start, columns.start, rows.start]
+            )
     return points_box(*project(K, vertices_cam, seen.distortion), seen.image_hw)

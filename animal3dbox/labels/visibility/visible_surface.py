@@ -21,7 +21,14 @@ CELL = 2
 PAIRS_AT_ONCE = 1 << 18
 
 
-def surface_share(vertices_cam: Tensor, faces: Tensor, R_cam_box: Tensor, K: Tensor, image_hw: tuple[int, int], bent: Tensor | None = None) -> Tensor:
+def surface_share(
+    vertices_cam: Tensor,
+    faces: Tensor,
+    R_cam_box: Tensor,
+    K: Tensor,
+    image_hw: tuple[int, int],
+    bent: Tensor | None = None,
+) -> Tensor:
     """Parts of an animal's visible surface by the side it faces, from a z-buffer that is fitted to it.
 
     Args:
@@ -33,7 +40,8 @@ def surface_share(vertices_cam: Tensor, faces: Tensor, R_cam_box: Tensor, K: Ten
         bent: (V, 3) the vertices where a lens shows them (see bent_points); None: there is no lens.
 
     Returns:
-        (6,) in the order front, back, left, right, top, bottom; sums to 1, all 0 if nothing is seen.
+        (6,) in the order front, back, left, right, top, bottom; sums to 1, all 0 if nothing is
+        seen.
 
     """
     check_rotation("R_cam_box", R_cam_box)
@@ -51,12 +59,18 @@ def surface_share(vertices_cam: Tensor, faces: Tensor, R_cam_box: Tensor, K: Ten
     return torch.bincount(side[seen], minlength=6).to(vertices_cam.dtype) / max(len(seen), 1)
 
 
-def visible_vertices(vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], ids: Tensor | None = None) -> Tensor:
+def visible_vertices(
+    vertices_cam: Tensor,
+    faces: Tensor,
+    K: Tensor,
+    image_hw: tuple[int, int],
+    ids: Tensor | None = None,
+) -> Tensor:
     """Which vertices the camera sees: in the frame, and with no other triangle before them; exact.
 
     A z-buffer would miss triangles that are smaller than its pixels (93 to 98 % right at 256 px:
-    benchmarks/masks_and_visibility.py). Instead the frame is cut into cells, and each vertex is tested against the
-    triangles whose projections reach into its cell.
+    benchmarks/masks_and_visibility.py). Instead the frame is cut into cells, and each vertex is
+    tested against the triangles whose projections reach into its cell.
 
     Args:
         vertices_cam: (V, 3) camera frame.
@@ -75,11 +89,15 @@ def visible_vertices(vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: t
         return torch.zeros(len(asked), dtype=torch.bool)
     H_out_in, (height, width) = _zoom(window)
     px, depth = project(H_out_in @ K, vertices_cam)
-    inside = (depth > 0) & (px >= -0.5).all(-1) & (px[:, 0] <= width - 0.5) & (px[:, 1] <= height - 0.5)
+    inside = (
+        (depth > 0) & (px >= -0.5).all(-1) & (px[:, 0] <= width - 0.5) & (px[:, 1] <= height - 0.5)
+    )
     inside = inside & torch.zeros_like(inside).index_fill(0, asked, True)
     hidden = torch.zeros(len(vertices_cam), dtype=torch.bool)
     gap = RELATIVE_GAP * float((vertices_cam.amax(0) - vertices_cam.amin(0)).amax())
-    vertex, triangle = _pairs_by_cell(px, inside, faces, depth, math.ceil(height / CELL), math.ceil(width / CELL))
+    vertex, triangle = _pairs_by_cell(
+        px, inside, faces, depth, math.ceil(height / CELL), math.ceil(width / CELL)
+    )
     for start in range(0, len(vertex), PAIRS_AT_ONCE):
         v, f = vertex[start : start + PAIRS_AT_ONCE], triangle[start : start + PAIRS_AT_ONCE]
         crossed = _depth_on_face(vertices_cam[v] / depth[v, None], vertices_cam[faces[f]])
@@ -97,7 +115,9 @@ def visible_keypoints(
     image_hw: tuple[int, int],
     body: tuple[int, int] | None = None,
 ) -> Tensor:
-    """Which keypoints (J,) bool the camera sees: those of whose vertices it sees any; see visible_vertices.
+    """Which keypoints (J,) bool the camera sees: those of whose vertices it sees any.
+
+    See visible_vertices.
 
     A group's mean lies inside the flesh, so its own ray would always be blocked.
 
@@ -112,13 +132,22 @@ def visible_keypoints(
 
     """
     first, stop = body or (0, len(vertices_cam))
-    places = [[] if place is None else [first + i for i in _ids(place)] for place in vocabulary.places(groups, stop - first)]
+    places = [
+        [] if place is None else [first + i for i in _ids(place)]
+        for place in vocabulary.places(groups, stop - first)
+    ]
     asked = torch.tensor(sorted({i for ids in places for i in ids}), dtype=torch.int64)
     seen = set(asked[visible_vertices(vertices_cam, faces, K, image_hw, asked)].tolist())
     return torch.tensor([any(i in seen for i in ids) for ids in places])
 
 
-def superimposed_mask(vertices: Tensor, faces: Tensor, K: Tensor, pose: tuple[Tensor, Tensor], image_hw: tuple[int, int]) -> Tensor:
+def superimposed_mask(
+    vertices: Tensor,
+    faces: Tensor,
+    K: Tensor,
+    pose: tuple[Tensor, Tensor],
+    image_hw: tuple[int, int],
+) -> Tensor:
     """The mask (H, W) bool of a mesh laid over its image by the dataset's own camera (section 2.2.2, superimposition).
 
     Never use a pose that is being estimated: such a mask agrees with any pose.
@@ -138,8 +167,11 @@ def _ids(place: Sequence[int] | Tensor) -> list[int]:
     return place.nonzero()[:, 0].tolist() if isinstance(place, Tensor) else list(place)
 
 
-def _window(vertices_cam: Tensor, K: Tensor, image_hw: tuple[int, int], grow: float = 0.0) -> tuple[float, float, float, float] | None:
-    """The part of the frame (left, top, right, bottom) px that points can be seen in, grown by so many px; None if they are outside."""
+def _window(
+    vertices_cam: Tensor, K: Tensor, image_hw: tuple[int, int], grow: float = 0.0
+) -> tuple[float, float, float, float] | None:
+    """The part of the frame (left, top, right, bottom) px that points can be seen in, grown by so
+    many px; None if they are outside."""
     px, depth = project(K, vertices_cam)
     height, width = image_hw
     frame = (-0.5, -0.5, width - 0.5, height - 0.5)
@@ -148,7 +180,9 @@ def _window(vertices_cam: Tensor, K: Tensor, image_hw: tuple[int, int], grow: fl
     if bool((depth <= 0).any()):  # the body reaches behind the camera: its projection has no bounds
         return frame
     left, top = torch.maximum(px.amin(0) - grow, torch.tensor(frame[:2], dtype=px.dtype)).tolist()
-    right, bottom = torch.minimum(px.amax(0) + grow, torch.tensor(frame[2:], dtype=px.dtype)).tolist()
+    right, bottom = torch.minimum(
+        px.amax(0) + grow, torch.tensor(frame[2:], dtype=px.dtype)
+    ).tolist()
     return (left, top, right, bottom) if left < right and top < bottom else None
 
 
@@ -156,18 +190,29 @@ def _zoom(window: tuple[float, float, float, float]) -> tuple[Tensor, tuple[int,
     """The map from the image to an enlarged window, and the window's height and width."""
     left, top, right, bottom = window
     scale = RESOLUTION / max(right - left, bottom - top)
-    H_out_in = torch.tensor([[scale, 0, -0.5 - scale * left], [0, scale, -0.5 - scale * top], [0, 0, 1]], dtype=torch.float64)
+    H_out_in = torch.tensor(
+        [[scale, 0, -0.5 - scale * left], [0, scale, -0.5 - scale * top], [0, 0, 1]],
+        dtype=torch.float64,
+    )
     return H_out_in, (max(1, round((bottom - top) * scale)), max(1, round((right - left) * scale)))
 
 
-def _pairs_by_cell(px: Tensor, inside: Tensor, faces: Tensor, depth: Tensor, rows: int, columns: int) -> tuple[Tensor, Tensor]:
-    """Every vertex with every triangle that reaches into its cell: vertex ids (P,) and triangle ids (P,)."""
+def _pairs_by_cell(
+    px: Tensor, inside: Tensor, faces: Tensor, depth: Tensor, rows: int, columns: int
+) -> tuple[Tensor, Tensor]:
+    """Every vertex with every triangle that reaches into its cell.
+
+    Vertex ids (P,) and triangle ids (P,).
+    """
     corners_behind = (depth <= 0)[faces]
     behind = corners_behind.any(1)  # such a triangle may reach anywhere, unless all of it is behind
     cell = torch.tensor([columns, rows]) - 1
     low = ((px[faces].amin(1) + 0.5) / CELL).floor().clamp(-1, 1e6).long()
     high = ((px[faces].amax(1) + 0.5) / CELL).floor().clamp(-1, 1e6).long()
-    low, high = torch.where(behind[:, None], 0, low.clamp_min(0)), torch.where(behind[:, None], cell, torch.minimum(high, cell))
+    low, high = (
+        torch.where(behind[:, None], 0, low.clamp_min(0)),
+        torch.where(behind[:, None], cell, torch.minimum(high, cell)),
+    )
     spans = torch.where(corners_behind.all(1)[:, None], 0, (high - low + 1).clamp_min(0))
     triangle, k = _repeat(spans.prod(1))
     wide = spans[triangle, 0].clamp_min(1)
@@ -190,9 +235,14 @@ def _repeat(counts: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _depth_on_face(rays: Tensor, corners: Tensor) -> Tensor:
-    """Depth (N,) at which rays (N, 3) with z = 1 cross triangles (N, 3, 3); infinite where they miss."""
+    """Depth (N,) at which rays (N, 3) with z = 1 cross triangles (N, 3, 3).
+
+    Infinite where they miss.
+    """
     a, b, c = corners.unbind(1)
-    weights = torch.stack([(torch.linalg.cross(p, q) * rays).sum(-1) for p, q in ((b, c), (c, a), (a, b))], dim=-1)
+    weights = torch.stack(
+        [(torch.linalg.cross(p, q) * rays).sum(-1) for p, q in ((b, c), (c, a), (a, b))], dim=-1
+    )
     volume = (torch.linalg.cross(a, b) * c).sum(-1)
     total = weights.sum(-1)
     hit = ((weights >= 0).all(-1) | (weights <= 0).all(-1)) & (total != 0)

@@ -10,7 +10,10 @@ from animal3dbox.errors import ModelFileError, ShapeError
 from animal3dbox.geometry.checks import check_finite
 from animal3dbox.smal.model import SmalModel
 
-REMEDY = "the file is no SMAL-family model, or a program changed it: get the model from its authors' site"
+REMEDY = (
+    "the file is no SMAL-family model, or a program changed it: get the model from its authors'"
+    " site"
+)
 _WEIGHT_SLACK = 1e-3  # real weights are rounded
 
 Groups = Mapping[str, tuple[int, ...]]
@@ -31,11 +34,13 @@ def checked_model(path: Path, tensors: Mapping[str, Tensor], names: ModelNames) 
 
     Args:
         path: the file, for errors.
-        tensors: v_template, faces, shapedirs, posedirs, J_regressor, weights and, if there is one, symmetry.
+        tensors: v_template, faces, shapedirs, posedirs, J_regressor, weights and, if there is one,
+            symmetry.
         names: the rest.
 
     Raises:
-        ModelFileError: parts do not fit together, are not finite, or point to vertices that there are not.
+        ModelFileError: parts do not fit together, are not finite, or point to vertices that there
+            are not.
 
     """
     if not names.parents:
@@ -70,7 +75,10 @@ def check_faces(path: Path, key: str, faces: Tensor, vertex_count: int) -> None:
     """Raise unless all entries of faces (F, 3) are vertices."""
     if not faces.numel() or not 0 <= int(faces.min()) <= int(faces.max()) < vertex_count:
         found = f"{int(faces.min())} to {int(faces.max())}" if faces.numel() else "no faces"
-        raise ModelFileError(f"{path}: {key} must hold vertex numbers from 0 to {vertex_count - 1}, got {found}; {REMEDY}")
+        raise ModelFileError(
+            f"{path}: {key} must hold vertex numbers from 0 to {vertex_count - 1}, got {found};"
+            f" {REMEDY}"
+        )
 
 
 def check_weights(path: Path, weights: Tensor) -> None:
@@ -78,20 +86,26 @@ def check_weights(path: Path, weights: Tensor) -> None:
     sums = weights.sum(dim=1)
     if float((sums - 1).abs().max()) > _WEIGHT_SLACK or float(weights.min()) < -_WEIGHT_SLACK:
         raise ModelFileError(
-            f"{path}: weights must be shares whose rows sum to 1, got sums from {float(sums.min()):.4g} to {float(sums.max()):.4g}"
-            f" and a least weight of {float(weights.min()):.4g}; {REMEDY}"
+            f"{path}: weights must be shares whose rows sum to 1, got sums from"
+            f" {float(sums.min()):.4g} to {float(sums.max()):.4g} and a least weight of"
+            f" {float(weights.min()):.4g}; {REMEDY}"
         )
 
 
 def check_involution(path: Path, key: str, symmetry: Tensor) -> None:
-    """Raise unless symmetry (V,) gives each vertex a mirror image, whose own mirror image is the vertex."""
+    """Raise unless symmetry (V,) gives each vertex a mirror image, whose own mirror image is the
+    vertex."""
     count = symmetry.shape[0]
     if not count or not 0 <= int(symmetry.min()) <= int(symmetry.max()) < count:
-        raise ModelFileError(f"{path}: {key} must hold {count} vertex numbers from 0 to {count - 1}; take the file that belongs to the model")
+        raise ModelFileError(
+            f"{path}: {key} must hold {count} vertex numbers from 0 to {count - 1}; take the file"
+            " that belongs to the model"
+        )
     wrong = (symmetry[symmetry] != symmetry.new_tensor(range(count))).nonzero()[:, 0]
     if len(wrong):
         first = int(wrong[0])
         raise ModelFileError(
-            f"{path}: {key} must be its own inverse, but {len(wrong)} of {count} vertices do not come back:"
-            f" {first} -> {int(symmetry[first])} -> {int(symmetry[symmetry[first]])}; take the file that belongs to the model"
+            f"{path}: {key} must be its own inverse, but {len(wrong)} of {count} vertices do not"
+            f" come back: {first} -> {int(symmetry[first])} -> {int(symmetry[symmetry[first]])};"
+            " take the file that belongs to the model"
         )

@@ -1,4 +1,7 @@
-"""Body models from files: SMAL's pickles and their companions (shape families, symmetry), and safetensors."""
+"""Body models from files.
+
+SMAL's pickles and their companions (shape families, symmetry), and safetensors.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,9 +12,20 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ConfigError, ModelFileError
-from animal3dbox.smal.files.model_checks import REMEDY, ModelNames, check_faces, check_involution, checked_model
+from animal3dbox.smal.files.model_checks import (
+    REMEDY,
+    ModelNames,
+    check_faces,
+    check_involution,
+    checked_model,
+)
 from animal3dbox.smal.files.safetensors_file import load_safetensors
-from animal3dbox.smal.keypoints.smal_landmarks import SMAL_EXTRA_LANDMARKS, SMAL_LANDMARKS, SMAL_VERTICES, joint_names
+from animal3dbox.smal.keypoints.smal_landmarks import (
+    SMAL_EXTRA_LANDMARKS,
+    SMAL_LANDMARKS,
+    SMAL_VERTICES,
+    joint_names,
+)
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.safe_pickle.arrays import Array, Place, read_array, read_array_list
 from animal3dbox.smal.safe_pickle.reader import DEFAULT_LIMITS, read_pickle
@@ -46,16 +60,25 @@ class _Content:
     limits: PickleLimits
 
     def array(self, key: str, shape: tuple[int | str, ...], kinds: str = "fiu") -> Array:
-        """The array of a key; a number in shape is that size, a word any but 0. kinds are NumPy's: f, i, u."""
+        """The array of a key; a number in shape is that size, a word any but 0.
+
+        Kinds are NumPy's: f, i, u.
+        """
         array = read_array(self.values[key], Place(str(self.path), key, self.limits))
         fits = len(array.shape) == len(shape) and all(
-            size == want if isinstance(want, int) else size > 0 for size, want in zip(array.shape, shape, strict=True)
+            size == want if isinstance(want, int) else size > 0
+            for size, want in zip(array.shape, shape, strict=True)
         )
         if not fits:
             wanted = ", ".join(str(size) for size in shape)
-            raise ModelFileError(f"{self.path}: {key} must have shape ({wanted}), got {array.shape}; {REMEDY}")
+            raise ModelFileError(
+                f"{self.path}: {key} must have shape ({wanted}), got {array.shape}; {REMEDY}"
+            )
         if array.dtype.kind not in kinds:
-            raise ModelFileError(f"{self.path}: {key} must hold {'numbers' if 'f' in kinds else 'whole numbers'}, got {array.dtype}; {REMEDY}")
+            raise ModelFileError(
+                f"{self.path}: {key} must hold {'numbers' if 'f' in kinds else 'whole numbers'},"
+                f" got {array.dtype}; {REMEDY}"
+            )
         return array
 
     def floats(self, key: str, shape: tuple[int | str, ...]) -> Tensor:
@@ -77,23 +100,39 @@ def load_model(path: Path, landmarks: LandmarkIds | None = None) -> SmalModel:
         return load_safetensors(path)
     if path.suffix.lower() in PICKLE_SUFFIXES:
         return load_smal(path, landmarks)
-    raise ConfigError(f"a body model's file must end in {', '.join((SAFETENSORS_SUFFIX, *PICKLE_SUFFIXES))}, got {path}")
+    raise ConfigError(
+        f"a body model's file must end in {', '.join((SAFETENSORS_SUFFIX, *PICKLE_SUFFIXES))}, got"
+        f" {path}"
+    )
 
 
-def load_smal(path: Path, landmarks: LandmarkIds | None = None, symmetry: Tensor | None = None, limits: PickleLimits = DEFAULT_LIMITS) -> SmalModel:
-    """A model from a SMAL-family pickle, float64 on the CPU; nothing that the file names is imported or called.
+def load_smal(
+    path: Path,
+    landmarks: LandmarkIds | None = None,
+    symmetry: Tensor | None = None,
+    limits: PickleLimits = DEFAULT_LIMITS,
+) -> SmalModel:
+    """A model from a SMAL-family pickle, float64 on the CPU.
+
+    Nothing that the file names is imported or called.
 
     Args:
         path: the file.
-        landmarks: keypoint name -> vertex ids. None: SMAL's own if the model has SMAL's 3889 vertices, else none.
+        landmarks: keypoint name -> vertex ids. None: SMAL's own if the model has SMAL's 3889
+            vertices, else none.
         symmetry: (V,) as load_symmetry gives it.
         limits: how much the file may ask for.
 
     Raises:
-        ModelFileError: the file is damaged, hostile, or no such model; says which key, what was expected, what came.
+        ModelFileError: the file is damaged, hostile, or no such model; says which key, what was
+            expected, what came.
 
     """
-    content = _read_dictionary(path, ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "kintree_table", "weights"), limits)
+    content = _read_dictionary(
+        path,
+        ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "kintree_table", "weights"),
+        limits,
+    )
     parents = _read_parents(content)
     J = len(parents)
     v_template = content.floats("v_template", ("V", 3))
@@ -123,16 +162,22 @@ def load_family(path: Path, limits: PickleLimits = DEFAULT_LIMITS) -> ShapeFamil
     content = _read_dictionary(path, ("cluster_means", "cluster_cov"), limits)
     means = content.floats("cluster_means", ("C", "S"))
     C, S = means.shape
-    members = read_array_list(content.values["cluster_cov"], Place(str(path), "cluster_cov", limits), (C, S, S))
+    members = read_array_list(
+        content.values["cluster_cov"], Place(str(path), "cluster_cov", limits), (C, S, S)
+    )
     if members.dtype.kind not in "fiu":
-        raise ModelFileError(f"{path}: cluster_cov must hold numbers, got {members.dtype}; {REMEDY}")
+        raise ModelFileError(
+            f"{path}: cluster_cov must hold numbers, got {members.dtype}; {REMEDY}"
+        )
     covariances = torch.from_numpy(members.astype(np.float64))
     if not bool(torch.isfinite(means).all() and torch.isfinite(covariances).all()):
         raise ModelFileError(f"{path}: cluster_means and cluster_cov must be finite; {REMEDY}")
     return ShapeFamily(means, covariances)
 
 
-def load_symmetry(path: Path, vertex_count: int | None = None, limits: PickleLimits = DEFAULT_LIMITS) -> Tensor:
+def load_symmetry(
+    path: Path, vertex_count: int | None = None, limits: PickleLimits = DEFAULT_LIMITS
+) -> Tensor:
     """Each vertex's mirror image, (V,) int64, from SMAL's `symIdx.pkl`.
 
     Args:
@@ -152,7 +197,9 @@ def load_symmetry(path: Path, vertex_count: int | None = None, limits: PickleLim
     with np.errstate(invalid="ignore"):  # NaN and the like become numbers that differ from them
         whole = numbers.astype(np.int64)
     if not np.array_equal(whole, numbers):
-        raise ModelFileError(f"{path}: symIdx must hold whole numbers; take the file that belongs to the model")
+        raise ModelFileError(
+            f"{path}: symIdx must hold whole numbers; take the file that belongs to the model"
+        )
     symmetry = torch.from_numpy(whole)
     check_involution(path, "symIdx", symmetry)
     return symmetry
@@ -161,7 +208,9 @@ def load_symmetry(path: Path, vertex_count: int | None = None, limits: PickleLim
 def _read_dictionary(path: Path, keys: tuple[str, ...], limits: PickleLimits) -> _Content:
     value = read_pickle(path, limits)
     if not isinstance(value, dict):
-        raise ModelFileError(f"{path}: expected a dictionary with {', '.join(keys)}, got {describe(value)}; {REMEDY}")
+        raise ModelFileError(
+            f"{path}: expected a dictionary with {', '.join(keys)}, got {describe(value)}; {REMEDY}"
+        )
     for key in keys:
         _read_key(path, value, key)
     return _Content(path, value, limits)
@@ -169,31 +218,47 @@ def _read_dictionary(path: Path, keys: tuple[str, ...], limits: PickleLimits) ->
 
 def _read_key(path: Path, values: dict[object, object], key: str) -> object:
     if key not in values:
-        found = ", ".join(sorted(ascii(name[:40])[1:-1] for name in values if isinstance(name, str))[:20])
-        raise ModelFileError(f"{path}: the key {key} is missing; there are {found or 'no names'}; {REMEDY}")
+        found = ", ".join(
+            sorted(ascii(name[:40])[1:-1] for name in values if isinstance(name, str))[:20]
+        )
+        raise ModelFileError(
+            f"{path}: the key {key} is missing; there are {found or 'no names'}; {REMEDY}"
+        )
     return values[key]
 
 
 def _read_parents(content: _Content) -> tuple[int, ...]:
-    """Each joint's parent, from the ids of kintree_table: row 1 names the columns, row 0 their parents."""
+    """Each joint's parent, from the ids of kintree_table.
+
+    Row 1 names the columns, row 0 their parents.
+    """
     table = content.array("kintree_table", (2, "J"), kinds="iu")
     parent_ids, ids = table.tolist()
     column = {joint: c for c, joint in enumerate(ids)}
     if len(column) != len(ids):
-        raise ModelFileError(f"{content.path}: kintree_table must name each joint once in row 1; {REMEDY}")
-    parents = tuple(-1 if parent in _NO_PARENT else column.get(parent, len(ids)) for parent in parent_ids)
+        raise ModelFileError(
+            f"{content.path}: kintree_table must name each joint once in row 1; {REMEDY}"
+        )
+    parents = tuple(
+        -1 if parent in _NO_PARENT else column.get(parent, len(ids)) for parent in parent_ids
+    )
     for c, parent in enumerate(parents):
         if (c == 0) != (parent == -1) or parent >= max(c, 1):
             raise ModelFileError(
-                f"{content.path}: kintree_table must start with the root, and give each other joint an earlier one for its parent,"
-                f" but column {c} (joint {ids[c]}) has parent {parent_ids[c]}; {REMEDY}"
+                f"{content.path}: kintree_table must start with the root, and give each other joint"
+                f" an earlier one for its parent, but column {c} (joint {ids[c]}) has parent"
+                f" {parent_ids[c]}; {REMEDY}"
             )
     return parents
 
 
-def _names(parents: tuple[int, ...], vertex_count: int, landmarks: LandmarkIds | None) -> ModelNames:
+def _names(
+    parents: tuple[int, ...], vertex_count: int, landmarks: LandmarkIds | None
+) -> ModelNames:
     if landmarks is not None:
-        return ModelNames(parents, joint_names(parents), {name: tuple(ids) for name, ids in landmarks.items()})
+        return ModelNames(
+            parents, joint_names(parents), {name: tuple(ids) for name, ids in landmarks.items()}
+        )
     if vertex_count == SMAL_VERTICES:
         return ModelNames(parents, joint_names(parents), SMAL_LANDMARKS, SMAL_EXTRA_LANDMARKS)
     return ModelNames(parents, joint_names(parents), {})

@@ -1,6 +1,9 @@
-"""Writing a body model as the pickle that SMAL comes in: protocol 2, as Python 2 wrote it, with chumpy's arrays but without chumpy.
+"""Writing a body model as the pickle that SMAL comes in.
 
-Reading needs no trust (pickle_reader.py); what is written here is for trying the whole way with a body of one's own.
+Protocol 2, as Python 2 wrote it, with chumpy's arrays but without chumpy.
+
+Reading needs no trust (pickle_reader.py); what is written here is for trying the whole way with a
+body of one's own.
 """
 
 import io
@@ -35,7 +38,10 @@ class _Made:
 
 
 def write_smal_pickle(model: SmalModel, path: Path) -> None:
-    """Write a model as load_smal reads it, float64. SMAL's keys, of this model's numbers; landmarks and names have no place in it."""
+    """Write a model as load_smal reads it, float64.
+
+    SMAL's keys, of this model's numbers; landmarks and names have no place in it.
+    """
     parents = [NO_PARENT if p < 0 else p for p in model.parents]
     content: dict[object, object] = {
         "v_template": _chumpy(model.v_template.numpy()),
@@ -58,20 +64,45 @@ def write_smal_pickle(model: SmalModel, path: Path) -> None:
 
 def _chumpy(array: NDArray[np.generic]) -> _Made:
     dirty = _Made(_Global("__builtin__", "set"), ([],), None)
-    return _Made(_Global("chumpy.ch", "Ch"), (), {"x": array, "_dirty_vars": dirty, "_itr": None}, by_new=True)
+    return _Made(
+        _Global("chumpy.ch", "Ch"),
+        (),
+        {"x": array, "_dirty_vars": dirty, "_itr": None},
+        by_new=True,
+    )
 
 
 def _sparse(matrix: csc_matrix) -> _Made:
     rows, columns = matrix.shape
-    state = {"_shape": (int(rows), int(columns)), "maxprint": 50, "indptr": matrix.indptr, "indices": matrix.indices, "data": matrix.data}
+    state = {
+        "_shape": (int(rows), int(columns)),
+        "maxprint": 50,
+        "indptr": matrix.indptr,
+        "indices": matrix.indices,
+        "data": matrix.data,
+    }
     return _Made(_Global("scipy.sparse.csc", "csc_matrix"), (), state, by_new=True)
 
 
 def _array(array: NDArray[np.generic]) -> _Made:
     kind = array.dtype
-    dtype = _Made(_Global("numpy", "dtype"), (f"{kind.kind}{kind.itemsize}", 0, 1), (3, "<", None, None, None, -1, -1, 0))
-    state = (1, tuple(int(n) for n in array.shape), dtype, False, np.ascontiguousarray(array).astype(kind.newbyteorder("<"), copy=False).tobytes())
-    return _Made(_Global("numpy.core.multiarray", "_reconstruct"), (_Global("numpy", "ndarray"), (0,), "b"), state)
+    dtype = _Made(
+        _Global("numpy", "dtype"),
+        (f"{kind.kind}{kind.itemsize}", 0, 1),
+        (3, "<", None, None, None, -1, -1, 0),
+    )
+    state = (
+        1,
+        tuple(int(n) for n in array.shape),
+        dtype,
+        False,
+        np.ascontiguousarray(array).astype(kind.newbyteorder("<"), copy=False).tobytes(),
+    )
+    return _Made(
+        _Global("numpy.core.multiarray", "_reconstruct"),
+        (_Global("numpy", "ndarray"), (0,), "b"),
+        state,
+    )
 
 
 def _save(value: object, out: io.BytesIO) -> None:
@@ -100,8 +131,12 @@ def _save(value: object, out: io.BytesIO) -> None:
         raise AssertionError(f"no model holds a {type(value).__name__}")
 
 
-def _save_members(value: tuple[object, ...] | list[object] | dict[object, object], out: io.BytesIO) -> None:
-    pairs: list[tuple[object, ...]] = list(value.items()) if isinstance(value, dict) else [(member,) for member in value]
+def _save_members(
+    value: tuple[object, ...] | list[object] | dict[object, object], out: io.BytesIO
+) -> None:
+    pairs: list[tuple[object, ...]] = (
+        list(value.items()) if isinstance(value, dict) else [(member,) for member in value]
+    )
     opening, closing = {tuple: (b"(", b"t"), list: (b"](", b"e"), dict: (b"}(", b"u")}[type(value)]
     out.write(opening)
     for pair in pairs:

@@ -47,7 +47,9 @@ def save_safetensors(model: SmalModel, path: Path) -> None:
         landmarks=dict(model.landmarks),
         extra_landmarks=dict(model.extra_landmarks),
     )
-    tensors: dict[str, Tensor] = {name: getattr(model, name).detach().cpu().contiguous() for name in _REQUIRED}
+    tensors: dict[str, Tensor] = {
+        name: getattr(model, name).detach().cpu().contiguous() for name in _REQUIRED
+    }
     if model.symmetry is not None:
         tensors[_OPTIONAL] = model.symmetry.detach().cpu().contiguous()
     write_whole(path, save(tensors, metadata={_METADATA: msgspec.json.encode(names).decode()}))
@@ -67,30 +69,49 @@ def load_safetensors(path: Path) -> SmalModel:
             _check_keys(path, keys)
             tensors = {key: file.get_tensor(key) for key in (*_REQUIRED, _OPTIONAL) if key in keys}
     except (SafetensorError, OSError) as error:
-        raise ModelFileError(f"{path} cannot be read: {error}; check the path, or {_REMEDY}") from error
+        raise ModelFileError(
+            f"{path} cannot be read: {error}; check the path, or {_REMEDY}"
+        ) from error
     _check_types(path, tensors)
-    return checked_model(path, tensors, ModelNames(names.parents, names.joint_names, names.landmarks, names.extra_landmarks))
+    return checked_model(
+        path,
+        tensors,
+        ModelNames(names.parents, names.joint_names, names.landmarks, names.extra_landmarks),
+    )
 
 
 def _read_names(path: Path, metadata: dict[str, str]) -> _Names:
     if _METADATA not in metadata:
-        raise ModelFileError(f"{path} is a safetensors file, but no body model: its metadata has no {_METADATA!r}; {_REMEDY}")
+        raise ModelFileError(
+            f"{path} is a safetensors file, but no body model: its metadata has no {_METADATA!r};"
+            f" {_REMEDY}"
+        )
     try:
         return msgspec.json.decode(metadata[_METADATA], type=_Names)
     except (msgspec.DecodeError, RecursionError) as error:
-        raise ModelFileError(f"{path}: its metadata {_METADATA!r} breaks the schema: {error}; {_REMEDY}") from error
+        raise ModelFileError(
+            f"{path}: its metadata {_METADATA!r} breaks the schema: {error}; {_REMEDY}"
+        ) from error
 
 
 def _check_keys(path: Path, keys: set[str]) -> None:
     missing, unknown = sorted(set(_REQUIRED) - keys), sorted(keys - set(_REQUIRED) - {_OPTIONAL})
     if missing or unknown:
-        raise ModelFileError(f"{path} must hold {', '.join(_REQUIRED)}: missing {missing}, unknown {unknown}; {_REMEDY}")
+        raise ModelFileError(
+            f"{path} must hold {', '.join(_REQUIRED)}: missing {missing}, unknown {unknown};"
+            f" {_REMEDY}"
+        )
 
 
 def _check_types(path: Path, tensors: dict[str, Tensor]) -> None:
     floats = {tensors[key].dtype for key in _FLOATS}
     if len(floats) != 1 or not floats <= {torch.float32, torch.float64}:
-        raise ModelFileError(f"{path}: {', '.join(_FLOATS)} must all be float64 or all float32, got {sorted(map(str, floats))}; {_REMEDY}")
+        raise ModelFileError(
+            f"{path}: {', '.join(_FLOATS)} must all be float64 or all float32, got"
+            f" {sorted(map(str, floats))}; {_REMEDY}"
+        )
     for key in ("faces", _OPTIONAL):
         if key in tensors and tensors[key].dtype != torch.int64:
-            raise ModelFileError(f"{path}: {key} must be int64, got {tensors[key].dtype}; {_REMEDY}")
+            raise ModelFileError(
+                f"{path}: {key} must be int64, got {tensors[key].dtype}; {_REMEDY}"
+            )

@@ -23,7 +23,9 @@ class LandmarkPlaces:
     parts: np.ndarray
 
     @classmethod
-    def of(cls, places: Sequence[Sequence[int] | Tensor | None], n_vertices: int) -> "LandmarkPlaces":
+    def of(
+        cls, places: Sequence[Sequence[int] | Tensor | None], n_vertices: int
+    ) -> "LandmarkPlaces":
         """From each keypoint's place (J,): vertex ids, whose mean it is, weights (V,), or None."""
         weights = np.zeros((len(places), n_vertices))
         for row, place in zip(weights, places, strict=True):
@@ -32,7 +34,9 @@ class LandmarkPlaces:
             elif place is not None:
                 np.add.at(row, list(place), 1 / len(place))
         ids = np.flatnonzero(weights.any(0))
-        ids = ids if len(ids) else np.zeros(1, dtype=np.intp)  # a row of no numbers could not be NaN
+        ids = (
+            ids if len(ids) else np.zeros(1, dtype=np.intp)
+        )  # a row of no numbers could not be NaN
         weights = weights[:, ids]
         weights[[place is None for place in places]] = np.nan
         return cls(ids, np.ascontiguousarray(weights.T))
@@ -40,7 +44,12 @@ class LandmarkPlaces:
     def read(self, vertices: AnyArray) -> AnyArray:
         """The keypoints (..., J, 3) on bodies (..., V, 3)."""
         if isinstance(vertices, Tensor):
-            points: Tensor = torch.from_numpy(self.parts).to(vertices).mT @ vertices[..., torch.from_numpy(self.ids), :]
+            points: Tensor = (
+                torch.from_numpy(self.parts).to(vertices).mT
+                @ vertices[..., torch.from_numpy(self.ids), :]
+            )
             return points
-        read: np.ndarray = (vertices.mT.take(self.ids, -1) @ self.parts).mT  # posed vertices lie in memory coordinate by coordinate
+        read: np.ndarray = (
+            vertices.mT.take(self.ids, -1) @ self.parts
+        ).mT  # posed vertices lie in memory coordinate by coordinate
         return read

@@ -1,4 +1,7 @@
-"""Facts about SMAL's public topology: which vertices its keypoints are, and its joints' names and tree."""
+"""Facts about SMAL's public topology.
+
+Which vertices its keypoints are, and its joints' names and tree.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -36,10 +39,15 @@ SMAL_LANDMARKS: dict[str, tuple[int, ...]] = {
 }
 """Keypoint -> vertex ids, in Animal3D's order."""
 
-SMAL_EXTRA_LANDMARKS: dict[str, tuple[int, ...]] = {"left_ear_tip": (542,), "right_ear_tip": (2507,)}
+SMAL_EXTRA_LANDMARKS: dict[str, tuple[int, ...]] = {
+    "left_ear_tip": (542,),
+    "right_ear_tip": (2507,),
+}
 
 _LEGS = tuple(f"{side}{part}" for side in "LR" for part in ("Leg1", "Leg2", "Leg3", "Foot"))
-_BACK_LEGS = tuple(f"{side}{part}" for side in "LR" for part in ("LegBack1", "LegBack2", "LegBack3", "FootBack"))
+_BACK_LEGS = tuple(
+    f"{side}{part}" for side in "LR" for part in ("LegBack1", "LegBack2", "LegBack3", "FootBack")
+)
 SMAL_JOINTS = (
     *("pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3"),
     *(*_LEGS, "Neck", "Head", *_BACK_LEGS),
@@ -66,7 +74,8 @@ def joint_names(parents: tuple[int, ...]) -> tuple[str, ...]:
 def misplaced_sides(v_template: Tensor, landmarks: Mapping[str, Sequence[int]]) -> tuple[str, ...]:
     """The left landmarks that lie no further left than their right twins, on a template (V, 3) with y to the animal's left.
 
-    Any such means that the vertices are not in the order for which the landmarks were made, or the frame is another.
+    Any such means that the vertices are not in the order for which the landmarks were made, or the
+    frame is another.
     """
     y = {name: float(v_template[list(ids), 1].mean()) for name, ids in landmarks.items()}
     twins = {name: name.replace("left_", "right_") for name in y if name.startswith("left_")}

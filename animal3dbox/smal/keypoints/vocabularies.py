@@ -20,7 +20,10 @@ ANIMAL3D_26 = (
 def _stanfordextra() -> Keypoints:
     legs: dict[str, Sequence[str] | str | None] = {}
     for side in ("left", "right"):
-        for place, rear, joints in (("front", "front", ("paw", "wrist", "elbow")), ("back", "rear", ("paw", "hock", "knee"))):
+        for place, rear, joints in (
+            ("front", "front", ("paw", "wrist", "elbow")),
+            ("back", "rear", ("paw", "hock", "knee")),
+        ):
             for joint, word in zip(joints, ("paw", "middle joint", "top"), strict=True):
                 legs[f"{side.capitalize()} {rear} leg: {word}"] = f"{side}_{place}_{joint}"
     return legs | {
@@ -84,7 +87,10 @@ SUPERANIMAL: Keypoints = {
     "back_left_knee": "left_back_hock", "back_right_knee": "right_back_hock", "back_right_paw": "right_back_paw",
     "belly_bottom": None, "body_middle_right": None, "body_middle_left": None,
 }  # fmt: skip
-"""DeepLabCut's SuperAnimal-Quadruped, in its order and spelling; places that no landmark of ours is are None."""
+"""DeepLabCut's SuperAnimal-Quadruped, in its order and spelling.
+
+Places that no landmark of ours is are None.
+"""
 
 VOCABULARIES = {
     name: vocabulary_from_names(name, keypoints)
@@ -108,7 +114,10 @@ def find_vocabulary(vocabulary: str | Vocabulary) -> Vocabulary:
     if isinstance(vocabulary, Vocabulary):
         return vocabulary
     if vocabulary not in VOCABULARIES:
-        raise ConfigError(f"vocabulary must be one of {', '.join(VOCABULARIES)} or a Vocabulary of your own (load_vocabulary), got {vocabulary!r}")
+        raise ConfigError(
+            f"vocabulary must be one of {', '.join(VOCABULARIES)} or a Vocabulary of your own"
+            f" (load_vocabulary), got {vocabulary!r}"
+        )
     return VOCABULARIES[vocabulary]
 
 
@@ -119,4 +128,8 @@ def vocabulary_of_option(option: str) -> Vocabulary:
         ConfigError: neither.
 
     """
-    return load_vocabulary(Path(option)) if option.endswith(".toml") or Path(option).is_file() else find_vocabulary(option)
+    return (
+        load_vocabulary(Path(option))
+        if option.endswith(".toml") or Path(option).is_file()
+        else find_vocabulary(option)
+    )

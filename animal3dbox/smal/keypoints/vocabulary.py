@@ -1,4 +1,7 @@
-"""Keypoint vocabularies: which landmark of the body each keypoint of a dataset is, and what a mirror does to it."""
+"""Keypoint vocabularies.
+
+Which landmark of the body each keypoint of a dataset is, and what a mirror does to it.
+"""
 
 import re
 import tomllib
@@ -24,8 +27,9 @@ class Vocabulary:
     Attributes:
         name: what the vocabulary is called.
         keypoints: (J,) the dataset's own names, in its order.
-        landmarks: (J,) for each keypoint the places on the body that it can be read off, best first: a landmark's name,
-            "joint:NAME", "vertex:12" or "vertices:12+13"; none if the body has no such place.
+        landmarks: (J,) for each keypoint the places on the body that it can be read off, best
+            first: a landmark's name, "joint:NAME", "vertex:12" or "vertices:12+13"; none if the
+            body has no such place.
         flip: (J,) the index of each keypoint's mirror image; itself in the middle of the body.
     """
 
@@ -35,22 +39,42 @@ class Vocabulary:
     flip: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        if not len(self.keypoints) == len(self.landmarks) == len(self.flip) == len(set(self.keypoints)):
-            raise ConfigError(f"vocabulary {self.name}: keypoints, landmarks and flip must have one entry a keypoint, and names must differ")
-        if sorted(self.flip) != list(range(len(self.flip))) or any(self.flip[self.flip[i]] != i for i in range(len(self.flip))):
-            raise ConfigError(f"vocabulary {self.name}: flip must be a permutation that undoes itself, got {self.flip}")
+        if (
+            not len(self.keypoints)
+            == len(self.landmarks)
+            == len(self.flip)
+            == len(set(self.keypoints))
+        ):
+            raise ConfigError(
+                f"vocabulary {self.name}: keypoints, landmarks and flip must have one entry a"
+                " keypoint, and names must differ"
+            )
+        if sorted(self.flip) != list(range(len(self.flip))) or any(
+            self.flip[self.flip[i]] != i for i in range(len(self.flip))
+        ):
+            raise ConfigError(
+                f"vocabulary {self.name}: flip must be a permutation that undoes itself, got"
+                f" {self.flip}"
+            )
         for keypoint, names, side in zip(self.keypoints, self.landmarks, self.sides, strict=True):
             crossed = [name for name in names if side_of(name) not in (side, None)]
             if crossed and side_of(keypoint) is not None:
-                raise ConfigError(f"vocabulary {self.name}: keypoint {keypoint!r} is {side}, but its landmark {crossed[0]!r} is not")
+                raise ConfigError(
+                    f"vocabulary {self.name}: keypoint {keypoint!r} is {side}, but its landmark"
+                    f" {crossed[0]!r} is not"
+                )
 
     def __len__(self) -> int:
         return len(self.keypoints)
 
     @property
     def sides(self) -> tuple[str | None, ...]:
-        """(J,) "left", "right", or None in the middle, by the keypoint's name, else by its landmark's."""
-        return tuple(side_of(k) or next((side_of(name) for name in names), None) for k, names in zip(self.keypoints, self.landmarks, strict=True))
+        """(J,) "left", "right", or None in the middle, by the keypoint's name, else by its
+        landmark's."""
+        return tuple(
+            side_of(k) or next((side_of(name) for name in names), None)
+            for k, names in zip(self.keypoints, self.landmarks, strict=True)
+        )
 
     def index_of(self, landmark: str) -> int | None:
         """The keypoint that a landmark is best read as, or None if the vocabulary has none."""
@@ -60,7 +84,8 @@ class Vocabulary:
         """The keypoints of a body.
 
         Args:
-            groups: landmark name -> vertex ids, whose mean it is, or weights (V,) of all vertices, as a joint has.
+            groups: landmark name -> vertex ids, whose mean it is, or weights (V,) of all vertices,
+                as a joint has.
             vertices: (V, 3) in any frame.
 
         Returns:
@@ -76,10 +101,26 @@ class Vocabulary:
         """Where each keypoint (J,) is read off: vertex ids, weights (V,), or None; see on_body."""
         found: list[Sequence[int] | Tensor | None] = []
         for keypoint, names in zip(self.keypoints, self.landmarks, strict=True):
-            found.append(next((place for name in names if (place := groups.get(name, _vertex_ids(name))) is not None), None))
+            found.append(
+                next(
+                    (
+                        place
+                        for name in names
+                        if (place := groups.get(name, _vertex_ids(name))) is not None
+                    ),
+                    None,
+                )
+            )
             last = found[-1]
-            if last is not None and not isinstance(last, Tensor) and not all(0 <= i < n_vertices for i in last):
-                raise ConfigError(f"vocabulary {self.name}: keypoint {keypoint!r} is at vertices {list(last)}, but the body has {n_vertices}")
+            if (
+                last is not None
+                and not isinstance(last, Tensor)
+                and not all(0 <= i < n_vertices for i in last)
+            ):
+                raise ConfigError(
+                    f"vocabulary {self.name}: keypoint {keypoint!r} is at vertices {list(last)},"
+                    f" but the body has {n_vertices}"
+                )
         return found
 
 
@@ -94,7 +135,10 @@ _TWIN = {"left": "right", "Left": "Right", "L": "R", "right": "left", "Right": "
 
 
 def side_of(name: str) -> str | None:
-    """The side that a name says, as a word of its own (left, Left, L_): "left" or "right"; None if it says none."""
+    """The side that a name says, as a word of its own (left, Left, L_): "left" or "right".
+
+    None if it says none.
+    """
     found = _SIDE.search(name)
     return None if found is None else ("left" if found.group()[0] in "lL" else "right")
 
@@ -104,7 +148,11 @@ def swap_sides(name: str) -> str:
     return _SIDE.sub(lambda found: _TWIN[found.group()], name, count=1)
 
 
-def vocabulary_from_names(name: str, keypoints: Mapping[str, Sequence[str] | str | None], pairs: Mapping[str, str] | None = None) -> Vocabulary:
+def vocabulary_from_names(
+    name: str,
+    keypoints: Mapping[str, Sequence[str] | str | None],
+    pairs: Mapping[str, str] | None = None,
+) -> Vocabulary:
     """A vocabulary whose keypoints say left and right in their names.
 
     Args:
@@ -121,13 +169,18 @@ def vocabulary_from_names(name: str, keypoints: Mapping[str, Sequence[str] | str
 
     """
     names = tuple(keypoints)
-    landmarks = tuple((value,) if isinstance(value, str) else tuple(value or ()) for value in keypoints.values())
+    landmarks = tuple(
+        (value,) if isinstance(value, str) else tuple(value or ()) for value in keypoints.values()
+    )
     partners = dict(pairs or {}) | {b: a for a, b in (pairs or {}).items()}
     flip = []
     for keypoint in names:
         partner = partners.get(keypoint, swap_sides(keypoint))
         if partner not in names:
-            raise ConfigError(f"vocabulary {name}: {keypoint!r} has no twin {partner!r}: name it, or say in flip whose mirror image it is")
+            raise ConfigError(
+                f"vocabulary {name}: {keypoint!r} has no twin {partner!r}: name it, or say in flip"
+                " whose mirror image it is"
+            )
         flip.append(names.index(partner))
     return Vocabulary(name, names, landmarks, tuple(flip))
 
@@ -135,8 +188,9 @@ def vocabulary_from_names(name: str, keypoints: Mapping[str, Sequence[str] | str
 def load_vocabulary(path: Path) -> Vocabulary:
     """A vocabulary from a small TOML file.
 
-    ``name``; ``[keypoints]``, in the order of the data, name = landmark, a list of landmarks of which the first that the
-    body has is taken, or [] for none; ``[flip]``, left = right, where names do not say their side.
+    ``name``; ``[keypoints]``, in the order of the data, name = landmark, a list of landmarks of
+    which the first that the body has is taken, or [] for none; ``[flip]``, left = right, where
+    names do not say their side.
 
     Raises:
         ConfigError: no such file, not TOML, or no vocabulary.

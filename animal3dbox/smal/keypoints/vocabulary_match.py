@@ -24,7 +24,10 @@ SPELLINGS: Mapping[str, Mapping[str, str]] = {
         **_LEGS,
     },
 }  # fmt: skip
-"""Vocabulary -> other spelling -> its keypoint: AnimalPose's own json spells its names out, conversions abbreviate them."""
+"""Vocabulary -> other spelling -> its keypoint.
+
+AnimalPose's own json spells its names out, conversions abbreviate them.
+"""
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,8 @@ class NameMatch:
 
     Attributes:
         vocabulary: what they are.
-        columns: (J,) for each keypoint of the vocabulary its place among the names; None if it is not there.
+        columns: (J,) for each keypoint of the vocabulary its place among the names; None if it is
+            not there.
         unused: names that the vocabulary does not have.
     """
 
@@ -47,16 +51,23 @@ class NameMatch:
         return not self.unused and None not in self.columns
 
     def rows(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The vocabulary's keypoints (J, 3) of points (N, 3) in the order of the names; zeros for those that are not there."""
-        return np.array([(0.0, 0.0, 0.0) if column is None else points[column] for column in self.columns], dtype=np.float64)
+        """The vocabulary's keypoints (J, 3) of points (N, 3) in the order of the names.
+
+        Zeros for those that are not there.
+        """
+        return np.array(
+            [(0.0, 0.0, 0.0) if column is None else points[column] for column in self.columns],
+            dtype=np.float64,
+        )
 
 
 def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMatch:
     """The vocabulary that a source's keypoint names belong to, and where each of its keypoints stands among them.
 
-    Upper and lower case are the same. A known vocabulary fits if it has all the names, or if the names have all of it:
-    others are then unused. Of several the one with the very same names is taken, then the largest that is there in whole,
-    then the smallest that holds them; those that mean different places by one name are not chosen between.
+    Upper and lower case are the same. A known vocabulary fits if it has all the names, or if the
+    names have all of it: others are then unused. Of several the one with the very same names is
+    taken, then the largest that is there in whole, then the smallest that holds them; those that
+    mean different places by one name are not chosen between.
 
     Args:
         names: as the source lists them, in any order.
@@ -66,13 +77,21 @@ def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMa
         ConfigError: a name comes twice, or no vocabulary fits; gives the nearest names.
 
     """
-    twice = sorted({name for name in names if [other.casefold() for other in names].count(name.casefold()) > 1})
+    twice = sorted(
+        {name for name in names if [other.casefold() for other in names].count(name.casefold()) > 1}
+    )
     if twice:
-        raise ConfigError(f"the keypoint names {', '.join(twice)} come more than once: there is no telling them apart")
+        raise ConfigError(
+            f"the keypoint names {', '.join(twice)} come more than once: there is no telling them"
+            " apart"
+        )
     if own is not None:
         match = _matched(names, own)
         if match.unused or not names:
-            raise ConfigError(f"{_unknown(names, match)}; add them to the vocabulary {own.name} (name = [] for one that is nowhere on the body)")
+            raise ConfigError(
+                f"{_unknown(names, match)}; add them to the vocabulary {own.name} (name = [] for"
+                " one that is nowhere on the body)"
+            )
         return match
     matches = [_matched(names, vocabulary) for vocabulary in VOCABULARIES.values()]
     whole = [match for match in matches if None not in match.columns]
@@ -80,8 +99,9 @@ def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMa
     if not whole and not within:
         near = max(matches, key=lambda match: len(names) - len(match.unused))
         raise ConfigError(
-            f"{_unknown(names, near)}; they are no known vocabulary ({', '.join(VOCABULARIES)}): rename them, or give a vocabulary of your own "
-            "(--vocabulary, a TOML file as in docs/formats.md)"
+            f"{_unknown(names, near)}; they are no known vocabulary ({', '.join(VOCABULARIES)}):"
+            " rename them, or give a vocabulary of your own (--vocabulary, a TOML file as in"
+            " docs/formats.md)"
         )
     if whole:
         return max(whole, key=lambda match: (match.is_exact, len(match.vocabulary)))
@@ -101,7 +121,9 @@ def _matched(names: Sequence[str], vocabulary: Vocabulary) -> NameMatch:
             unused.append(name)
         else:
             found[keypoint] = i
-    return NameMatch(vocabulary, tuple(found.get(keypoint) for keypoint in vocabulary.keypoints), tuple(unused))
+    return NameMatch(
+        vocabulary, tuple(found.get(keypoint) for keypoint in vocabulary.keypoints), tuple(unused)
+    )
 
 
 def _unknown(names: Sequence[str], match: NameMatch) -> str:
@@ -124,4 +146,7 @@ def _check_agreement(names: Sequence[str], matches: Sequence[NameMatch]) -> None
                 continue
             first, known = places.setdefault(names[column], (match.vocabulary.name, landmarks))
             if known and landmarks and not set(known) & set(landmarks):
-                raise ConfigError(f"the keypoint {names[column]!r} is another place in {first} than in {match.vocabulary.name}: give --vocabulary")
+                raise ConfigError(
+                    f"the keypoint {names[column]!r} is another place in {first} than in"
+                    f" {match.vocabulary.name}: give --vocabulary"
+                )

@@ -20,10 +20,11 @@ def _even(x: float, y: float, z: float) -> Ranges:
 _VERTEBRA: Ranges = ((-6.0, 6.0), (-10.0, 16.0), (-12.0, 12.0))
 _TAIL: Ranges = (_STILL, (-40.0, 40.0), (-40.0, 40.0))
 
-# Degrees about the template's axes, (least, greatest) about x (roll), y (pitch) and z (yaw), as the entries of an axis-angle
-# vector. About y, positive turns what points ahead downwards and what points down backwards; about z, positive turns ahead to the
-# left; about x, positive turns what points down to the left. The table is of the left side; the right side is its mirror image.
-# The root's range is that of the named poses: where an animal heads is the scene's business.
+# Degrees about the template's axes, (least, greatest) about x (roll), y (pitch) and z (yaw), as the
+# entries of an axis-angle vector. About y, positive turns what points ahead downwards and what
+# points down backwards; about z, positive turns ahead to the left; about x, positive turns what
+# points down to the left. The table is of the left side; the right side is its mirror image. The
+# root's range is that of the named poses: where an animal heads is the scene's business.
 _LEFT_DEG: Mapping[str, Ranges] = {
     "pelvis": ((-10.0, 10.0), (-75.0, 30.0), (-40.0, 40.0)),
     **dict.fromkeys(("pelvis0", "spine", "spine0", "spine1", "spine2", "spine3"), _VERTEBRA),
@@ -51,12 +52,21 @@ def _mirrored(ranges: Ranges) -> Ranges:
 
 JOINT_LIMITS_DEG: Mapping[str, Ranges] = {
     **_LEFT_DEG,
-    **{"R" + name[1:]: _mirrored(ranges) for name, ranges in _LEFT_DEG.items() if name.startswith("L")},
+    **{
+        "R" + name[1:]: _mirrored(ranges)
+        for name, ranges in _LEFT_DEG.items()
+        if name.startswith("L")
+    },
 }
 
 
 def joint_limits() -> tuple[Tensor, Tensor]:
-    """The least and the greatest axis-angle entries (J, 3) of a pose, radians, float64; the template pose is within them."""
-    table = torch.tensor([JOINT_LIMITS_DEG[name] for name in load_quadruped().joint_names], dtype=torch.float64)
+    """The least and the greatest axis-angle entries (J, 3) of a pose, radians, float64.
+
+    The template pose is within them.
+    """
+    table = torch.tensor(
+        [JOINT_LIMITS_DEG[name] for name in load_quadruped().joint_names], dtype=torch.float64
+    )
     low, high = torch.deg2rad(table).unbind(dim=-1)
     return low, high

@@ -9,7 +9,8 @@ from animal3dbox.errors import ConfigError
 from animal3dbox.smal.quadruped.joint_limits import joint_limits
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
-# Degrees about the template's axes (x roll, y pitch, z yaw); their signs are explained in quadruped_joint_limits.
+# Degrees about the template's axes (x roll, y pitch, z yaw); their signs are explained in
+# quadruped_joint_limits.
 _Degrees = Mapping[str, tuple[float, float, float]]
 
 _WALK: _Degrees = {
@@ -70,7 +71,13 @@ _CURL: _Degrees = {
     "Neck": (0, 22, 60), "Head": (0, 6, 48),
     "Tail1": (0, 20, -32), **dict.fromkeys(("Tail2", "Tail3", "Tail4"), (0, 0, -32)), **dict.fromkeys(("Tail5", "Tail6"), (0, 0, -24)),
 }  # fmt: skip
-_HEAD_TURNED: _Degrees = {"spine3": (0, 0, 8), "Neck": (0, -4, 34), "Head": (0, 4, 30), "LEar": (0, 0, 10), "REar": (0, 0, 10)}
+_HEAD_TURNED: _Degrees = {
+    "spine3": (0, 0, 8),
+    "Neck": (0, -4, 34),
+    "Head": (0, 4, 30),
+    "LEar": (0, 0, 10),
+    "REar": (0, 0, 10),
+}
 
 POSES: Mapping[str, _Degrees] = {
     "stand": {}, "walk": _WALK, "trot": _TROT, "run": _RUN, "graze": _GRAZE, "sit": _SIT, "lie": _LIE, "rear": _REAR, "curl": _CURL,
@@ -93,7 +100,9 @@ def named_pose(name: str) -> Tensor:
 
 
 def random_pose(generator: torch.Generator) -> Tensor:
-    """A plausible pose (J, 3), axis-angle in radians, float64: a named gait or stance, varied within the joints' limits.
+    """A plausible pose (J, 3), axis-angle in radians, float64.
+
+    A named gait or stance, varied within the joints' limits.
 
     The root is not turned: where an animal heads is the scene's business.
     """

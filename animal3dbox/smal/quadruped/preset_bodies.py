@@ -1,7 +1,10 @@
-"""The embedded quadruped: a licence-free body of SMAL's structure, made by `animal3dbox.smal.quadruped.build`.
+"""The embedded quadruped.
 
-The template frame is x forward, y to the animal's left, z up; the soles stand on z = 0. It is about one unit long from
-nose to rump, and so are all presets: the column `size` (or a camera further away) makes a cow larger than a cat.
+A licence-free body of SMAL's structure, made by `animal3dbox.smal.quadruped.build`.
+
+The template frame is x forward, y to the animal's left, z up; the soles stand on z = 0. It is about
+one unit long from nose to rump, and so are all presets: the column `size` (or a camera further
+away) makes a cow larger than a cat.
 """
 
 from collections.abc import Mapping
@@ -42,7 +45,10 @@ class QuadrupedNames:
 def load_quadruped() -> SmalModel:
     """The body, float64 on the CPU; the same object every time."""
     arrays = _asset()
-    half, seam = _float64(arrays, "vertices") * _float64(arrays, "vertices_scale"), int(arrays["seam"])
+    half, seam = (
+        _float64(arrays, "vertices") * _float64(arrays, "vertices_scale"),
+        int(arrays["seam"]),
+    )
     symmetry = _symmetry(len(half), seam)
     weights = _whole_weights(arrays, symmetry)
     regressor = np.zeros((len(_words(arrays, "joint_names")), len(symmetry)))
@@ -55,7 +61,9 @@ def load_quadruped() -> SmalModel:
         v_template=v_template,
         faces=torch.from_numpy(_whole_faces(arrays["faces"].astype(np.int64), symmetry)),
         shapedirs=torch.from_numpy(_whole(columns, seam)),
-        posedirs=_volume_keeping(v_template, joints @ v_template, torch.from_numpy(weights), parents),
+        posedirs=_volume_keeping(
+            v_template, joints @ v_template, torch.from_numpy(weights), parents
+        ),
         J_regressor=joints,
         weights=torch.from_numpy(weights),
         parents=parents,
@@ -68,7 +76,10 @@ def load_quadruped() -> SmalModel:
 
 @cache
 def quadruped_names() -> QuadrupedNames:
-    """The names of the shape columns and the extra landmarks: withers, throat, hips, ear bases and tips."""
+    """The names of the shape columns and the extra landmarks.
+
+    Withers, throat, hips, ear bases and tips.
+    """
     arrays = _asset()
     return QuadrupedNames(
         columns=_words(arrays, "column_names"),
@@ -91,7 +102,9 @@ def preset_betas(name: str) -> Tensor:
 
 
 def measure_betas(amounts: Mapping[str, float]) -> Tensor:
-    """Betas (S,), float64, from amounts of named shape columns; they add, so `{"dog": 1, "leg_length": -2}` is a dachshund's way.
+    """Betas (S,), float64, from amounts of named shape columns.
+
+    They add, so `{"dog": 1, "leg_length": -2}` is a dachshund's way.
 
     Raises:
         ConfigError: naming the columns there are.
@@ -108,7 +121,10 @@ def measure_betas(amounts: Mapping[str, float]) -> Tensor:
 
 @cache
 def _asset() -> Arrays:
-    with resources.files("animal3dbox.smal").joinpath("assets", _ASSET).open("rb") as file, np.load(file, allow_pickle=False) as packed:
+    with (
+        resources.files("animal3dbox.smal").joinpath("assets", _ASSET).open("rb") as file,
+        np.load(file, allow_pickle=False) as packed,
+    ):
         return dict(packed.items())
 
 
@@ -122,12 +138,20 @@ def _words(arrays: Arrays, key: str) -> tuple[str, ...]:
 
 def _landmarks(arrays: Arrays) -> dict[str, tuple[int, ...]]:
     groups = np.split(arrays["landmark_vertices"], np.cumsum(arrays["landmark_counts"])[:-1])
-    return {name: tuple(int(i) for i in group) for name, group in zip(_words(arrays, "landmark_names"), groups, strict=True)}
+    return {
+        name: tuple(int(i) for i in group)
+        for name, group in zip(_words(arrays, "landmark_names"), groups, strict=True)
+    }
 
 
 def _symmetry(half_count: int, seam: int) -> NDArray[np.int64]:
-    """The mirror's vertex permutation: the asset stores the left half, the seam first; the right half follows it."""
-    return np.concatenate([np.arange(seam), np.arange(half_count, 2 * half_count - seam), np.arange(seam, half_count)])
+    """The mirror's vertex permutation: the asset stores the left half, the seam first.
+
+    The right half follows it.
+    """
+    return np.concatenate(
+        [np.arange(seam), np.arange(half_count, 2 * half_count - seam), np.arange(seam, half_count)]
+    )
 
 
 def _whole(half: NDArray[np.float64], seam: int) -> NDArray[np.float64]:
@@ -141,20 +165,32 @@ def _whole_faces(faces: NDArray[np.int64], symmetry: NDArray[np.int64]) -> NDArr
 
 
 def _whole_weights(arrays: Arrays, symmetry: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Dense weights (V, J) with rows that sum to 1; a right vertex takes its mirror image's with left and right joints swapped."""
-    names, joints, values = _words(arrays, "joint_names"), arrays["weight_joints"], _float64(arrays, "weight_values")
+    """Dense weights (V, J) with rows that sum to 1.
+
+    A right vertex takes its mirror image's with left and right joints swapped.
+    """
+    names, joints, values = (
+        _words(arrays, "joint_names"),
+        arrays["weight_joints"],
+        _float64(arrays, "weight_values"),
+    )
     half = np.zeros((len(joints), len(names)))
-    np.put_along_axis(half, joints.astype(np.int64), values / values.sum(axis=1, keepdims=True), axis=1)
+    np.put_along_axis(
+        half, joints.astype(np.int64), values / values.sum(axis=1, keepdims=True), axis=1
+    )
     swap = {"L": "R", "R": "L"}
     mirror = [names.index(swap[name[0]] + name[1:] if name[0] in swap else name) for name in names]
     return np.concatenate([half, half[symmetry[len(half) :]][:, mirror]])
 
 
-def _volume_keeping(v_template: Tensor, joints: Tensor, weights: Tensor, parents: tuple[int, ...]) -> Tensor:
+def _volume_keeping(
+    v_template: Tensor, joints: Tensor, weights: Tensor, parents: tuple[int, ...]
+) -> Tensor:
     """Pose correctives (V, 3, 9 (J - 1)) that give back the volume which blending takes at a bent joint.
 
-    A vertex at r from a joint, moved by it with share w, is drawn towards the joint's axis by w (1 - w) (1 - cos a) r⊥. As
-    the symmetric part of R - I is -(1 - cos a) times the projection across the axis, this is linear in R - I for every axis.
+    A vertex at r from a joint, moved by it with share w, is drawn towards the joint's axis by w (1
+    - w) (1 - cos a) r⊥. As the symmetric part of R - I is -(1 - cos a) times the projection across
+    the axis, this is linear in R - I for every axis.
     """
     V, J = weights.shape
     moved = weights.clone()  # by a joint and all beyond it

@@ -1,4 +1,7 @@
-"""Arrays from the inert records of a model pickle: NumPy arrays and scalars, chumpy objects, SciPy CSC matrices."""
+"""Arrays from the inert records of a model pickle.
+
+NumPy arrays and scalars, chumpy objects, SciPy CSC matrices.
+"""
 
 import math
 import re
@@ -9,18 +12,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.errors import ModelFileError
-from animal3dbox.smal.safe_pickle.stream import UNREADABLE, Call, Global, PickleLimits, describe, refusal
+from animal3dbox.smal.safe_pickle.stream import (
+    UNREADABLE,
+    Call,
+    Global,
+    PickleLimits,
+    describe,
+    refusal,
+)
 
 Array = NDArray[Any]
 
 _NUMPY = ("numpy.core.multiarray", "numpy._core.multiarray")
 _RECONSTRUCT = {Global(module, "_reconstruct") for module in _NUMPY}
 _SCALAR = {Global(module, "scalar") for module in _NUMPY}
-_FROM_BUFFER = {Global("numpy.core.numeric", "_frombuffer"), Global("numpy._core.numeric", "_frombuffer")}
+_FROM_BUFFER = {
+    Global("numpy.core.numeric", "_frombuffer"),
+    Global("numpy._core.numeric", "_frombuffer"),
+}
 _NDARRAY = Global("numpy", "ndarray")
 _DTYPE = Global("numpy", "dtype")
 _CHUMPY = {Global("chumpy.ch", "Ch"), Global("chumpy", "Ch")}
-_CSC = {Global(f"scipy.sparse.{module}", f"csc_{kind}") for module in ("csc", "_csc") for kind in ("matrix", "array")}
+_CSC = {
+    Global(f"scipy.sparse.{module}", f"csc_{kind}")
+    for module in ("csc", "_csc")
+    for kind in ("matrix", "array")
+}
 _RECONSTRUCTOR = {Global("copy_reg", "_reconstructor"), Global("copyreg", "_reconstructor")}
 _NEW_OBJECT = {Global("copy_reg", "__newobj__"), Global("copyreg", "__newobj__")}
 _OBJECT = {Global("__builtin__", "object"), Global("builtins", "object")}
@@ -53,7 +70,9 @@ class Place:
 
 
 def read_array(value: object, place: Place) -> Array:
-    """The array that a value of the file stands for, in native byte order; a sparse matrix is filled.
+    """The array that a value of the file stands for, in native byte order.
+
+    A sparse matrix is filled.
 
     Raises:
         ModelFileError: it stands for none, or its bytes do not fit what it says of itself.
@@ -66,7 +85,9 @@ def read_array(value: object, place: Place) -> Array:
         raise place.fail(None, f"expected an array, got {describe(value)}")
     if _named(value.func, _RECONSTRUCT):
         shape, dtype, order, raw = _reconstructed(value, place)
-        return _array_of_bytes(_raw_bytes(raw, value.offset, place), dtype, shape, order, value.offset, place)
+        return _array_of_bytes(
+            _raw_bytes(raw, value.offset, place), dtype, shape, order, value.offset, place
+        )
     if _named(value.func, _FROM_BUFFER):
         return _from_buffer(value, place)
     if _named(value.func, _SCALAR) and len(value.args) == 2:
@@ -75,20 +96,29 @@ def read_array(value: object, place: Place) -> Array:
     if _named(class_of(value), _CSC):
         return _filled_matrix(value, place)
     kind = class_of(value)
-    raise place.fail(value.offset, f"expected an array, got {describe(value) if kind is None else f'an object of {kind}'}")
+    raise place.fail(
+        value.offset,
+        f"expected an array, got {describe(value) if kind is None else f'an object of {kind}'}",
+    )
 
 
 def read_array_list(value: object, place: Place, shape: tuple[int, ...]) -> Array:
     """Arrays of one shape, stacked: a list of them, an array of objects, or one array already.
 
-    The shape is checked before memory is taken and at every member: a file can hold one array and name it very often.
+    The shape is checked before memory is taken and at every member: a file can hold one array and
+    name it very often.
     """
     if math.prod(shape) > place.limits.dense_cells:
-        raise place.fail(None, f"expected numbers of shape {shape}, which are more than {place.limits.dense_cells}")
+        raise place.fail(
+            None,
+            f"expected numbers of shape {shape}, which are more than {place.limits.dense_cells}",
+        )
     if isinstance(value, Call) and _named(value.func, _RECONSTRUCT) and _is_object_array(value):
         counts, _, _, members = _reconstructed(value, place, object_allowed=True)
         if not isinstance(members, list) or counts != (len(members),):
-            raise place.fail(value.offset, f"an array of objects of shape {counts} with {describe(members)}")
+            raise place.fail(
+                value.offset, f"an array of objects of shape {counts} with {describe(members)}"
+            )
         value = members
     if not isinstance(value, list | tuple):
         return _of_shape(read_array(value, place), shape, place)
@@ -104,9 +134,16 @@ def _of_shape(array: Array, shape: tuple[int, ...], place: Place) -> Array:
 
 
 def class_of(call: Call) -> Global | None:
-    """The class of which a call makes an empty object to be filled by its state, or None for other calls."""
+    """The class of which a call makes an empty object to be filled by its state, or None for other
+    calls."""
     func, args = call.func, call.args
-    if _named(func, _RECONSTRUCTOR) and len(args) == 3 and _named(args[1], _OBJECT) and args[2] is None and isinstance(args[0], Global):
+    if (
+        _named(func, _RECONSTRUCTOR)
+        and len(args) == 3
+        and _named(args[1], _OBJECT)
+        and args[2] is None
+        and isinstance(args[0], Global)
+    ):
         return args[0]
     if _named(func, _NEW_OBJECT) and len(args) == 1 and isinstance(args[0], Global):
         return args[0]
@@ -114,7 +151,10 @@ def class_of(call: Call) -> Global | None:
 
 
 def _named(value: object, names: set[Global]) -> bool:
-    """Whether a value is one of some globals; other values are not hashed, which could take for ever or fail."""
+    """Whether a value is one of some globals.
+
+    Other values are not hashed, which could take for ever or fail.
+    """
     return isinstance(value, Global) and value in names
 
 
@@ -123,7 +163,9 @@ def _without_chumpy(value: object, place: Place) -> object:
         if not isinstance(value, Call) or not _named(class_of(value), _CHUMPY):
             return value
         if not isinstance(value.state, dict) or "x" not in value.state:
-            raise place.fail(value.offset, "a chumpy object without an array under x: it is computed from others")
+            raise place.fail(
+                value.offset, "a chumpy object without an array under x: it is computed from others"
+            )
         value = value.state["x"]
     raise place.fail(None, f"more than {_MOST_WRAPPERS} chumpy objects around one array")
 
@@ -131,17 +173,29 @@ def _without_chumpy(value: object, place: Place) -> object:
 def _is_object_array(call: Call) -> bool:
     state = call.state
     dtype = state[2] if isinstance(state, tuple) and len(state) == _ARRAY_STATE else None
-    return isinstance(dtype, Call) and dtype.func == _DTYPE and dtype.args[:1] in (("O8",), ("O4",), ("O",))
+    return (
+        isinstance(dtype, Call)
+        and dtype.func == _DTYPE
+        and dtype.args[:1] in (("O8",), ("O4",), ("O",))
+    )
 
 
-def _reconstructed(call: Call, place: Place, object_allowed: bool = False) -> tuple[tuple[int, ...], np.dtype[Any], str, object]:
+def _reconstructed(
+    call: Call, place: Place, object_allowed: bool = False
+) -> tuple[tuple[int, ...], np.dtype[Any], str, object]:
     """Shape, type, order and the raw content of an array's record."""
     state = call.state
     if call.args[:1] != (_NDARRAY,) or not isinstance(state, tuple) or len(state) != _ARRAY_STATE:
-        raise place.fail(call.offset, f"an array record with {describe(state)} for its state, where five values belong")
+        raise place.fail(
+            call.offset,
+            f"an array record with {describe(state)} for its state, where five values belong",
+        )
     version, shape, dtype, fortran, raw = state
     if type(version) is not int or version != 1 or type(fortran) not in (bool, int):
-        raise place.fail(call.offset, f"an array record of version {describe(version)}, order {describe(fortran)}")
+        raise place.fail(
+            call.offset,
+            f"an array record of version {describe(version)}, order {describe(fortran)}",
+        )
     read = np.dtype(object) if object_allowed else _read_dtype(dtype, place)
     return _read_shape(shape, call.offset, place), read, "F" if fortran else "C", raw
 
@@ -151,33 +205,67 @@ def _from_buffer(call: Call, place: Place) -> Array:
         raise place.fail(call.offset, "a buffer record that is not (bytes, type, shape, order)")
     raw, dtype, shape, order = call.args
     checked = _read_shape(shape, call.offset, place)
-    return _array_of_bytes(_raw_bytes(raw, call.offset, place), _read_dtype(dtype, place), checked, str(order), call.offset, place)
+    return _array_of_bytes(
+        _raw_bytes(raw, call.offset, place),
+        _read_dtype(dtype, place),
+        checked,
+        str(order),
+        call.offset,
+        place,
+    )
 
 
 def _read_shape(shape: object, offset: int, place: Place) -> tuple[int, ...]:
     if not isinstance(shape, tuple) or len(shape) > _MOST_DIMENSIONS:
-        raise place.fail(offset, f"a shape of at most {_MOST_DIMENSIONS} sizes was expected, got {describe(shape)}")
+        raise place.fail(
+            offset,
+            f"a shape of at most {_MOST_DIMENSIONS} sizes was expected, got {describe(shape)}",
+        )
     sizes = tuple(size for size in shape if type(size) is int and 0 <= size < 2**32)
     if len(sizes) != len(shape) or math.prod(max(size, 1) for size in sizes) > _MOST_ENTRIES:
-        raise place.fail(offset, f"a shape with impossible sizes: {', '.join(describe(size) for size in shape)}")
+        raise place.fail(
+            offset, f"a shape with impossible sizes: {', '.join(describe(size) for size in shape)}"
+        )
     return sizes
 
 
 def _read_dtype(value: object, place: Place) -> np.dtype[Any]:
-    if not isinstance(value, Call) or value.func != _DTYPE or not value.args or not isinstance(value.args[0], str):
-        raise place.fail(value.offset if isinstance(value, Call) else None, f"a NumPy type was expected, got {describe(value)}")
+    if (
+        not isinstance(value, Call)
+        or value.func != _DTYPE
+        or not value.args
+        or not isinstance(value.args[0], str)
+    ):
+        raise place.fail(
+            value.offset if isinstance(value, Call) else None,
+            f"a NumPy type was expected, got {describe(value)}",
+        )
     name, state = value.args[0], value.state
     if not _PLAIN_TYPE.fullmatch(name):
         raise place.fail(value.offset, f"expected plain numbers, got NumPy's type {name[:40]!r}")
-    if not isinstance(state, tuple) or len(state) not in _DTYPE_STATE or state[2:5] != (None, None, None) or state[1] not in ("<", ">", "|", "="):
+    if (
+        not isinstance(state, tuple)
+        or len(state) not in _DTYPE_STATE
+        or state[2:5] != (None, None, None)
+        or state[1] not in ("<", ">", "|", "=")
+    ):
         raise place.fail(value.offset, f"a NumPy type {name!r} with unknown details")
     order = "<" if state[1] == "=" else str(state[1])
     return np.dtype(name).newbyteorder("|" if order == "|" else "<" if order == "<" else ">")
 
 
 def _raw_bytes(value: object, offset: int, place: Place) -> bytes:
-    """An array's bytes: bytes, Python 2's byte string read as latin1 text, or Python 3's way to write bytes in old protocols."""
-    if isinstance(value, Call) and value.func == _ENCODE and len(value.args) == 2 and value.args[1] == "latin1":
+    """An array's bytes.
+
+    Bytes, Python 2's byte string read as latin1 text, or Python 3's way to write bytes in old
+    protocols.
+    """
+    if (
+        isinstance(value, Call)
+        and value.func == _ENCODE
+        and len(value.args) == 2
+        and value.args[1] == "latin1"
+    ):
         value = value.args[0]
     elif isinstance(value, Call) and _named(value.func, _BYTES) and not value.args:
         value = b""
@@ -191,9 +279,15 @@ def _raw_bytes(value: object, offset: int, place: Place) -> bytes:
         raise place.fail(offset, "an array's bytes hold characters that are no bytes") from None
 
 
-def _array_of_bytes(raw: bytes, dtype: np.dtype[Any], shape: tuple[int, ...], order: str, offset: int, place: Place) -> Array:
+def _array_of_bytes(
+    raw: bytes, dtype: np.dtype[Any], shape: tuple[int, ...], order: str, offset: int, place: Place
+) -> Array:
     if math.prod(shape) * dtype.itemsize != len(raw):
-        raise place.fail(offset, f"shape {shape} of {dtype} needs {math.prod(shape) * dtype.itemsize} bytes, but there are {len(raw)}")
+        raise place.fail(
+            offset,
+            f"shape {shape} of {dtype} needs {math.prod(shape) * dtype.itemsize} bytes, but there"
+            f" are {len(raw)}",
+        )
     if dtype.kind == "b" and raw.strip(b"\0\1"):
         raise place.fail(offset, "booleans other than 0 and 1")
     flat = np.frombuffer(raw, dtype=dtype)
@@ -206,10 +300,22 @@ def _array_of_numbers(value: list[object] | tuple[object, ...], place: Place) ->
     rows = value if value and all(isinstance(row, list | tuple) for row in value) else [value]
     lengths = [len(row) for row in rows if isinstance(row, list | tuple)]
     if sum(lengths) > place.limits.opcodes:  # one row, named very often
-        raise place.fail(None, f"a list of {sum(lengths)} numbers, more than the file can have written")
-    numbers = [number for row in rows if isinstance(row, list | tuple) for number in row if isinstance(number, int | float)]
+        raise place.fail(
+            None, f"a list of {sum(lengths)} numbers, more than the file can have written"
+        )
+    numbers = [
+        number
+        for row in rows
+        if isinstance(row, list | tuple)
+        for number in row
+        if isinstance(number, int | float)
+    ]
     if len(set(lengths)) != 1 or len(numbers) != sum(lengths):
-        raise place.fail(None, f"expected an array, got {describe(value)} that does not hold numbers alone, in rows of one length")
+        raise place.fail(
+            None,
+            f"expected an array, got {describe(value)} that does not hold numbers alone, in rows of"
+            " one length",
+        )
     whole = all(isinstance(number, int) for number in numbers)
     if whole and not all(-(2**63) <= number < 2**63 for number in numbers):
         raise place.fail(None, "whole numbers that need more than 64 bits with their sign")
@@ -223,10 +329,19 @@ def _filled_matrix(call: Call, place: Place) -> Array:
     missing = [name for name in ("indptr", "indices", "data") if name not in state]
     shape = _read_shape(state.get("_shape", state.get("shape")), call.offset, place)
     if missing or len(shape) != 2:
-        raise place.fail(call.offset, f"a sparse matrix of shape {shape} without {', '.join(missing) or 'a second axis'}")
+        raise place.fail(
+            call.offset,
+            f"a sparse matrix of shape {shape} without {', '.join(missing) or 'a second axis'}",
+        )
     if math.prod(shape) > place.limits.dense_cells:
-        raise place.fail(call.offset, f"a sparse matrix of shape {shape}, which has more than {place.limits.dense_cells} entries")
-    indptr, indices, data = (read_array(state[name], place) for name in ("indptr", "indices", "data"))
+        raise place.fail(
+            call.offset,
+            f"a sparse matrix of shape {shape}, which has more than {place.limits.dense_cells}"
+            " entries",
+        )
+    indptr, indices, data = (
+        read_array(state[name], place) for name in ("indptr", "indices", "data")
+    )
     problem = _pointer_problem(shape, indptr, indices, data)
     if problem is not None:
         raise place.fail(call.offset, f"a sparse matrix of shape {shape} {problem}")
@@ -238,7 +353,9 @@ def _filled_matrix(call: Call, place: Place) -> Array:
     return dense
 
 
-def _pointer_problem(shape: tuple[int, ...], indptr: Array, indices: Array, data: Array) -> str | None:
+def _pointer_problem(
+    shape: tuple[int, ...], indptr: Array, indices: Array, data: Array
+) -> str | None:
     """What is wrong with a CSC matrix, before any pointer is used."""
     rows, columns = shape
     for name, array in (("indptr", indptr), ("indices", indices), ("data", data)):

@@ -11,7 +11,9 @@ _SHORT_LINE = 64
 _NAME_LINE = 256
 _LONG_BYTES = 9  # of the largest unsigned 64-bit number in two's complement
 _INT = re.compile(rb"[+-]?[0-9]{1,20}")
-_FLOAT = re.compile(rb"[+-]?(?:[0-9]+\.?[0-9]*(?:[eE][+-]?[0-9]+)?|\.[0-9]+(?:[eE][+-]?[0-9]+)?|inf|nan)")
+_FLOAT = re.compile(
+    rb"[+-]?(?:[0-9]+\.?[0-9]*(?:[eE][+-]?[0-9]+)?|\.[0-9]+(?:[eE][+-]?[0-9]+)?|inf|nan)"
+)
 _BAD_ESCAPE = re.compile(rb"\\(?!x[0-9a-fA-F]{2}|[nrt'\"abfv])")
 
 
@@ -49,7 +51,9 @@ def _checked_int(stream: ByteStream, value: int) -> int:
 
 def _text_int(stream: ByteStream, line: bytes) -> int:
     if not _INT.fullmatch(line):
-        raise stream.fail(f"a whole number of at most 20 digits was expected, got {line[:40]!r}", DAMAGED)
+        raise stream.fail(
+            f"a whole number of at most 20 digits was expected, got {line[:40]!r}", DAMAGED
+        )
     return _checked_int(stream, int(line))
 
 
@@ -88,7 +92,9 @@ def _quoted(stream: ByteStream) -> str:
     inside = line[1:-1]
     if b"\\" not in inside:
         return inside.decode("latin1")
-    if _BAD_ESCAPE.search(inside.replace(b"\\\\", b"  ")):  # so that the codec below can neither fail nor warn
+    if _BAD_ESCAPE.search(
+        inside.replace(b"\\\\", b"  ")
+    ):  # so that the codec below can neither fail nor warn
         raise stream.fail("a string with an escape that Python never writes", DAMAGED)
     return codecs.escape_decode(inside)[0].decode("latin1")
 

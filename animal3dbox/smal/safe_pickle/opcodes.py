@@ -1,17 +1,28 @@
 """A stack machine for pickle's opcodes that imports nothing and calls nothing.
 
-What a pickle would import becomes a Global, what it would call becomes a Call: inert records. All else becomes plain
-values: int, float, str, bytes, bool, None, tuple, list, dict.
+What a pickle would import becomes a Global, what it would call becomes a Call: inert records. All
+else becomes plain values: int, float, str, bytes, bool, None, tuple, list, dict.
 """
 
 from collections.abc import Callable
 
 from animal3dbox.smal.safe_pickle.literals import LITERALS, read_index, read_literal, read_name
-from animal3dbox.smal.safe_pickle.stream import DAMAGED, ByteStream, Call, Global, PickleLimits, describe
+from animal3dbox.smal.safe_pickle.stream import (
+    DAMAGED,
+    ByteStream,
+    Call,
+    Global,
+    PickleLimits,
+    describe,
+)
 
 _PROTOCOL = 5
 _STOP = ord(".")
-_SET, _FROZEN_SET, _NEW_OBJECT_EX = Global("builtins", "set"), Global("builtins", "frozenset"), Global("copyreg", "__newobj_ex__")
+_SET, _FROZEN_SET, _NEW_OBJECT_EX = (
+    Global("builtins", "set"),
+    Global("builtins", "frozenset"),
+    Global("copyreg", "__newobj_ex__"),
+)
 _KEY_TYPES = (str, bytes, int, bool, type(None))  # hashed in time that does not depend on nesting
 
 
@@ -122,7 +133,9 @@ class _Machine:
             raise self.stream.fail("a key without a value", DAMAGED)
         for key in keys:
             if type(key) not in _KEY_TYPES:
-                raise self.stream.fail(f"a dictionary's key must be a name or a number, got {describe(key)}")
+                raise self.stream.fail(
+                    f"a dictionary's key must be a name or a number, got {describe(key)}"
+                )
         return dict(zip(keys, values[1::2], strict=True))
 
     def set_items(self, values: list[object]) -> None:
@@ -144,28 +157,40 @@ class _Machine:
 
     def result(self) -> object:
         if self.marks or len(self.stack) != 1:
-            raise self.stream.fail(f"the pickle ends with {len(self.stack)} values where one belongs", DAMAGED)
+            raise self.stream.fail(
+                f"the pickle ends with {len(self.stack)} values where one belongs", DAMAGED
+            )
         if self.stream.left:
-            raise self.stream.fail(f"{self.stream.left} bytes follow the end of the pickle", DAMAGED)
+            raise self.stream.fail(
+                f"{self.stream.left} bytes follow the end of the pickle", DAMAGED
+            )
         return self.stack[0]
 
 
 def _protocol(m: _Machine) -> None:
     version = m.stream.unsigned(1)
     if m.stream.opcode_at != 0 or version > _PROTOCOL:
-        raise m.stream.fail(f"protocol {version} is announced; 0 to {_PROTOCOL} are known, and only at the file's beginning", DAMAGED)
+        raise m.stream.fail(
+            f"protocol {version} is announced; 0 to {_PROTOCOL} are known, and only at the file's"
+            " beginning",
+            DAMAGED,
+        )
 
 
 def _frame(m: _Machine) -> None:
     length = m.stream.unsigned(8)
     if length > m.stream.left:
-        raise m.stream.fail(f"a frame of {length} bytes is announced, but only {m.stream.left} follow", DAMAGED)
+        raise m.stream.fail(
+            f"a frame of {length} bytes is announced, but only {m.stream.left} follow", DAMAGED
+        )
 
 
 def _stack_global(m: _Machine) -> None:
     name, module = m.pop(), m.pop()
     if not isinstance(name, str) or not isinstance(module, str):
-        raise m.stream.fail(f"a global must be named by two texts, got {describe(module)} and {describe(name)}")
+        raise m.stream.fail(
+            f"a global must be named by two texts, got {describe(module)} and {describe(name)}"
+        )
     m.push(Global(module, name))
 
 

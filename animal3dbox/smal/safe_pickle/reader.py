@@ -1,7 +1,10 @@
-"""Reading a SMAL model pickle without trusting it: nothing that the file names is ever imported or called.
+"""Reading a SMAL model pickle without trusting it.
 
-The bytes run through an own stack machine (`pickle_opcodes`), which knows only plain values and inert records; then
-`pickle_arrays` recognises the few records that honest files hold, and builds arrays from their bytes.
+Nothing that the file names is ever imported or called.
+
+The bytes run through an own stack machine (`pickle_opcodes`), which knows only plain values and
+inert records; then `pickle_arrays` recognises the few records that honest files hold, and builds
+arrays from their bytes.
 """
 
 import stat
@@ -23,7 +26,8 @@ def read_pickle(path: Path, limits: PickleLimits = DEFAULT_LIMITS) -> object:
         limits: how much it may ask for.
 
     Raises:
-        ModelFileError: the file is not there, damaged, too large, recursive, or holds what no model file holds.
+        ModelFileError: the file is not there, damaged, too large, recursive, or holds what no model
+            file holds.
 
     """
     return parse_pickle(_read_bytes(path, limits), str(path), limits)
@@ -45,30 +49,51 @@ def _read_bytes(path: Path, limits: PickleLimits) -> bytes:
         if status.st_size > limits.file_bytes:
             raise _too_large(path, limits)
         with path.open("rb") as file:
-            data = file.read(limits.file_bytes + 1 if status.st_size == limits.file_bytes else status.st_size + 1)
+            data = file.read(
+                limits.file_bytes + 1 if status.st_size == limits.file_bytes else status.st_size + 1
+            )
     except OSError as error:
-        raise ModelFileError(f"{path} cannot be read: {error.strerror or error}; check the path") from error
+        raise ModelFileError(
+            f"{path} cannot be read: {error.strerror or error}; check the path"
+        ) from error
     if len(data) > limits.file_bytes:
         raise _too_large(path, limits)
     return data
 
 
 def _too_large(path: Path, limits: PickleLimits) -> ModelFileError:
-    return ModelFileError(f"{path} has more than {limits.file_bytes} bytes; if it is an honest model file, raise PickleLimits.file_bytes")
+    return ModelFileError(
+        f"{path} has more than {limits.file_bytes} bytes; if it is an honest model file, raise"
+        " PickleLimits.file_bytes"
+    )
 
 
 def _check_line_ends(data: bytes, source: str) -> None:
-    """Refuse a text pickle (protocol 0) whose line ends were made CRLF: its names and strings are all wrong by a byte."""
+    """Refuse a text pickle (protocol 0) whose line ends were made CRLF.
+
+    Its names and strings are all wrong by a byte.
+    """
     if data[:1] == b"\x80" or b"\r\n" not in data[: 2**16]:
         return
     if data.count(b"\n") == data.count(b"\r\n"):
-        remedy = "copy it again in binary mode (git: -text, FTP: binary), or run `dos2unix` on a copy of it"
-        raise refusal(source, data.index(b"\r\n"), "the line ends of this text pickle were changed from LF to CRLF", remedy)
+        remedy = (
+            "copy it again in binary mode (git: -text, FTP: binary), or run `dos2unix` on a copy"
+            " of it"
+        )
+        raise refusal(
+            source,
+            data.index(b"\r\n"),
+            "the line ends of this text pickle were changed from LF to CRLF",
+            remedy,
+        )
 
 
 def _check_nesting(root: object, source: str, deepest: int) -> None:
-    """Refuse recursive and deep values, by a depth-first walk without recursion that visits a shared part once."""
-    heights: dict[int, int] = {}  # of the parts that were left: how many levels they are, themselves included
+    """Refuse recursive and deep values, by a depth-first walk without recursion that visits a
+    shared part once."""
+    heights: dict[
+        int, int
+    ] = {}  # of the parts that were left: how many levels they are, themselves included
     path = [(root, _parts(root))]
     below = [0]
     entered = {id(root)}
@@ -85,7 +110,9 @@ def _check_nesting(root: object, source: str, deepest: int) -> None:
             raise refusal(source, None, "the value contains itself", NOT_A_MODEL)
         height = heights.get(id(part), 1)
         if len(path) + height > deepest:
-            raise refusal(source, None, f"containers within containers, more than {deepest} deep", NOT_A_MODEL)
+            raise refusal(
+                source, None, f"containers within containers, more than {deepest} deep", NOT_A_MODEL
+            )
         below[-1] = max(below[-1], height)
         if id(part) not in heights:
             path.append((part, _parts(part)))

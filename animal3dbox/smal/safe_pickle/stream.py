@@ -1,11 +1,17 @@
-"""The bytes of a pickle and the limits under which they are read; every refusal is built here, with file and offset."""
+"""The bytes of a pickle and the limits under which they are read.
+
+Every refusal is built here, with file and offset.
+"""
 
 from dataclasses import dataclass
 
 from animal3dbox.errors import ModelFileError
 
 DAMAGED = "the file is damaged or cut short: download or copy it again, in binary mode"
-NOT_A_MODEL = "a SMAL model file needs none of this: get the model from its authors' site, and do not open this file with pickle itself"
+NOT_A_MODEL = (
+    "a SMAL model file needs none of this: get the model from its authors' site, and do not open"
+    " this file with pickle itself"
+)
 UNREADABLE = "if the file is an honest one of another kind, save this key as a plain NumPy array"
 
 
@@ -66,7 +72,10 @@ def describe(value: object) -> str:
     if isinstance(value, Global):
         return f"the global {value}"
     if isinstance(value, Call):
-        return f"a call of {value.func if isinstance(value.func, Global) else 'the result of another call'}"
+        return (
+            "a call of"
+            f" {value.func if isinstance(value.func, Global) else 'the result of another call'}"
+        )
     if isinstance(value, str | bytes | list | tuple | dict):
         return f"a {type(value).__name__} of length {len(value)}"
     return repr(value)
@@ -104,7 +113,10 @@ class ByteStream:
         return self.take(1)[0]
 
     def take(self, count: int) -> bytes:
-        """The next bytes; count is checked against those that are there before anything is allocated."""
+        """The next bytes.
+
+        Count is checked against those that are there before anything is allocated.
+        """
         if count > self.left:
             raise self.fail(f"{count} bytes are announced, but only {self.left} follow", DAMAGED)
         begin, self.position = self.position, self.position + count
@@ -124,9 +136,13 @@ class ByteStream:
 
     def line(self, longest: int | None = None) -> bytes:
         """The bytes up to the next line feed, without it."""
-        end = self.data.find(b"\n", self.position, None if longest is None else self.position + longest + 1)
+        end = self.data.find(
+            b"\n", self.position, None if longest is None else self.position + longest + 1
+        )
         if end < 0 and longest is not None and longest < self.left:
-            raise self.fail(f"a line of more than {longest} bytes where a short one belongs", DAMAGED)
+            raise self.fail(
+                f"a line of more than {longest} bytes where a short one belongs", DAMAGED
+            )
         if end < 0:
             raise self.fail("the file ends within a line", DAMAGED)
         begin, self.position = self.position, end + 1

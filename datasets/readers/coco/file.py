@@ -1,4 +1,7 @@
-"""A COCO keypoints file taken apart: which annotations belong to which image, and what its keypoint names are."""
+"""A COCO keypoints file taken apart.
+
+Which annotations belong to which image, and what its keypoint names are.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -103,17 +106,29 @@ def take_apart(file: CocoFile) -> CocoParts:
             belongs = decoded(raw, _Belongs, f"annotation {i}")
             name, key = f"annotation {i}", str(belongs.image_id)
             if key in ambiguous:
-                raise SampleError(name, "image_id", f"{key} is the id of several images: give each its own")
+                raise SampleError(
+                    name, "image_id", f"{key} is the id of several images: give each its own"
+                )
             if key not in by_id:
                 raise SampleError(name, "image_id", f"there is no usable image of the id {key}")
             name = f"{by_id[key].name} (annotation {i})"
             if belongs.id is not None and (first := seen.setdefault(str(belongs.id), i)) != i:
-                raise SampleError(name, "id", f"{belongs.id} is annotation {first} once more; remove one or give it its own id, or it counts twice")
+                raise SampleError(
+                    name,
+                    "id",
+                    f"{belongs.id} is annotation {first} once more; remove one or give it its own"
+                    " id, or it counts twice",
+                )
             if belongs.iscrowd:
                 crowds += 1
                 continue
             if (first := copies.setdefault(_without_id(raw), i)) != i:
-                raise SampleError(name, "entry", f"is annotation {first} once more, but for the id; remove one, or it counts twice")
+                raise SampleError(
+                    name,
+                    "entry",
+                    f"is annotation {first} once more, but for the id; remove one, or it counts"
+                    " twice",
+                )
             by_id[key].annotations.append((i, raw))
         except SampleError as error:
             faults.append(error)
@@ -122,10 +137,15 @@ def take_apart(file: CocoFile) -> CocoParts:
 
 def _without_id(raw: msgspec.Raw) -> bytes:
     """What an annotation says, whatever the order of its keys."""
-    return msgspec.json.encode({key: value for key, value in msgspec.json.decode(raw).items() if key != "id"}, order="sorted")
+    return msgspec.json.encode(
+        {key: value for key, value in msgspec.json.decode(raw).items() if key != "id"},
+        order="sorted",
+    )
 
 
-def _images(entries: Sequence[msgspec.Raw] | dict[str, str]) -> tuple[list[tuple[str, CocoImage | None]], list[SampleError]]:
+def _images(
+    entries: Sequence[msgspec.Raw] | dict[str, str],
+) -> tuple[list[tuple[str, CocoImage | None]], list[SampleError]]:
     """Id and image, None for an id that several have; and the faults."""
     if isinstance(entries, dict):
         return [(key, CocoImage(name, (None, None), [])) for key, name in entries.items()], []
@@ -138,10 +158,16 @@ def _images(entries: Sequence[msgspec.Raw] | dict[str, str]) -> tuple[list[tuple
             names[name] += 1
             key = str(image.id)
             if names[name] > 1:
-                raise SampleError(name, "file_name", f"is listed {names[name]} times, under other ids: keep one image for each file")
+                raise SampleError(
+                    name,
+                    "file_name",
+                    f"is listed {names[name]} times, under other ids: keep one image for each file",
+                )
             if key in found:
                 found[key] = None
-                raise SampleError(name, "id", f"{key} is the id of another image, too: give each its own")
+                raise SampleError(
+                    name, "id", f"{key} is the id of another image, too: give each its own"
+                )
             found[key] = CocoImage(name, (image.height, image.width), [])
         except SampleError as error:
             faults.append(error)
@@ -180,20 +206,36 @@ def species_by_id(file: CocoFile, own: Vocabulary | None) -> dict[str, Species]:
     found: dict[str, Species] = {}
     for category in file.categories:
         if str(category.id) in found:
-            raise DatasetFormatError(f"the categories {found[str(category.id)].name} and {category.name} have one id, {category.id}")
+            raise DatasetFormatError(
+                f"the categories {found[str(category.id)].name} and {category.name} have one id,"
+                f" {category.id}"
+            )
         found[str(category.id)] = _species(category, own)
     if not any(species.match for species in found.values()):
         problems = list(dict.fromkeys(species.problem for species in found.values()))
-        raise ConfigError(f"no category has known keypoints: {problems[0] if problems else 'the file has no categories'}")
+        raise ConfigError(
+            "no category has known keypoints:"
+            f" {problems[0] if problems else 'the file has no categories'}"
+        )
     return found
 
 
 def _species(category: _Category, own: Vocabulary | None) -> Species:
     if not category.keypoints:
         if own is None:
-            return Species(category.name, 0, None, f"the category {category.name!r} has no keypoint names: give --vocabulary, in the file's order")
+            return Species(
+                category.name,
+                0,
+                None,
+                f"the category {category.name!r} has no keypoint names: give --vocabulary, in the"
+                " file's order",
+            )
         return Species(category.name, len(own), NameMatch(own, tuple(range(len(own))), ()))
     try:
-        return Species(category.name, len(category.keypoints), match_by_name(category.keypoints, own))
+        return Species(
+            category.name, len(category.keypoints), match_by_name(category.keypoints, own)
+        )
     except ConfigError as error:
-        return Species(category.name, len(category.keypoints), None, f"category {category.name!r}: {error}")
+        return Species(
+            category.name, len(category.keypoints), None, f"category {category.name!r}: {error}"
+        )

@@ -1,4 +1,7 @@
-"""COCO keypoints: images of animals with named keypoints, boxes and masks; AP-10K, AnimalPose and what is converted to them."""
+"""COCO keypoints: images of animals with named keypoints, boxes and masks.
+
+AP-10K, AnimalPose and what is converted to them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,8 +14,21 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.photos import is_file, resolve_inside, stored_size
 from animal3dbox.datasets.images.segmentation import read_segmentation
-from animal3dbox.datasets.readers.coco.file import CocoImage, CocoParts, Species, read_coco_file, species_by_id, take_apart
-from animal3dbox.datasets.readers.elements import check_in_box, decoded, image_size, read_box, read_rows
+from animal3dbox.datasets.readers.coco.file import (
+    CocoImage,
+    CocoParts,
+    Species,
+    read_coco_file,
+    species_by_id,
+    take_apart,
+)
+from animal3dbox.datasets.readers.elements import (
+    check_in_box,
+    decoded,
+    image_size,
+    read_box,
+    read_rows,
+)
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -21,7 +37,10 @@ FORMAT = "coco"
 FILES = ("annotations.json", "keypoints.json")
 """What the file is called in a folder given as the dataset; keypoints.json is AnimalPose's."""
 HIDDEN_CONFIDENCE = 0.4
-"""Of a keypoint that is labelled but hidden (v = 1): below LabelConfig.occluded_below, so that it weighs less than a visible one."""
+"""Of a keypoint that is labelled but hidden (v = 1).
+
+Below LabelConfig.occluded_below, so that it weighs less than a visible one.
+"""
 
 
 class CocoEntry(msgspec.Struct):
@@ -43,25 +62,35 @@ class _Animal:
 
 
 def find_coco(path: Path) -> Path:
-    """The file of a dataset given by its folder or its file; raises DatasetNotFoundError if there is none."""
+    """The file of a dataset given by its folder or its file.
+
+    Raises DatasetNotFoundError if there is none.
+    """
     if path.is_file():
         return path
     found = [path / name for name in FILES if (path / name).is_file()]
     if len(found) != 1:
-        raise DatasetNotFoundError(f"{path} must hold one of {', '.join(FILES)}: give the file itself (one of annotations/*.json in AP-10K)")
+        raise DatasetNotFoundError(
+            f"{path} must hold one of {', '.join(FILES)}: give the file itself (one of"
+            " annotations/*.json in AP-10K)"
+        )
     return found[0]
 
 
-def read_coco(path: Path, images: Path | None = None, vocabulary: Vocabulary | None = None) -> RecordSet:
+def read_coco(
+    path: Path, images: Path | None = None, vocabulary: Vocabulary | None = None
+) -> RecordSet:
     """The animals of a COCO keypoints file, or of AnimalPose's json.
 
     Args:
         path: the file, or the folder it lies in.
-        images: the folder that file_name is relative to; None: the first of the usual ones that has the first image.
+        images: the folder that file_name is relative to; None: the first of the usual ones that has
+            the first image.
         vocabulary: what the keypoints are, if the categories' names do not tell.
 
     Returns:
-        The records, those of an image together, in the order of "images", and a fault for each that is unusable.
+        The records, those of an image together, in the order of "images", and a fault for each that
+        is unusable.
 
     Raises:
         DatasetNotFoundError: no such file, or no such folder of images.
@@ -81,12 +110,29 @@ def read_coco(path: Path, images: Path | None = None, vocabulary: Vocabulary | N
         for k, (i, raw) in enumerate(image.annotations):
             try:
                 sample_id = image.name if k == 0 else f"{image.name}#{k}"
-                animals.append(_animal(decoded(raw, CocoEntry, sample_id), sample_id, image, root, species, parts.is_animalpose))
+                animals.append(
+                    _animal(
+                        decoded(raw, CocoEntry, sample_id),
+                        sample_id,
+                        image,
+                        root,
+                        species,
+                        parts.is_animalpose,
+                    )
+                )
             except SampleError as error:
-                faults.append(SampleError(error.sample_id, error.field, f"{error.problem} (annotation {i})"))
+                faults.append(
+                    SampleError(error.sample_id, error.field, f"{error.problem} (annotation {i})")
+                )
     graded = any(bool((animal.record.keypoints_2d[:, 2] > 1).any()) for animal in animals)
     records = tuple(_with_confidence(animal.record, graded) for animal in animals)
-    return RecordSet(FORMAT, records, tuple(faults), _notes(animals, parts, species, graded), tuple(kind.name for kind in species.values()))
+    return RecordSet(
+        FORMAT,
+        records,
+        tuple(faults),
+        _notes(animals, parts, species, graded),
+        tuple(kind.name for kind in species.values()),
+    )
 
 
 def _images_root(annotations: Path, images: Sequence[CocoImage]) -> Path:
@@ -97,7 +143,14 @@ def _images_root(annotations: Path, images: Sequence[CocoImage]) -> Path:
     return next(there, places[0] if places[0].is_dir() else home)
 
 
-def _animal(entry: CocoEntry, sample_id: str, image: CocoImage, root: Path, species: dict[str, Species], corners: bool) -> _Animal:
+def _animal(
+    entry: CocoEntry,
+    sample_id: str,
+    image: CocoImage,
+    root: Path,
+    species: dict[str, Species],
+    corners: bool,
+) -> _Animal:
     """One record, checked; corners: whether bbox holds two corners."""
     kind = species.get(str(entry.category_id))
     if kind is None:
@@ -106,7 +159,11 @@ def _animal(entry: CocoEntry, sample_id: str, image: CocoImage, root: Path, spec
         raise SampleError(sample_id, "keypoints", kind.problem)
     path = resolve_inside(root, image.name, sample_id, "file_name")
     height, width = image.image_hw
-    image_hw = stored_size(path, sample_id) if height is None or width is None else image_size(height, width, sample_id, "width, height of the image")
+    image_hw = (
+        stored_size(path, sample_id)
+        if height is None or width is None
+        else image_size(height, width, sample_id, "width, height of the image")
+    )
     marked = _keypoints(entry, kind.keypoints, sample_id)
     keypoints = kind.match.rows(marked)
     form = "xmin, ymin, xmax, ymax" if corners else "x, y, w, h"
@@ -135,19 +192,42 @@ def _keypoints(entry: CocoEntry, count: int, sample_id: str) -> NDArray[np.float
     for item in said:
         flat += item if isinstance(item, list) else [item]
     nested = isinstance(said[0], list)
-    if any(isinstance(item, list) is not nested or (isinstance(item, list) and len(item) != 3) for item in said) or len(flat) != 3 * count:
-        raise SampleError(sample_id, "keypoints", f"must be x, y, visibility for {count} keypoints, got {len(flat)} numbers")
-    rows = read_rows([flat[i : i + 3] for i in range(0, len(flat), 3)], count, sample_id, "keypoints")
+    if (
+        any(
+            isinstance(item, list) is not nested or (isinstance(item, list) and len(item) != 3)
+            for item in said
+        )
+        or len(flat) != 3 * count
+    ):
+        raise SampleError(
+            sample_id,
+            "keypoints",
+            f"must be x, y, visibility for {count} keypoints, got {len(flat)} numbers",
+        )
+    rows = read_rows(
+        [flat[i : i + 3] for i in range(0, len(flat), 3)], count, sample_id, "keypoints"
+    )
     if not np.isin(rows[:, 2], (0, 1, 2)).all():
-        raise SampleError(sample_id, "keypoints", f"visibility must be 0, 1 or 2, got {sorted(set(rows[:, 2].tolist()))}: are these scores?")
+        raise SampleError(
+            sample_id,
+            "keypoints",
+            f"visibility must be 0, 1 or 2, got {sorted(set(rows[:, 2].tolist()))}: are these"
+            " scores?",
+        )
     rows[rows[:, 2] == 0] = 0.0
     return rows
 
 
-def _check_box_in_image(box: NDArray[np.float64], image_hw: tuple[int, int], sample_id: str) -> None:
+def _check_box_in_image(
+    box: NDArray[np.float64], image_hw: tuple[int, int], sample_id: str
+) -> None:
     height, width = image_hw
     if not (box[0] < width and box[1] < height and box[2] > 0 and box[3] > 0):
-        raise SampleError(sample_id, "bbox", f"lies outside the image of {width} x {height}: are these pixels of this image?")
+        raise SampleError(
+            sample_id,
+            "bbox",
+            f"lies outside the image of {width} x {height}: are these pixels of this image?",
+        )
 
 
 def _with_confidence(record: AnimalRecord, graded: bool) -> AnimalRecord:
@@ -158,22 +238,37 @@ def _with_confidence(record: AnimalRecord, graded: bool) -> AnimalRecord:
     return replace(record, keypoints_2d=np.concatenate((rows[:, :2], confidence[:, None]), axis=1))
 
 
-def _notes(animals: Sequence[_Animal], parts: CocoParts, species: dict[str, Species], graded: bool) -> tuple[str, ...]:
+def _notes(
+    animals: Sequence[_Animal], parts: CocoParts, species: dict[str, Species], graded: bool
+) -> tuple[str, ...]:
     """What was found out, in whole sentences."""
     notes = []
     bare = sum(not image.annotations for image in parts.images)
     empty = sum(not animal.record.keypoints_2d.any() for animal in animals)
     miscounted = sum(animal.miscounted for animal in animals)
     if parts.crowds:
-        notes.append(f"{parts.crowds} annotations are crowds (iscrowd 1), no single animals, and were left out")
+        notes.append(
+            f"{parts.crowds} annotations are crowds (iscrowd 1), no single animals, and were"
+            " left out"
+        )
     if bare:
         notes.append(f"{bare} of {len(parts.images)} images have no annotation of an animal")
     if empty:
         notes.append(f"{empty} of {len(animals)} animals have no marked keypoint")
     if miscounted:
-        notes.append(f"num_keypoints is not the number of marked keypoints in {miscounted} of {len(animals)} animals; the marks count")
+        notes.append(
+            f"num_keypoints is not the number of marked keypoints in {miscounted} of {len(animals)}"
+            " animals; the marks count"
+        )
     if not graded and any(animal.record.keypoints_2d.any() for animal in animals):
-        notes.append("no keypoint has the visibility 2: 1 is taken to mean visible, not labelled but hidden")
-    for match in dict.fromkeys(kind.match for kind in species.values() if kind.match is not None and kind.match.unused):
-        notes.append(f"the keypoints {', '.join(match.unused)} are not in the vocabulary {match.vocabulary.name} and not used")
+        notes.append(
+            "no keypoint has the visibility 2: 1 is taken to mean visible, not labelled but hidden"
+        )
+    for match in dict.fromkeys(
+        kind.match for kind in species.values() if kind.match is not None and kind.match.unused
+    ):
+        notes.append(
+            f"the keypoints {', '.join(match.unused)} are not in the vocabulary"
+            f" {match.vocabulary.name} and not used"
+        )
     return tuple(notes)

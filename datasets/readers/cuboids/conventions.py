@@ -1,9 +1,13 @@
-"""What each exchange format means by a camera, a box, a corner and a pixel; reading and writing use the same statement.
+"""What each exchange format means by a camera, a box, a corner and a pixel.
 
-Facts, and how sure they are: Omni3D's axes, corners and dimensions are those of its DATA.md and of the code that trains on it.
-That code flips x to W - x and scales K with the image, so (0, 0) is the image's corner there, as it is for COCO's 2D boxes; the
-K of the datasets that were gathered into it were copied as each calibration gave them, so half a pixel is open: first_pixel is the
-one field to replace. COCO's keypoints are pixel indices. KITTI's 2D boxes are "0-based indices", its P2 an OpenCV calibration.
+Reading and writing use the same statement.
+
+Facts, and how sure they are: Omni3D's axes, corners and dimensions are those of its DATA.md and of
+the code that trains on it. That code flips x to W - x and scales K with the image, so (0, 0) is the
+image's corner there, as it is for COCO's 2D boxes; the K of the datasets that were gathered into it
+were copied as each calibration gave them, so half a pixel is open: first_pixel is the one field to
+replace. COCO's keypoints are pixel indices. KITTI's 2D boxes are "0-based indices", its P2 an
+OpenCV calibration.
 """
 
 from dataclasses import dataclass
@@ -23,7 +27,10 @@ FORWARD_DOWN_LEFT: Axes = ((1, 0, 0), (0, 0, 1), (0, -1, 0))
 """Row by row; the columns are the format's box axes x, y, z in our forward, left, up."""
 
 LOOP = CORNER_SIGNS
-"""Round one side, then round the opposite one: our signs, which Omni3D and PyTorch3D apply to their own axes."""
+"""Round one side, then round the opposite one.
+
+Our signs, which Omni3D and PyTorch3D apply to their own axes.
+"""
 
 
 @dataclass(frozen=True)
@@ -33,11 +40,15 @@ class Convention:
     Attributes:
         name: the format.
         camera_axes: (3, 3) R_format_cam, row by row; ours are x right, y down, z forward.
-        box_axes: (3, 3) R_box_format, row by row: its columns are the format's own box axes in our forward, left, up.
+        box_axes: (3, 3) R_box_format, row by row: its columns are the format's own box axes in our
+            forward, left, up.
         corner_signs: (8, 3) along the format's own box axes, in its order.
-        dimensions: along which of the format's own box axes its first, second and third dimension lies.
-        location: which point of the box it gives, in half sizes along its own box axes from the centre.
-        first_pixel: what it calls the centre of the top-left pixel in K and in 2D boxes: 0.5 where (0, 0) is the image's corner.
+        dimensions: along which of the format's own box axes its first, second and third dimension
+            lies.
+        location: which point of the box it gives, in half sizes along its own box axes from the
+            centre.
+        first_pixel: what it calls the centre of the top-left pixel in K and in 2D boxes: 0.5 where
+            (0, 0) is the image's corner.
         first_keypoint_pixel: likewise for keypoints.
         unit: "metres", or "none" for a format of the image plane alone.
         yaw_only: whether its boxes stand on the ground plane, so that pitch and roll are lost.
@@ -82,7 +93,9 @@ class Convention:
         """Our pixel coordinates of keypoints, of any shape, as the format's."""
         return np.asarray(px, dtype=np.float64) + self.first_keypoint_pixel
 
-    def boxes_out(self, center: Floats, rotation: Floats, size: Floats) -> tuple[Floats, Floats, Floats]:
+    def boxes_out(
+        self, center: Floats, rotation: Floats, size: Floats
+    ) -> tuple[Floats, Floats, Floats]:
         """Our boxes as the format says them.
 
         Args:
@@ -91,16 +104,21 @@ class Convention:
             size: (..., 3) length, width, height.
 
         Returns:
-            location (..., 3), rotation (..., 3, 3) and dimensions (..., 3), the rotation's columns being the format's box axes.
+            location (..., 3), rotation (..., 3, 3) and dimensions (..., 3), the rotation's columns
+            being the format's box axes.
 
         """
         turned, own = self._axes()
         rotation_out = turned @ rotation @ own
         size_out = size @ np.abs(own)
-        location = center @ turned.T + (rotation_out @ (size_out * self.location / 2)[..., None])[..., 0]
+        location = (
+            center @ turned.T + (rotation_out @ (size_out * self.location / 2)[..., None])[..., 0]
+        )
         return location, rotation_out, size_out[..., list(self.dimensions)]
 
-    def boxes_in(self, location: Floats, rotation: Floats, dimensions: Floats) -> tuple[Floats, Floats, Floats]:
+    def boxes_in(
+        self, location: Floats, rotation: Floats, dimensions: Floats
+    ) -> tuple[Floats, Floats, Floats]:
         """The format's boxes as ours: center, rotation, size; the inverse of boxes_out."""
         turned, own = self._axes()
         size_out = np.empty_like(np.asarray(dimensions, dtype=np.float64))
@@ -113,27 +131,47 @@ class Convention:
         turned, own = self._axes()
         half = (size @ np.abs(own))[..., None, :] / 2
         offsets = np.array(self.corner_signs) * half
-        return (center @ turned.T)[..., None, :] + offsets @ (turned @ rotation @ own).swapaxes(-1, -2)
+        return (center @ turned.T)[..., None, :] + offsets @ (turned @ rotation @ own).swapaxes(
+            -1, -2
+        )
 
     def _axes(self) -> tuple[Floats, Floats]:
-        return np.array(self.camera_axes, dtype=np.float64), np.array(self.box_axes, dtype=np.float64)
+        return np.array(self.camera_axes, dtype=np.float64), np.array(
+            self.box_axes, dtype=np.float64
+        )
 
 
 OMNI3D = Convention("omni3d", box_axes=FORWARD_DOWN_LEFT, dimensions=(2, 1, 0), first_pixel=0.5)
 """Dimensions [W, H, L] along its own z, y, x; R_cam's columns are forward, down and left."""
 
 COCO = Convention("coco", first_pixel=0.5, unit="none")
-"""Boxes from the image's corner, keypoints as pixel indices; the eight corners are keypoints in our own order."""
+"""Boxes from the image's corner, keypoints as pixel indices.
 
-KITTI = Convention("kitti", box_axes=FORWARD_DOWN_LEFT, dimensions=(1, 2, 0), location=(0.0, 1.0, 0.0), yaw_only=True, decimals=6)
-"""Dimensions height, width, length; the location is the middle of the bottom; rotation_y = 0 faces along the camera's x."""
+The eight corners are keypoints in our own order.
+"""
+
+KITTI = Convention(
+    "kitti",
+    box_axes=FORWARD_DOWN_LEFT,
+    dimensions=(1, 2, 0),
+    location=(0.0, 1.0, 0.0),
+    yaw_only=True,
+    decimals=6,
+)
+"""Dimensions height, width, length; the location is the middle of the bottom.
+
+Rotation_y = 0 faces along the camera's x.
+"""
 
 CONVENTIONS = {convention.name: convention for convention in (OMNI3D, COCO, KITTI)}
 """Every format that is written."""
 
 
 def yaw_rotation(rotation_y: Floats) -> Floats:
-    """Rotations (..., 3, 3) about the camera's y axis of KITTI's angle (...,): 0 faces along x, pi / 2 towards the camera (-z)."""
+    """Rotations (..., 3, 3) about the camera's y axis of KITTI's angle (...,).
+
+    0 faces along x, pi / 2 towards the camera (-z).
+    """
     cosine, sine = np.cos(rotation_y), np.sin(rotation_y)
     zero, one = np.zeros_like(cosine), np.ones_like(cosine)
     rows = ((cosine, zero, sine), (zero, one, zero), (-sine, zero, cosine))
@@ -147,4 +185,6 @@ def yaw_of(rotation: Floats) -> Floats:
     """
     forward, left = rotation[..., :, 0], rotation[..., :, 2]
     level = np.hypot(forward[..., 0], forward[..., 2]) > np.hypot(left[..., 0], left[..., 2]) * 1e-3
-    return np.where(level, np.arctan2(-forward[..., 2], forward[..., 0]), np.arctan2(left[..., 0], left[..., 2]))
+    return np.where(
+        level, np.arctan2(-forward[..., 2], forward[..., 0]), np.arctan2(left[..., 0], left[..., 2])
+    )

@@ -11,7 +11,9 @@ TRIED = 20
 
 
 def image_root(annotations: Path, images: Path | None, file_paths: Sequence[str]) -> Path | None:
-    """The folder that image paths are relative to: the one that is given, else the first near the annotations that holds one of them.
+    """The folder that image paths are relative to.
+
+    The one that is given, else the first near the annotations that holds one of them.
 
     Args:
         annotations: the annotation file.
@@ -26,11 +28,20 @@ def image_root(annotations: Path, images: Path | None, file_paths: Sequence[str]
         return images
     home = annotations.resolve().parent
     near = (home, home / "images", *list(home.parents)[:2])
-    return next((root for root in near if any((root / name).is_file() for name in file_paths[:TRIED] if not _leads_out(name))), None)
+    return next(
+        (
+            root
+            for root in near
+            if any((root / name).is_file() for name in file_paths[:TRIED] if not _leads_out(name))
+        ),
+        None,
+    )
 
 
 def image_path(root: Path | None, annotations: Path, file_path: str, sample_id: str) -> Path:
-    """The file of an image: checked if there is a root, else as it is named, beside the annotations.
+    """The file of an image.
+
+    Checked if there is a root, else as it is named, beside the annotations.
 
     Raises:
         SampleError: absolute, leading out of the root, or missing in a root where others are.
@@ -39,7 +50,12 @@ def image_path(root: Path | None, annotations: Path, file_path: str, sample_id: 
     if root is not None:
         return resolve_inside(root, file_path, sample_id, "file_path")
     if not file_path or _leads_out(file_path):
-        raise SampleError(sample_id, "file_path", f"{file_path!r} leads out of the images' folder: paths must be relative and stay inside it")
+        raise SampleError(
+            sample_id,
+            "file_path",
+            f"{file_path!r} leads out of the images' folder: paths must be relative and stay"
+            " inside it",
+        )
     return annotations.parent / file_path
 
 

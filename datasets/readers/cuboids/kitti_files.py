@@ -41,8 +41,16 @@ class KittiLine:
 
     def text(self) -> str:
         """The line."""
-        numbers = [self.alpha, *self.box.tolist(), *self.dimensions.tolist(), *self.location.tolist(), self.rotation_y]
-        return f"{self.kind} {self.truncated:.{KITTI.decimals}f} {self.occluded} " + " ".join(f"{value:.{KITTI.decimals}f}" for value in numbers)
+        numbers = [
+            self.alpha,
+            *self.box.tolist(),
+            *self.dimensions.tolist(),
+            *self.location.tolist(),
+            self.rotation_y,
+        ]
+        return f"{self.kind} {self.truncated:.{KITTI.decimals}f} {self.occluded} " + " ".join(
+            f"{value:.{KITTI.decimals}f}" for value in numbers
+        )
 
 
 def parsed_lines(text: str, sample_id: str) -> Iterator[KittiLine | SampleError]:
@@ -51,7 +59,11 @@ def parsed_lines(text: str, sample_id: str) -> Iterator[KittiLine | SampleError]
         words = line.split()
         name = f"{sample_id}#{number}" if number else sample_id
         if len(words) not in (FIELDS, FIELDS + 1):
-            yield SampleError(name, "line", f"must have {FIELDS} fields, or {FIELDS + 1} with a score, got {len(words)}")
+            yield SampleError(
+                name,
+                "line",
+                f"must have {FIELDS} fields, or {FIELDS + 1} with a score, got {len(words)}",
+            )
             continue
         try:
             values = np.array([float(word) for word in words[1:FIELDS]])
@@ -61,15 +73,32 @@ def parsed_lines(text: str, sample_id: str) -> Iterator[KittiLine | SampleError]
         if not np.isfinite(values).all():
             yield SampleError(name, "line", "holds a number that is not finite")
             continue
-        yield KittiLine(words[0], float(values[0]), int(values[1]), float(values[2]), values[3:7], values[7:10], values[10:13], float(values[13]))
+        yield KittiLine(
+            words[0],
+            float(values[0]),
+            int(values[1]),
+            float(values[2]),
+            values[3:7],
+            values[7:10],
+            values[10:13],
+            float(values[13]),
+        )
 
 
 def calibration_text(K: Floats) -> str:
-    """A calibration file whose four cameras are one, with K (3, 3), and whose laser stands in the camera."""
+    """A calibration file whose four cameras are one, with K (3, 3), and whose laser stands in the
+    camera."""
     P = " ".join(f"{value:.12e}" for value in np.concatenate((K, np.zeros((3, 1))), axis=1).ravel())
     identity = " ".join(f"{value:.1f}" for value in np.eye(3).ravel())
     still = " ".join(f"{value:.1f}" for value in np.eye(4)[:3].ravel())
-    return "".join((*(f"P{n}: {P}\n" for n in range(4)), f"R0_rect: {identity}\n", f"Tr_velo_to_cam: {still}\n", f"Tr_imu_to_velo: {still}\n"))
+    return "".join(
+        (
+            *(f"P{n}: {P}\n" for n in range(4)),
+            f"R0_rect: {identity}\n",
+            f"Tr_velo_to_cam: {still}\n",
+            f"Tr_imu_to_velo: {still}\n",
+        )
+    )
 
 
 def parsed_calibration(text: str, sample_id: str) -> Floats:
@@ -102,6 +131,8 @@ def parsed_images(text: str) -> dict[str, tuple[tuple[int, int], str]]:
     for line in text.splitlines():
         words = line.split(" ", 3)
         if len(words) != 4 or not (words[1].isdecimal() and words[2].isdecimal()):
-            raise SampleError("images.txt", "line", f"must be number, width, height, path, got {line!r}")
+            raise SampleError(
+                "images.txt", "line", f"must be number, width, height, path, got {line!r}"
+            )
         found[words[0]] = ((int(words[2]), int(words[1])), words[3])
     return found

@@ -8,7 +8,13 @@ import numpy as np
 
 from animal3dbox.datasets.images.photos import read_image
 from animal3dbox.datasets.readers.cuboids.conventions import KITTI, Floats, yaw_rotation
-from animal3dbox.datasets.readers.cuboids.kitti_files import NO_LOCATION, KittiLine, parsed_calibration, parsed_images, parsed_lines
+from animal3dbox.datasets.readers.cuboids.kitti_files import (
+    NO_LOCATION,
+    KittiLine,
+    parsed_calibration,
+    parsed_images,
+    parsed_lines,
+)
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError, ShapeError
 from animal3dbox.geometry.checks import check_intrinsics
@@ -24,7 +30,8 @@ def read_kitti(folder: Path, *, heading_known: bool = True) -> CuboidSet:
         heading_known: whether forward means something, as it does for KITTI's cars.
 
     Returns:
-        The boxes in the frame of camera 2, in metres; DontCare regions and boxes without a 3D location are left out and counted.
+        The boxes in the frame of camera 2, in metres; DontCare regions and boxes without a 3D
+        location are left out and counted.
 
     Raises:
         DatasetNotFoundError: no label_2/ with text files.
@@ -35,7 +42,11 @@ def read_kitti(folder: Path, *, heading_known: bool = True) -> CuboidSet:
     if not labels:
         raise DatasetNotFoundError(f"{folder} has no label_2/*.txt")
     try:
-        listed = parsed_images((folder / "images.txt").read_text(errors="replace")) if (folder / "images.txt").is_file() else None
+        listed = (
+            parsed_images((folder / "images.txt").read_text(errors="replace"))
+            if (folder / "images.txt").is_file()
+            else None
+        )
     except SampleError as error:
         raise DatasetFormatError(f"{folder}: {error}") from error
     records: list[CuboidRecord] = []
@@ -58,7 +69,9 @@ def read_kitti(folder: Path, *, heading_known: bool = True) -> CuboidSet:
     return CuboidSet(FORMAT, tuple(records), tuple(faults), notes, tuple(images))
 
 
-def _image(folder: Path, stem: str, listed: dict[str, tuple[tuple[int, int], str]] | None) -> tuple[CuboidImage, Floats]:
+def _image(
+    folder: Path, stem: str, listed: dict[str, tuple[tuple[int, int], str]] | None
+) -> tuple[CuboidImage, Floats]:
     """An image, and where the first camera stands in its frame, (3,)."""
     if listed is not None:
         if stem not in listed:
@@ -66,7 +79,14 @@ def _image(folder: Path, stem: str, listed: dict[str, tuple[tuple[int, int], str
         image_hw, name = listed[stem]
         path = folder / name
     else:
-        path = next((p for ending in ("png", "jpg") if (p := folder / "image_2" / f"{stem}.{ending}").is_file()), folder / "image_2" / f"{stem}.png")
+        path = next(
+            (
+                p
+                for ending in ("png", "jpg")
+                if (p := folder / "image_2" / f"{stem}.{ending}").is_file()
+            ),
+            folder / "image_2" / f"{stem}.png",
+        )
         name = f"image_2/{path.name}"
         height, width = read_image(path, stem).shape[:2]
         image_hw = (height, width)
@@ -78,10 +98,14 @@ def _image(folder: Path, stem: str, listed: dict[str, tuple[tuple[int, int], str
         raise SampleError(name, "calib", f"cannot be read: {error}") from error
     except ShapeError as error:
         raise SampleError(name, "P2", str(error)) from error
-    return CuboidImage(name, path, image_hw, K), np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
+    return CuboidImage(name, path, image_hw, K), np.asarray(
+        np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64
+    )
 
 
-def _boxes(label: Path, image: CuboidImage, moved: Floats, counts: Counter[str], *, heading_known: bool) -> Iterator[CuboidRecord | SampleError]:
+def _boxes(
+    label: Path, image: CuboidImage, moved: Floats, counts: Counter[str], *, heading_known: bool
+) -> Iterator[CuboidRecord | SampleError]:
     number = 0
     for line in parsed_lines(label.read_text(errors="replace"), image.image_id):
         if isinstance(line, SampleError):
@@ -91,14 +115,26 @@ def _boxes(label: Path, image: CuboidImage, moved: Floats, counts: Counter[str],
         elif (line.location == NO_LOCATION).any() or (line.dimensions == -1).all():
             counts["boxes without a 3D location"] += 1
         else:
-            yield _record(line, f"{image.image_id}#{number}" if number else image.image_id, image, moved, heading_known=heading_known)
+            yield _record(
+                line,
+                f"{image.image_id}#{number}" if number else image.image_id,
+                image,
+                moved,
+                heading_known=heading_known,
+            )
             number += 1
 
 
-def _record(line: KittiLine, sample_id: str, image: CuboidImage, moved: Floats, *, heading_known: bool) -> CuboidRecord | SampleError:
+def _record(
+    line: KittiLine, sample_id: str, image: CuboidImage, moved: Floats, *, heading_known: bool
+) -> CuboidRecord | SampleError:
     if line.dimensions.min() <= 0:
-        return SampleError(sample_id, "dimensions", f"must be positive, got {line.dimensions.tolist()}")
-    center, rotation, size = KITTI.boxes_in(line.location, yaw_rotation(np.array(line.rotation_y)), line.dimensions)
+        return SampleError(
+            sample_id, "dimensions", f"must be positive, got {line.dimensions.tolist()}"
+        )
+    center, rotation, size = KITTI.boxes_in(
+        line.location, yaw_rotation(np.array(line.rotation_y)), line.dimensions
+    )
     return CuboidRecord(
         sample_id=sample_id,
         image_id=image.image_id,

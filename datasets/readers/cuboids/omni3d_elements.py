@@ -9,7 +9,12 @@ import numpy as np
 
 from animal3dbox.datasets.readers.cuboids.conventions import Convention, Floats
 from animal3dbox.datasets.readers.cuboids.image_roots import image_path
-from animal3dbox.datasets.readers.cuboids.omni3d_schema import Key, Omni3DAnnotation, Omni3DCategory, Omni3DImage
+from animal3dbox.datasets.readers.cuboids.omni3d_schema import (
+    Key,
+    Omni3DAnnotation,
+    Omni3DCategory,
+    Omni3DImage,
+)
 from animal3dbox.datasets.readers.elements import decoded, image_size
 from animal3dbox.datasets.records import CuboidImage
 from animal3dbox.errors import SampleError, ShapeError
@@ -47,7 +52,9 @@ class StatedBox:
     truncation: float | None
 
 
-def cuboid_image(raw: msgspec.Raw, number: int, annotations: Path, root: Path | None, convention: Convention) -> tuple[Key, CuboidImage]:
+def cuboid_image(
+    raw: msgspec.Raw, number: int, annotations: Path, root: Path | None, convention: Convention
+) -> tuple[Key, CuboidImage]:
     """The id and the image of an element of images.
 
     Raises:
@@ -65,7 +72,9 @@ def cuboid_image(raw: msgspec.Raw, number: int, annotations: Path, root: Path | 
         check_intrinsics("K", K)
     except ShapeError as error:
         raise SampleError(name, "K", str(error)) from error
-    return element.id, CuboidImage(name, image_path(root, annotations, element.file_path, name), hw, K)
+    return element.id, CuboidImage(
+        name, image_path(root, annotations, element.file_path, name), hw, K
+    )
 
 
 def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[SampleError]]:
@@ -76,13 +85,23 @@ def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[Sa
         try:
             category = decoded(raw, Omni3DCategory, f"category {number}")
             if names.setdefault(category.id, category.name) != category.name:
-                raise SampleError(f"category {number}", "id", f"{category.id} names both {names[category.id]!r} and {category.name!r}")
+                raise SampleError(
+                    f"category {number}",
+                    "id",
+                    f"{category.id} names both {names[category.id]!r} and {category.name!r}",
+                )
         except SampleError as error:
             faults.append(error)
     return names, faults
 
 
-def stated_box(annotation: Omni3DAnnotation, sample_id: str, image: CuboidImage, categories: dict[Key, str], convention: Convention) -> StatedBox:
+def stated_box(
+    annotation: Omni3DAnnotation,
+    sample_id: str,
+    image: CuboidImage,
+    categories: dict[Key, str],
+    convention: Convention,
+) -> StatedBox:
     """An annotation checked for form.
 
     Raises:
@@ -91,21 +110,43 @@ def stated_box(annotation: Omni3DAnnotation, sample_id: str, image: CuboidImage,
     """
     category = categories.get(annotation.category_id)
     if category is None:
-        raise SampleError(sample_id, "category_id", f"{annotation.category_id} is not among the file's categories: trainers would drop it unsaid")
+        raise SampleError(
+            sample_id,
+            "category_id",
+            f"{annotation.category_id} is not among the file's categories: trainers would drop it"
+            " unsaid",
+        )
     if annotation.category_name not in (None, category):
-        raise SampleError(sample_id, "category_name", f"is {annotation.category_name!r}, but category {annotation.category_id} is {category!r}")
-    center = _needed(numbers(annotation.center_cam, (3,), sample_id, "center_cam"), sample_id, "center_cam")
-    dimensions = _needed(numbers(annotation.dimensions, (3,), sample_id, "dimensions"), sample_id, "dimensions")
+        raise SampleError(
+            sample_id,
+            "category_name",
+            f"is {annotation.category_name!r}, but category {annotation.category_id} is"
+            f" {category!r}",
+        )
+    center = _needed(
+        numbers(annotation.center_cam, (3,), sample_id, "center_cam"), sample_id, "center_cam"
+    )
+    dimensions = _needed(
+        numbers(annotation.dimensions, (3,), sample_id, "dimensions"), sample_id, "dimensions"
+    )
     if dimensions.min() <= 0:
         raise SampleError(sample_id, "dimensions", f"must be positive, got {dimensions.tolist()}")
     corners = numbers(annotation.bbox3D_cam, (8, 3), sample_id, "bbox3D_cam")
     rotation = numbers(annotation.R_cam, (3, 3), sample_id, "R_cam")
-    rotation = np.full((3, 3), np.nan) if rotation is None or not rotation.any() else _rotation(rotation, sample_id)
+    rotation = (
+        np.full((3, 3), np.nan)
+        if rotation is None or not rotation.any()
+        else _rotation(rotation, sample_id)
+    )
     if np.isnan(rotation).any() and corners is None:
-        raise SampleError(sample_id, "R_cam", "is missing, and so are the corners that could stand for it")
+        raise SampleError(
+            sample_id, "R_cam", "is missing, and so are the corners that could stand for it"
+        )
     truncation = annotation.truncation
     if truncation is not None and truncation != -1 and not 0 <= truncation <= 1:
-        raise SampleError(sample_id, "truncation", f"must lie in 0 to 1, or be -1 if unknown, got {truncation}")
+        raise SampleError(
+            sample_id, "truncation", f"must lie in 0 to 1, or be -1 if unknown, got {truncation}"
+        )
     return StatedBox(
         sample_id,
         image,
@@ -120,13 +161,20 @@ def stated_box(annotation: Omni3DAnnotation, sample_id: str, image: CuboidImage,
     )
 
 
-def box_2d(said: list[float] | None, sample_id: str, field: str, convention: Convention) -> Floats | None:
+def box_2d(
+    said: list[float] | None, sample_id: str, field: str, convention: Convention
+) -> Floats | None:
     """A 2D box in our px, (4,) xyxy; None if it is not known."""
     box = numbers(said, (4,), sample_id, field)
     if box is None:
         return None
     if not (box[2:] > box[:2]).all():
-        raise SampleError(sample_id, field, f"must be x1, y1, x2, y2 with x2 > x1 and y2 > y1, got {box.tolist()}; unknown is four times -1")
+        raise SampleError(
+            sample_id,
+            field,
+            f"must be x1, y1, x2, y2 with x2 > x1 and y2 > y1, got {box.tolist()}; unknown is four"
+            " times -1",
+        )
     return convention.boxes_2d_in(box)
 
 
@@ -137,11 +185,19 @@ def numbers(said: object, shape: tuple[int, ...], sample_id: str, field: str) ->
     try:
         values = np.array(said, dtype=np.float64)
     except ValueError as error:  # rows of different lengths
-        raise SampleError(sample_id, field, f"must be {' x '.join(map(str, shape))} numbers, got rows of different lengths") from error
+        raise SampleError(
+            sample_id,
+            field,
+            f"must be {' x '.join(map(str, shape))} numbers, got rows of different lengths",
+        ) from error
     if (values == -1).all():
         return None
     if values.shape != shape:
-        raise SampleError(sample_id, field, f"must be {' x '.join(map(str, shape))} numbers, got shape {values.shape}")
+        raise SampleError(
+            sample_id,
+            field,
+            f"must be {' x '.join(map(str, shape))} numbers, got shape {values.shape}",
+        )
     if not np.isfinite(values).all():
         raise SampleError(sample_id, field, "holds values that are not finite")
     return values
@@ -149,7 +205,12 @@ def numbers(said: object, shape: tuple[int, ...], sample_id: str, field: str) ->
 
 def _needed(values: Floats | None, sample_id: str, field: str) -> Floats:
     if values is None:
-        raise SampleError(sample_id, field, "is missing or -1, but valid3D is true; an annotation without a 3D box says valid3D false")
+        raise SampleError(
+            sample_id,
+            field,
+            "is missing or -1, but valid3D is true; an annotation without a 3D box says valid3D"
+            " false",
+        )
     return values
 
 
@@ -157,9 +218,17 @@ def _rotation(R: Floats, sample_id: str) -> Floats:
     """A rotation within rounding, made exact where the file was rounded."""
     off = np.abs(R @ R.T - np.eye(3)).max()
     if off > ROTATION_TOLERANCE:
-        raise SampleError(sample_id, "R_cam", f"must be a rotation matrix, but R R^T differs from the identity by {off:.2g}")
+        raise SampleError(
+            sample_id,
+            "R_cam",
+            f"must be a rotation matrix, but R R^T differs from the identity by {off:.2g}",
+        )
     if np.linalg.det(R) < 0:
-        raise SampleError(sample_id, "R_cam", "has determinant -1, a mirrored frame: negate the axis that points the wrong way")
+        raise SampleError(
+            sample_id,
+            "R_cam",
+            "has determinant -1, a mirrored frame: negate the axis that points the wrong way",
+        )
     if off < 1e-9:
         return R
     U, _, Vt = np.linalg.svd(R)

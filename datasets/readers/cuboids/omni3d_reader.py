@@ -1,4 +1,7 @@
-"""Any dataset of cuboids in Omni3D's JSON: the boxes as they are, whatever order their corners are in."""
+"""Any dataset of cuboids in Omni3D's JSON.
+
+The boxes as they are, whatever order their corners are in.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -10,9 +13,21 @@ import numpy as np
 
 from animal3dbox.datasets.readers.cuboids.conventions import OMNI3D, Convention
 from animal3dbox.datasets.readers.cuboids.image_roots import TRIED, image_root
-from animal3dbox.datasets.readers.cuboids.omni3d_elements import StatedBox, box_2d, category_names, cuboid_image, stated_box
+from animal3dbox.datasets.readers.cuboids.omni3d_elements import (
+    StatedBox,
+    box_2d,
+    category_names,
+    cuboid_image,
+    stated_box,
+)
 from animal3dbox.datasets.readers.cuboids.omni3d_layout import Layout, StatedBoxes, infer_layout
-from animal3dbox.datasets.readers.cuboids.omni3d_schema import GENERATOR, Key, Omni3DAnnotation, Omni3DInfo, RawOmni3DFile
+from animal3dbox.datasets.readers.cuboids.omni3d_schema import (
+    GENERATOR,
+    Key,
+    Omni3DAnnotation,
+    Omni3DInfo,
+    RawOmni3DFile,
+)
 from animal3dbox.datasets.readers.cuboids.visible_boxes import seen_boxes
 from animal3dbox.datasets.readers.elements import decoded
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
@@ -23,19 +38,28 @@ LEAST_OVERLAP = 0.5
 """Of bbox2D_proj with the projected box: less means that K, or the box, is of another image."""
 
 
-def read_omni3d(path: Path, images: Path | None = None, *, convention: Convention | None = None, heading_known: bool | None = None) -> CuboidSet:
+def read_omni3d(
+    path: Path,
+    images: Path | None = None,
+    *,
+    convention: Convention | None = None,
+    heading_known: bool | None = None,
+) -> CuboidSet:
     """The cuboids of a file in Omni3D's format.
 
     Args:
         path: the JSON file.
-        images: the folder that image paths are relative to; by default the first of the file's folder, its images/ and the two
-            folders above that holds one of them; if none does, image files are not looked for.
-        convention: what the file means; by default OMNI3D, with the pixel origin that the file states if this package wrote it.
-        heading_known: whether forward and left mean something; by default what the file says if this package wrote it, else not.
+        images: the folder that image paths are relative to; by default the first of the file's
+            folder, its images/ and the two folders above that holds one of them; if none does,
+            image files are not looked for.
+        convention: what the file means; by default OMNI3D, with the pixel origin that the file
+            states if this package wrote it.
+        heading_known: whether forward and left mean something; by default what the file says if
+            this package wrote it, else not.
 
     Returns:
-        The boxes in our frames, in metres unless the file says otherwise; every usable image; one fault each unusable box or
-        image; notes about the corner order and what was left out.
+        The boxes in our frames, in metres unless the file says otherwise; every usable image; one
+        fault each unusable box or image; notes about the corner order and what was left out.
 
     Raises:
         DatasetNotFoundError: no such file.
@@ -46,12 +70,18 @@ def read_omni3d(path: Path, images: Path | None = None, *, convention: Conventio
     info = _info(file.info)
     own = info is not None and info.generator == GENERATOR
     if convention is None:
-        convention = replace(OMNI3D, first_pixel=info.first_pixel) if info is not None and own and info.first_pixel is not None else OMNI3D
+        convention = (
+            replace(OMNI3D, first_pixel=info.first_pixel)
+            if info is not None and own and info.first_pixel is not None
+            else OMNI3D
+        )
     found, faults, notes = _images(file.images, path, images, convention)
     names, category_faults = category_names(file.categories)
     stated, box_faults, box_notes = _stated_boxes(file.annotations, found, names, convention)
     layout = infer_layout(_stacked(stated))
-    records, layout_faults = _records(stated, layout, convention, own=own, heading_known=heading_known)
+    records, layout_faults = _records(
+        stated, layout, convention, own=own, heading_known=heading_known
+    )
     kept, projection_faults = _checked_projections(records, stated, convention)
     usable = tuple(image for image in found.values() if image is not None)
     all_faults = (*faults, *category_faults, *box_faults, *layout_faults, *projection_faults)
@@ -66,7 +96,10 @@ def read_omni3d(path: Path, images: Path | None = None, *, convention: Conventio
 
 
 def _info(raw: msgspec.Raw) -> Omni3DInfo | None:
-    """What the file says of itself, if that has the form of this package's files; Omni3D's own are lists or have ids that are words."""
+    """What the file says of itself, if that has the form of this package's files.
+
+    Omni3D's own are lists or have ids that are words.
+    """
     try:
         info: Omni3DInfo = msgspec.json.decode(raw, type=Omni3DInfo)
     except msgspec.ValidationError:
@@ -86,9 +119,18 @@ def _images(
         try:
             key, image = cuboid_image(raw, number, path, root, convention)
             if key in found:
-                raise SampleError(image.image_id, "id", f"{key} is another image's too: which boxes are whose cannot be told")
+                raise SampleError(
+                    image.image_id,
+                    "id",
+                    f"{key} is another image's too: which boxes are whose cannot be told",
+                )
             if paths.setdefault(image.image_id, key) != key:
-                raise SampleError(image.image_id, "file_path", f"is that of image {paths[image.image_id]} too, not only of {key}: give it once")
+                raise SampleError(
+                    image.image_id,
+                    "file_path",
+                    f"is that of image {paths[image.image_id]} too, not only of {key}: give it"
+                    " once",
+                )
         except SampleError as error:
             faults.append(error)
             named = _named(raw)
@@ -96,7 +138,11 @@ def _images(
                 found[named.id] = None
             continue
         found[key] = image
-    notes = [] if root is not None or not raws else ["no image file was found near the annotations: files are not checked (see --images)"]
+    notes = (
+        []
+        if root is not None or not raws
+        else ["no image file was found near the annotations: files are not checked (see --images)"]
+    )
     return found, faults, notes
 
 
@@ -116,7 +162,10 @@ def _named(raw: msgspec.Raw) -> _Named:
 
 
 def _stated_boxes(
-    raws: Sequence[msgspec.Raw], images: dict[Key, CuboidImage | None], names: dict[Key, str], convention: Convention
+    raws: Sequence[msgspec.Raw],
+    images: dict[Key, CuboidImage | None],
+    names: dict[Key, str],
+    convention: Convention,
 ) -> tuple[list[StatedBox], list[SampleError], list[str]]:
     """Annotations of the right form, faults, and notes on what was left out."""
     stated, faults, numbers, counts = [], [], Counter[Key](), Counter[str]()
@@ -124,7 +173,13 @@ def _stated_boxes(
         key = _named(raw).image_id
         image, k = (None, 0) if key is None else (images.get(key), numbers[key])
         numbers.update(() if key is None else (key,))
-        sample_id = f"annotation {number}" if image is None else f"{image.image_id}#{k}" if k else image.image_id
+        sample_id = (
+            f"annotation {number}"
+            if image is None
+            else f"{image.image_id}#{k}"
+            if k
+            else image.image_id
+        )
         try:
             if key is not None and key not in images:
                 raise SampleError(sample_id, "image_id", f"{key} is not among the file's images")
@@ -132,11 +187,19 @@ def _stated_boxes(
             if image is None:
                 counts["annotations belong to faulty images and were left out"] += 1
             elif not annotation.valid3D:
-                counts["annotations say that they have no 3D box (valid3D false) and were left out"] += 1
+                counts[
+                    "annotations say that they have no 3D box (valid3D false) and were left out"
+                ] += 1
             else:
                 stated.append(stated_box(annotation, sample_id, image, names, convention))
-                ignored = 0 in (annotation.lidar_pts, annotation.segmentation_pts) or (annotation.depth_error or 0) > 0.5
-                counts["boxes have lidar_pts or segmentation_pts 0, or a depth_error over 0.5: Omni3D's trainer ignores them"] += int(ignored)
+                ignored = (
+                    0 in (annotation.lidar_pts, annotation.segmentation_pts)
+                    or (annotation.depth_error or 0) > 0.5
+                )
+                counts[
+                    "boxes have lidar_pts or segmentation_pts 0, or a depth_error over 0.5:"
+                    " Omni3D's trainer ignores them"
+                ] += int(ignored)
         except SampleError as error:
             faults.append(error)
     return stated, faults, [f"{count} {what}" for what, count in counts.items() if count]
@@ -144,13 +207,28 @@ def _stated_boxes(
 
 def _stacked(stated: Sequence[StatedBox]) -> StatedBoxes:
     if not stated:
-        return StatedBoxes(np.zeros((0, 8, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)))
-    corners, center = np.stack([box.corners for box in stated]), np.stack([box.center for box in stated])
-    return StatedBoxes(corners, center, np.stack([box.dimensions for box in stated]), np.stack([box.rotation for box in stated]))
+        return StatedBoxes(
+            np.zeros((0, 8, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3))
+        )
+    corners, center = (
+        np.stack([box.corners for box in stated]),
+        np.stack([box.center for box in stated]),
+    )
+    return StatedBoxes(
+        corners,
+        center,
+        np.stack([box.dimensions for box in stated]),
+        np.stack([box.rotation for box in stated]),
+    )
 
 
 def _records(
-    stated: Sequence[StatedBox], layout: Layout, convention: Convention, *, own: bool, heading_known: bool | None
+    stated: Sequence[StatedBox],
+    layout: Layout,
+    convention: Convention,
+    *,
+    own: bool,
+    heading_known: bool | None,
 ) -> tuple[list[tuple[int, CuboidRecord]], list[SampleError]]:
     """Records with their index in stated, of the boxes that do not contradict themselves."""
     records, faults = [], []
@@ -172,7 +250,9 @@ def _records(
             rotation=rotation[index],
             size=size[index],
             metric=True if said.metric is None or not own else said.metric,
-            heading_known=bool(own and said.heading_known) if heading_known is None else heading_known,
+            heading_known=(
+                bool(own and said.heading_known) if heading_known is None else heading_known
+            ),
             box=box.box,
             truncation=box.truncation,
         )
@@ -188,14 +268,23 @@ def _checked_projections(
     kept, faults = [], []
     for number, (index, record) in enumerate(records):
         try:
-            said = box_2d(stated[index].annotation.bbox2D_proj, record.sample_id, "bbox2D_proj", convention)
-            ours = [box for box in (seen.projected[number], seen.in_frame[number]) if not np.isnan(box).any()]
-            overlap = max((_overlap(said, box) for box in ours), default=1.0) if said is not None else 1.0
+            said = box_2d(
+                stated[index].annotation.bbox2D_proj, record.sample_id, "bbox2D_proj", convention
+            )
+            ours = [
+                box
+                for box in (seen.projected[number], seen.in_frame[number])
+                if not np.isnan(box).any()
+            ]
+            overlap = (
+                max((_overlap(said, box) for box in ours), default=1.0) if said is not None else 1.0
+            )
             if overlap < LEAST_OVERLAP:
                 raise SampleError(
                     record.sample_id,
                     "bbox2D_proj",
-                    f"is not where K projects bbox3D_cam (overlap {overlap:.2f}): K, the image size or the box belongs to another image",
+                    f"is not where K projects bbox3D_cam (overlap {overlap:.2f}): K, the image size"
+                    " or the box belongs to another image",
                 )
         except SampleError as error:
             faults.append(error)

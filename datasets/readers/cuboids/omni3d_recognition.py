@@ -1,4 +1,7 @@
-"""Telling a file of cuboids in Omni3D's format from one of keypoints in COCO's: both have images, annotations and categories."""
+"""Telling a file of cuboids in Omni3D's format from one of keypoints in COCO's.
+
+Both have images, annotations and categories.
+"""
 
 from pathlib import Path
 
@@ -34,6 +37,10 @@ def _first_keys(raw: msgspec.Raw) -> frozenset[str]:
     """The keys of the first element of a list of dictionaries; none of anything else."""
     try:
         elements = msgspec.json.decode(raw, type=list[msgspec.Raw])
-        return frozenset(msgspec.json.decode(elements[0], type=dict[str, msgspec.Raw])) if elements else frozenset()
+        return (
+            frozenset(msgspec.json.decode(elements[0], type=dict[str, msgspec.Raw]))
+            if elements
+            else frozenset()
+        )
     except msgspec.DecodeError:
         return frozenset()

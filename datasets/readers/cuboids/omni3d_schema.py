@@ -32,7 +32,11 @@ class Omni3DCategory(msgspec.Struct, kw_only=True):
 
 
 class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
-    """One box. The last two keys are this package's own: metric says that lengths are metres, heading_known that sides have names."""
+    """One box.
+
+    The last two keys are this package's own: metric says that lengths are metres, heading_known
+    that sides have names.
+    """
 
     id: Key
     image_id: Key
@@ -57,7 +61,8 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     heading_known: bool | None = None
 
     def __post_init__(self) -> None:
-        """Take a single -1 or 0 in the place of a rotation or corners for None, as files in the wild mean it."""
+        """Take a single -1 or 0 in the place of a rotation or corners for None, as files in the
+        wild mean it."""
         self.R_cam = None if self.R_cam in (-1, 0) else self.R_cam
         self.bbox3D_cam = None if self.bbox3D_cam in (-1, 0) else self.bbox3D_cam
 
@@ -87,7 +92,10 @@ class Omni3DFile(msgspec.Struct, kw_only=True):
 
 
 class RawOmni3DFile(msgspec.Struct, kw_only=True):
-    """A whole file, as it is read: its elements undecoded, so that one bad element spoils no other."""
+    """A whole file, as it is read.
+
+    Its elements undecoded, so that one bad element spoils no other.
+    """
 
     info: msgspec.Raw = msgspec.Raw(b"null")
     images: list[msgspec.Raw]

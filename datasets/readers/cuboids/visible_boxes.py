@@ -1,4 +1,7 @@
-"""How cuboids look in their images: projections, upright boxes round them, truncation; what several formats ask for."""
+"""How cuboids look in their images: projections, upright boxes round them, truncation.
+
+What several formats ask for.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -12,7 +15,12 @@ from animal3dbox.datasets.readers.cuboids.conventions import Floats
 from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
-from animal3dbox.geometry.face_visibility import corners_visibility, near_depth_of_corners, projected_faces, visible_faces
+from animal3dbox.geometry.face_visibility import (
+    corners_visibility,
+    near_depth_of_corners,
+    projected_faces,
+    visible_faces,
+)
 from animal3dbox.geometry.polygon import clip_by_plane
 
 AT_ONCE = 8192
@@ -28,7 +36,8 @@ class SeenBoxes:
         corners_2d: (N, 8, 2) px; meaningless where corner_in_front is false.
         corner_in_front: (N, 8).
         projected: (N, 4) xyxy px round the whole projection; NaN if a corner is not in front.
-        in_frame: (N, 4) xyxy px round what of the projection lies in the frame; NaN if nothing does.
+        in_frame: (N, 4) xyxy px round what of the projection lies in the frame; NaN if nothing
+            does.
         truncation: (N,) part of the projected box outside the frame.
     """
 
@@ -49,14 +58,20 @@ def stacked_boxes(records: Sequence[CuboidRecord]) -> tuple[Floats, Floats, Floa
     """Centers (N, 3), rotations (N, 3, 3) and sizes (N, 3) of records."""
     if not records:
         return np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3))
-    return np.stack([r.center for r in records]), np.stack([r.rotation for r in records]), np.stack([r.size for r in records])
+    return (
+        np.stack([r.center for r in records]),
+        np.stack([r.rotation for r in records]),
+        np.stack([r.size for r in records]),
+    )
 
 
 def seen_boxes(records: Sequence[CuboidRecord]) -> SeenBoxes:
     """How the boxes of records look in their images."""
     count = len(records)
     center, rotation, size = stacked_boxes(records)
-    corners = center[:, None] + (np.array(CORNER_SIGNS) * size[:, None] / 2) @ rotation.swapaxes(-1, -2)
+    corners = center[:, None] + (np.array(CORNER_SIGNS) * size[:, None] / 2) @ rotation.swapaxes(
+        -1, -2
+    )
     K = np.stack([r.K for r in records]) if records else np.zeros((0, 3, 3))
     px = project(K, corners)[0] if count else np.zeros((0, 8, 2))
     in_front = corners[..., 2] > near_depth_of_corners(corners)[:, None]
@@ -66,7 +81,9 @@ def seen_boxes(records: Sequence[CuboidRecord]) -> SeenBoxes:
     for image_hw, members in _by_size(records):
         in_frame[members] = _bounds_in_frame(corners[members], K[members], image_hw)
         visible = visible_faces(corners[members], np.zeros((len(members), 3)))
-        truncation[members] = corners_visibility(corners[members], K[members], image_hw, visible).truncation
+        truncation[members] = corners_visibility(
+            corners[members], K[members], image_hw, visible
+        ).truncation
     truncation[~in_front.any(-1)] = 1.0  # nothing of it is in the picture
     return SeenBoxes(corners, px, in_front, projected, in_frame, truncation)
 
@@ -87,16 +104,27 @@ def _by_size(records: Sequence[CuboidRecord]) -> Iterator[tuple[tuple[int, int],
 
 
 def _bounds_in_frame(corners: Floats, K: Floats, image_hw: tuple[int, int]) -> Floats:
-    """Upright boxes (n, 4) round what the frame shows of the faces, cut at the near plane; NaN where it shows nothing."""
+    """Upright boxes (n, 4) round what the frame shows of the faces, cut at the near plane.
+
+    NaN where it shows nothing.
+    """
     faces = torch.from_numpy(projected_faces(corners, K))
     height, width = image_hw
     for axis, low, high in ((0, -0.5, width - 0.5), (1, -0.5, height - 0.5)):
         faces = clip_by_plane(faces, faces[..., axis] - low)
         faces = clip_by_plane(faces, high - faces[..., axis])
     points = faces.flatten(-3, -2).numpy()
-    kept = (~(faces == 0).all(-1).all(-1, keepdim=True)).expand(faces.shape[:-1]).flatten(-2).numpy()[..., None]
+    kept = (
+        (~(faces == 0).all(-1).all(-1, keepdim=True))
+        .expand(faces.shape[:-1])
+        .flatten(-2)
+        .numpy()[..., None]
+    )
     nothing = ~kept.any((-1, -2))
-    low_px, high_px = np.where(kept, points, np.inf).min(-2), np.where(kept, points, -np.inf).max(-2)
+    low_px, high_px = (
+        np.where(kept, points, np.inf).min(-2),
+        np.where(kept, points, -np.inf).max(-2),
+    )
     bounds = np.concatenate((low_px, high_px), axis=-1)
     bounds[nothing | ((high_px - low_px).min(-1) <= 0)] = np.nan
     return np.asarray(bounds)

@@ -1,7 +1,8 @@
 """DeepLabCut's h5 files, as pandas writes them through PyTables, read by h5py (extra "deeplabcut") without pandas.
 
-A "fixed" frame is plain arrays. A "table" has its columns' names in an attribute that is a pickle: our own stack machine (smal.pickle_reader)
-makes plain values of it, and nothing that it names is imported or called.
+A "fixed" frame is plain arrays. A "table" has its columns' names in an attribute that is a pickle:
+our own stack machine (smal.pickle_reader) makes plain values of it, and nothing that it names is
+imported or called.
 """
 
 import importlib.util
@@ -35,30 +36,61 @@ def read_h5_table(path: Path) -> DlcTable:
 
     try:
         with h5py.File(path, "r") as file:
-            frames = [group for group in file.values() if isinstance(group, h5py.Group) and _text(group.attrs.get("pandas_type")).startswith("frame")]
+            frames = [
+                group
+                for group in file.values()
+                if isinstance(group, h5py.Group)
+                and _text(group.attrs.get("pandas_type")).startswith("frame")
+            ]
             if len(frames) != 1:
-                raise DatasetFormatError(f"{path} must hold one table, it holds {len(frames)}; {REMEDY}")
-            columns, index, values = (_fixed if "axis0_variety" in frames[0].attrs else _table)(frames[0])
-    except (OSError, KeyError, IndexError, TypeError, ValueError, ModelFileError) as error:  # whatever is missing or damaged in it
-        raise DatasetFormatError(f"{path} cannot be read as pandas writes tables: {error}; {REMEDY}") from error
+                raise DatasetFormatError(
+                    f"{path} must hold one table, it holds {len(frames)}; {REMEDY}"
+                )
+            columns, index, values = (_fixed if "axis0_variety" in frames[0].attrs else _table)(
+                frames[0]
+            )
+    except (
+        OSError,
+        KeyError,
+        IndexError,
+        TypeError,
+        ValueError,
+        ModelFileError,
+    ) as error:  # whatever is missing or damaged in it
+        raise DatasetFormatError(
+            f"{path} cannot be read as pandas writes tables: {error}; {REMEDY}"
+        ) from error
     if not all(isinstance(column, tuple) for column in columns):
-        raise DatasetFormatError(f"{path} has columns without a header of several rows: it is not DeepLabCut's")
-    images = ["/".join(str(part) for part in label) if isinstance(label, tuple) else label for label in index]
-    return table_of(path, [[str(part) for part in column] for column in columns if isinstance(column, tuple)], images, values.tolist())
+        raise DatasetFormatError(
+            f"{path} has columns without a header of several rows: it is not DeepLabCut's"
+        )
+    images = [
+        "/".join(str(part) for part in label) if isinstance(label, tuple) else label
+        for label in index
+    ]
+    return table_of(
+        path,
+        [[str(part) for part in column] for column in columns if isinstance(column, tuple)],
+        images,
+        values.tolist(),
+    )
 
 
 Frame = tuple[list[Label], list[Label], NDArray[np.float64]]
 
 
 def _fixed(group: Any) -> Frame:
-    """Columns, index and values (rows, columns) of a fixed frame, whose blocks hold some of its columns each."""
+    """Columns, index and values (rows, columns) of a fixed frame, whose blocks hold some of its
+    columns each."""
     columns, index = _axis(group, "axis0"), _axis(group, "axis1")
     values = np.full((len(index), len(columns)), np.nan)
     places = {label: i for i, label in enumerate(columns)}
     for block in range(int(group.attrs["nblocks"])):
         items, array = _axis(group, f"block{block}_items"), group[f"block{block}_values"]
         cells = np.asarray(array[()], dtype=np.float64)
-        values[:, [places[item] for item in items]] = cells if array.attrs.get("transposed") else cells.T
+        values[:, [places[item] for item in items]] = (
+            cells if array.attrs.get("transposed") else cells.T
+        )
     return columns, index, values
 
 
@@ -67,7 +99,13 @@ def _axis(group: Any, name: str) -> list[Label]:
     if _text(group.attrs[f"{name}_variety"]) == "regular":
         return _labels(group[name])
     levels = range(int(group.attrs[f"{name}_nlevels"]))
-    parts = [[_at(_labels(group[f"{name}_level{k}"]), code) for code in group[f"{name}_label{k}"][()].tolist()] for k in levels]
+    parts = [
+        [
+            _at(_labels(group[f"{name}_level{k}"]), code)
+            for code in group[f"{name}_label{k}"][()].tolist()
+        ]
+        for k in levels
+    ]
     return list(zip(*parts, strict=True))
 
 
@@ -86,20 +124,29 @@ def _labels(array: Any) -> list[Label]:
 
 
 def _table(group: Any) -> Frame:
-    """Columns, index and values (rows, columns) of an appendable table, one field a block of columns."""
+    """Columns, index and values (rows, columns) of an appendable table, one field a block of
+    columns."""
     rows = group["table"][()]
     fields = [name for name in rows.dtype.names if name.startswith("values_block_")]
     columns: list[Label] = []
     for name in fields:
         pickled = np.asarray(group["table"].attrs[f"{name}_kind"]).tobytes()
         named = parse_pickle(pickled, f"the columns' names of {name}")
-        if not isinstance(named, list) or not all(isinstance(part, str) for column in named for part in column):
+        if not isinstance(named, list) or not all(
+            isinstance(part, str) for column in named for part in column
+        ):
             raise ValueError(f"the columns' names of {name} are no list of strings")
         columns += named
-    values = np.concatenate([np.asarray(rows[name], dtype=np.float64).reshape(len(rows), -1) for name in fields], axis=1)
+    values = np.concatenate(
+        [np.asarray(rows[name], dtype=np.float64).reshape(len(rows), -1) for name in fields], axis=1
+    )
     if values.shape[1] != len(columns):
         raise ValueError(f"{values.shape[1]} columns have {len(columns)} names")
-    return columns, [cell.decode() if isinstance(cell, bytes) else cell for cell in rows["index"].tolist()], values
+    return (
+        columns,
+        [cell.decode() if isinstance(cell, bytes) else cell for cell in rows["index"].tolist()],
+        values,
+    )
 
 
 def _text(value: Any) -> str:

@@ -1,4 +1,7 @@
-"""DeepLabCut: images with a table of bodyparts, labelled by hand or found by a network, of one animal or several."""
+"""DeepLabCut.
+
+Images with a table of bodyparts, labelled by hand or found by a network, of one animal or several.
+"""
 
 import math
 import re
@@ -18,30 +21,47 @@ from animal3dbox.smal.keypoints.vocabulary_match import NameMatch, match_by_name
 
 FORMAT = "deeplabcut"
 LEAST_LIKELIHOOD = 0.6
-"""A bodypart that the network is less sure of counts as missing; DeepLabCut's own default for plots and filters."""
+"""A bodypart that the network is less sure of counts as missing.
+
+DeepLabCut's own default for plots and filters.
+"""
 UNIQUE = "single"
-"""The individual to which DeepLabCut gives bodyparts that belong to no animal, such as a cage's corners."""
+"""The individual to which DeepLabCut gives bodyparts that belong to no animal, such as a cage's
+corners."""
 _NUMBER = re.compile(r"\d+")
 
 
 def label_files(folder: Path) -> list[Path]:
     """The tables in a folder; of a csv and an h5 of one name the csv, which needs no extra."""
     tables = {path.stem: path for suffix in SUFFIXES for path in sorted(folder.glob(f"*{suffix}"))}
-    return sorted((tables | {path.stem: path for path in sorted(folder.glob("*.csv")) if is_csv_table(path)}).values())
+    return sorted(
+        (
+            tables
+            | {path.stem: path for path in sorted(folder.glob("*.csv")) if is_csv_table(path)}
+        ).values()
+    )
 
 
 def find_labels(path: Path) -> Path:
-    """The table of a dataset given by its folder or its file; raises DatasetNotFoundError if there is none, or more than one."""
+    """The table of a dataset given by its folder or its file.
+
+    Raises DatasetNotFoundError if there is none, or more than one.
+    """
     if path.is_file():
         return path
     found = label_files(path) if path.is_dir() else []
     if len(found) != 1:
         seen = ", ".join(file.name for file in found) or "none"
-        raise DatasetNotFoundError(f"{path} must hold one table of DeepLabCut (csv or h5), found {seen}: give the file itself")
+        raise DatasetNotFoundError(
+            f"{path} must hold one table of DeepLabCut (csv or h5), found {seen}: give the file"
+            " itself"
+        )
     return found[0]
 
 
-def read_deeplabcut(path: Path, images: Path | None = None, vocabulary: Vocabulary | None = None) -> RecordSet:
+def read_deeplabcut(
+    path: Path, images: Path | None = None, vocabulary: Vocabulary | None = None
+) -> RecordSet:
     """The animals of a DeepLabCut table.
 
     Args:
@@ -62,9 +82,15 @@ def read_deeplabcut(path: Path, images: Path | None = None, vocabulary: Vocabula
     table = read_h5_table(file) if file.suffix.lower() in SUFFIXES else read_csv_table(file)
     if images is not None and not images.is_dir():
         raise DatasetNotFoundError(f"there is no folder of images {images}")
-    animals = tuple(name for name in table.individuals if name != UNIQUE or len(table.individuals) == 1)
+    animals = tuple(
+        name for name in table.individuals if name != UNIQUE or len(table.individuals) == 1
+    )
     matches = {name: match_by_name(table.bodyparts(name), vocabulary) for name in animals}
-    pictures = _frames(table, images or file.parent) if isinstance(table.index[0], int) else _named(table, file, images)
+    pictures = (
+        _frames(table, images or file.parent)
+        if isinstance(table.index[0], int)
+        else _named(table, file, images)
+    )
     records: list[AnimalRecord] = []
     faults: list[SampleError] = []
     empty = 0
@@ -77,12 +103,17 @@ def read_deeplabcut(path: Path, images: Path | None = None, vocabulary: Vocabula
                 continue
             empty += record is None
             records += [] if record is None else [record]
-    return RecordSet(FORMAT, tuple(records), tuple(faults), _notes(table, len(pictures), matches, empty))
+    return RecordSet(
+        FORMAT, tuple(records), tuple(faults), _notes(table, len(pictures), matches, empty)
+    )
 
 
 @dataclass(frozen=True)
 class _Picture:
-    """A row's image: its name, the folder it is looked for in and its path there; first: the row that has the image already, or None."""
+    """A row's image: its name, the folder it is looked for in and its path there.
+
+    First: the row that has the image already, or None.
+    """
 
     name: str
     root: Path
@@ -93,17 +124,29 @@ class _Picture:
 def _named(table: DlcTable, file: Path, images: Path | None) -> list[tuple[int, _Picture]]:
     """The images that rows name, under the folder in which the first that is there lies."""
     names = [str(name).replace("\\", "/") for name in table.index]
-    root, drop = _where(names, [images] if images else [file.parent, file.parent.parent, file.parent.parent.parent])
+    root, drop = _where(
+        names, [images] if images else [file.parent, file.parent.parent, file.parent.parent.parent]
+    )
     firsts: dict[str, int] = {}
     found = []
     for row, name in enumerate(names):
         first = firsts.setdefault(name, row)
-        found.append((row, _Picture(name, root, "/".join(name.split("/")[drop:]), None if first == row else first)))
+        found.append(
+            (
+                row,
+                _Picture(
+                    name, root, "/".join(name.split("/")[drop:]), None if first == row else first
+                ),
+            )
+        )
     return found
 
 
 def _where(names: Sequence[str], roots: Sequence[Path]) -> tuple[Path, int]:
-    """A folder, and how many leading parts of the paths to leave out, so that an image is found: labels are often moved without their project."""
+    """A folder, and how many leading parts of the paths to leave out, so that an image is found.
+
+    Labels are often moved without their project.
+    """
     for name in names[:100]:
         parts = name.split("/")
         for root in roots:
@@ -115,31 +158,50 @@ def _where(names: Sequence[str], roots: Sequence[Path]) -> tuple[Path, int]:
 
 
 def _frames(table: DlcTable, root: Path) -> list[tuple[int, _Picture]]:
-    """The rows of a video's frames of which there are images, told by the last number in the images' names."""
+    """The rows of a video's frames of which there are images, told by the last number in the
+    images' names."""
     files: dict[int, str] = {}
     for path in sorted(root.iterdir()):
         digits = _NUMBER.findall(path.stem)
         if path.suffix.lower() not in IMAGE_SUFFIXES or not digits:
             continue
         if int(digits[-1]) in files:
-            raise DatasetFormatError(f"{root}: {path.name} and {files[int(digits[-1])]} are both frame {int(digits[-1])}: give --images one video's")
+            raise DatasetFormatError(
+                f"{root}: {path.name} and {files[int(digits[-1])]} are both frame"
+                f" {int(digits[-1])}: give --images one video's"
+            )
         files[int(digits[-1])] = path.name
-    rows = [(row, files[frame]) for row, frame in enumerate(table.index) if isinstance(frame, int) and frame in files]
+    rows = [
+        (row, files[frame])
+        for row, frame in enumerate(table.index)
+        if isinstance(frame, int) and frame in files
+    ]
     if not rows:
         raise DatasetFormatError(
-            f"{table.path} has the frames of a video, but {root} has no images of them (img0042.png is frame 42): extract some, and give --images"
+            f"{table.path} has the frames of a video, but {root} has no images of them (img0042.png"
+            " is frame 42): extract some, and give --images"
         )
     return [(row, _Picture(name, root, name, None)) for row, name in rows]
 
 
-def _record(table: DlcTable, row: int, picture: _Picture, k: int, animal: tuple[str, NameMatch]) -> AnimalRecord | None:
+def _record(
+    table: DlcTable, row: int, picture: _Picture, k: int, animal: tuple[str, NameMatch]
+) -> AnimalRecord | None:
     """One record, checked; None if the animal is not in the image."""
     sample_id = f"{picture.name}#{k}" if k else picture.name
     individual, match = animal
     if picture.first is not None:
-        raise SampleError(sample_id, f"row {row}", f"is the image of row {picture.first} once more; remove one, or it counts twice")
+        raise SampleError(
+            sample_id,
+            f"row {row}",
+            f"is the image of row {picture.first} once more; remove one, or it counts twice",
+        )
     if len(table.rows[row]) != len(table.columns):
-        raise SampleError(sample_id, f"row {row}", f"has {len(table.rows[row])} cells, but the header has {len(table.columns)}")
+        raise SampleError(
+            sample_id,
+            f"row {row}",
+            f"has {len(table.rows[row])} cells, but the header has {len(table.columns)}",
+        )
     points = np.array(list(_points(table, row, individual, sample_id)), dtype=np.float64)
     if not points[:, 2].any():
         return None
@@ -156,14 +218,32 @@ def _record(table: DlcTable, row: int, picture: _Picture, k: int, animal: tuple[
     )
 
 
-def _points(table: DlcTable, row: int, individual: str, sample_id: str) -> Iterator[tuple[float, float, float]]:
-    """x, y, confidence of each bodypart; zeros where it is missing, or the network is not sure of it."""
+def _points(
+    table: DlcTable, row: int, individual: str, sample_id: str
+) -> Iterator[tuple[float, float, float]]:
+    """x, y, confidence of each bodypart.
+
+    Zeros where it is missing, or the network is not sure of it.
+    """
     cells = table.rows[row]
-    for part, (x_at, y_at, likelihood_at) in zip(table.bodyparts(individual), table.places(individual), strict=True):
+    for part, (x_at, y_at, likelihood_at) in zip(
+        table.bodyparts(individual), table.places(individual), strict=True
+    ):
         x, y = (_number(cells[at], sample_id, part) for at in (x_at, y_at))
-        confidence = 1.0 if likelihood_at is None else _number(cells[likelihood_at], sample_id, part)
-        if math.isinf(x) or math.isinf(y) or not (math.isnan(confidence) or -1e-6 <= confidence <= 1 + 1e-6):
-            raise SampleError(sample_id, part, f"must have a finite place and a likelihood from 0 to 1, got {x}, {y}, {confidence}")
+        confidence = (
+            1.0 if likelihood_at is None else _number(cells[likelihood_at], sample_id, part)
+        )
+        if (
+            math.isinf(x)
+            or math.isinf(y)
+            or not (math.isnan(confidence) or -1e-6 <= confidence <= 1 + 1e-6)
+        ):
+            raise SampleError(
+                sample_id,
+                part,
+                f"must have a finite place and a likelihood from 0 to 1, got {x}, {y},"
+                f" {confidence}",
+            )
         known = not (math.isnan(x) or math.isnan(y) or math.isnan(confidence))
         sure = known and (likelihood_at is None or confidence >= LEAST_LIKELIHOOD)
         yield (x, y, min(confidence, 1.0)) if sure else (0.0, 0.0, 0.0)
@@ -177,15 +257,28 @@ def _number(cell: str | float, sample_id: str, field: str) -> float:
         raise SampleError(sample_id, field, f"must be a number, got {cell!r}") from error
 
 
-def _notes(table: DlcTable, used: int, matches: dict[str, NameMatch], empty: int) -> tuple[str, ...]:
+def _notes(
+    table: DlcTable, used: int, matches: dict[str, NameMatch], empty: int
+) -> tuple[str, ...]:
     """What was found out, in whole sentences."""
     notes = []
     if used < len(table.index):
-        notes.append(f"{len(table.index) - used} of {len(table.index)} rows are frames without an image")
+        notes.append(
+            f"{len(table.index) - used} of {len(table.index)} rows are frames without an image"
+        )
     if empty:
-        notes.append(f"{empty} times an animal is not in an image: no bodypart is marked, or of a likelihood of {LEAST_LIKELIHOOD} or more")
+        notes.append(
+            f"{empty} times an animal is not in an image: no bodypart is marked, or of a likelihood"
+            f" of {LEAST_LIKELIHOOD} or more"
+        )
     if UNIQUE in table.individuals and UNIQUE not in matches:
-        notes.append(f"the bodyparts of {UNIQUE!r} ({', '.join(table.bodyparts(UNIQUE))}) belong to no animal and are not used")
+        notes.append(
+            f"the bodyparts of {UNIQUE!r} ({', '.join(table.bodyparts(UNIQUE))}) belong to no"
+            " animal and are not used"
+        )
     for match in dict.fromkeys(match for match in matches.values() if match.unused):
-        notes.append(f"the bodyparts {', '.join(match.unused)} are not in the vocabulary {match.vocabulary.name} and not used")
+        notes.append(
+            f"the bodyparts {', '.join(match.unused)} are not in the vocabulary"
+            f" {match.vocabulary.name} and not used"
+        )
     return tuple(notes)

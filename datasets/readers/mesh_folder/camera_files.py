@@ -61,7 +61,10 @@ def load_camera(path: Path, image_hw: tuple[int, int]) -> Camera:
     """
     said: CameraFile = decode_json(path, CameraFile)
     if said.image_hw is not None and said.image_hw != image_hw:
-        raise DatasetFormatError(f"{path}: image_hw is {list(said.image_hw)}, but the image is {list(image_hw)} (height, width)")
+        raise DatasetFormatError(
+            f"{path}: image_hw is {list(said.image_hw)}, but the image is {list(image_hw)} (height,"
+            " width)"
+        )
     try:
         K, pose = _intrinsics(said, image_hw), _pose(said)
         lens = None if said.distortion is None else np.array(said.distortion, dtype=np.float64)
@@ -70,15 +73,21 @@ def load_camera(path: Path, image_hw: tuple[int, int]) -> Camera:
     except (ShapeError, ValueError) as error:  # ValueError: rows of different lengths
         raise DatasetFormatError(f"{path}: {error}") from error
     if said.unit_m is not None and not (np.isfinite(said.unit_m) and said.unit_m > 0):
-        raise DatasetFormatError(f"{path}: unit_m must be the metres of a unit, above 0, got {said.unit_m}")
+        raise DatasetFormatError(
+            f"{path}: unit_m must be the metres of a unit, above 0, got {said.unit_m}"
+        )
     if K is None and (pose is not None or lens is not None):
-        raise DatasetFormatError(f"{path}: R, t and distortion mean nothing without K (or focal_px, or focal_over_side)")
+        raise DatasetFormatError(
+            f"{path}: R, t and distortion mean nothing without K (or focal_px, or focal_over_side)"
+        )
     return Camera(K, pose, said.exact, lens, said.unit_m)
 
 
 def _intrinsics(said: CameraFile, image_hw: tuple[int, int]) -> NDArray[np.float64] | None:
     """K as it stands, or of a focal length with a centred principal point."""
-    told = [name for name in ("K", "focal_px", "focal_over_side") if getattr(said, name) is not None]
+    told = [
+        name for name in ("K", "focal_px", "focal_over_side") if getattr(said, name) is not None
+    ]
     if len(told) > 1:
         raise ShapeError(f"give one of {' and '.join(told)}")
     if said.K is not None:
@@ -88,7 +97,9 @@ def _intrinsics(said: CameraFile, image_hw: tuple[int, int]) -> NDArray[np.float
     focal = said.focal_px if said.focal_over_side is None else said.focal_over_side * max(image_hw)
     if focal is not None and not (np.isfinite(focal) and focal > 0):
         raise ShapeError(f"{told[0]} must be above 0")
-    return None if focal is None else np.asarray(intrinsics(focal, image_hw).numpy(), dtype=np.float64)
+    return (
+        None if focal is None else np.asarray(intrinsics(focal, image_hw).numpy(), dtype=np.float64)
+    )
 
 
 def _pose(said: CameraFile) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:

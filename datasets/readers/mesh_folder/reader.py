@@ -1,4 +1,7 @@
-"""A folder of images with a fitted mesh for each animal, and cameras or keypoints: captures, mocap, outputs of mesh regressors."""
+"""A folder of images with a fitted mesh for each animal, and cameras or keypoints.
+
+Captures, mocap, outputs of mesh regressors.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -49,11 +52,23 @@ class MeshFolder:
 
 
 def is_mesh_folder(path: Path) -> bool:
-    """Whether a path is such a folder: it says so, or has the two folders that must be there; or the file that says so."""
-    return path.name == MANIFEST or (path / MANIFEST).is_file() or ((path / "meshes").is_dir() and (path / "images").is_dir())
+    """Whether a path is such a folder: it says so, or has the two folders that must be there.
+
+    Or the file that says so.
+    """
+    return (
+        path.name == MANIFEST
+        or (path / MANIFEST).is_file()
+        or ((path / "meshes").is_dir() and (path / "images").is_dir())
+    )
 
 
-def read_mesh_folder(root: Path, images: Path | None = None, model: Path | None = None, vocabulary: Vocabulary | None = None) -> MeshFolder:
+def read_mesh_folder(
+    root: Path,
+    images: Path | None = None,
+    model: Path | None = None,
+    vocabulary: Vocabulary | None = None,
+) -> MeshFolder:
     """The animals of a folder with images/, meshes/ and perhaps cameras/, keypoints/ and masks/, see docs/formats.md.
 
     Args:
@@ -72,7 +87,13 @@ def read_mesh_folder(root: Path, images: Path | None = None, model: Path | None 
     if not home.is_dir():
         raise DatasetNotFoundError(f"there is no folder {home}")
     said = _manifest(home)
-    reader = _Reader(home, images or home / "images", vocabulary or _vocabulary(said, home), said, lru_cache(maxsize=None)(load_camera))
+    reader = _Reader(
+        home,
+        images or home / "images",
+        vocabulary or _vocabulary(said, home),
+        said,
+        lru_cache(maxsize=None)(load_camera),
+    )
     listing = list_mesh_folder(home, reader.images)
     records, faults, meshes = [], list(listing.faults), {}
     for files in listing.animals:
@@ -84,21 +105,31 @@ def read_mesh_folder(root: Path, images: Path | None = None, model: Path | None 
         records.append(record)
         meshes[record.sample_id] = MeshFile(mesh)
     landmarks = _landmarks(home / LANDMARKS)
-    bodies = MeshFolderBodies(home.resolve(), meshes, landmarks, None if model is None else load_model(model))
-    return MeshFolder(RecordSet(FORMAT, tuple(records), tuple(faults), tuple(listing.notes)), bodies)
+    bodies = MeshFolderBodies(
+        home.resolve(), meshes, landmarks, None if model is None else load_model(model)
+    )
+    return MeshFolder(
+        RecordSet(FORMAT, tuple(records), tuple(faults), tuple(listing.notes)), bodies
+    )
 
 
 def _manifest(home: Path) -> Manifest:
-    said: Manifest = decode_json(home / MANIFEST, Manifest) if (home / MANIFEST).is_file() else Manifest()
+    said: Manifest = (
+        decode_json(home / MANIFEST, Manifest) if (home / MANIFEST).is_file() else Manifest()
+    )
     if said.unit_m is not None and not (np.isfinite(said.unit_m) and said.unit_m > 0):
-        raise DatasetFormatError(f"{home / MANIFEST}: unit_m must be the metres of a unit, above 0, got {said.unit_m}")
+        raise DatasetFormatError(
+            f"{home / MANIFEST}: unit_m must be the metres of a unit, above 0, got {said.unit_m}"
+        )
     return said
 
 
 def _vocabulary(said: Manifest, home: Path) -> Vocabulary:
     """The manifest's, a file of which lies beside it."""
     try:
-        return vocabulary_of_option(str(home / said.vocabulary) if said.vocabulary.endswith(".toml") else said.vocabulary)
+        return vocabulary_of_option(
+            str(home / said.vocabulary) if said.vocabulary.endswith(".toml") else said.vocabulary
+        )
     except ConfigError as error:
         raise DatasetFormatError(f"{home / MANIFEST}: {error}") from error
 
@@ -108,7 +139,9 @@ def _landmarks(path: Path) -> dict[str, Place]:
     places = read_landmarks(path) if path.is_file() else {}
     for name, place in places.items():
         if isinstance(place, dict):
-            raise DatasetFormatError(f"{path}: {name} must be vertex ids: a point does not move with the mesh")
+            raise DatasetFormatError(
+                f"{path}: {name} must be vertex ids: a point does not move with the mesh"
+            )
     return places
 
 
@@ -149,12 +182,18 @@ class _Reader:
             keypoints_2d=keypoints,
             mask_runs=None,
             category=self.said.category,
-            mask_path=None if files.mask is None else resolve_inside(self.home, files.mask, sample_id, "mask"),
+            mask_path=(
+                None
+                if files.mask is None
+                else resolve_inside(self.home, files.mask, sample_id, "mask")
+            ),
             K=camera.K,
             stored_pose=None if camera.exact else camera.pose,
             pose=camera.pose if camera.exact else None,
             distortion=camera.distortion,
-            metres_per_unit=self.said.unit_m if camera.metres_per_unit is None else camera.metres_per_unit,
+            metres_per_unit=(
+                self.said.unit_m if camera.metres_per_unit is None else camera.metres_per_unit
+            ),
         )
         return record, mesh
 
@@ -177,7 +216,9 @@ class _Reader:
             said: dict[str, list[float] | None] = decode_json(path, dict[str, list[float] | None])
             columns = match_by_name(list(said), self.vocabulary).columns
         except (DatasetFormatError, ConfigError) as error:
-            raise SampleError(files.sample_id, "keypoints", f"{files.keypoints}: {error}") from error
+            raise SampleError(
+                files.sample_id, "keypoints", f"{files.keypoints}: {error}"
+            ) from error
         values = list(said.values())
         for row, column in enumerate(columns):
             if column is not None and (point := values[column]) is not None:
@@ -190,7 +231,10 @@ def _point(numbers: list[float], files: AnimalFiles, name: str) -> list[float]:
     point = [*numbers, 1.0] if len(numbers) == 2 else numbers
     if len(point) != 3 or not np.isfinite(point).all() or not 0 <= point[2] <= 1:
         raise SampleError(
-            files.sample_id, "keypoints", f"{files.keypoints}: {name} must be [x, y] or [x, y, confidence from 0 to 1] or null, got {numbers}"
+            files.sample_id,
+            "keypoints",
+            f"{files.keypoints}: {name} must be [x, y] or [x, y, confidence from 0 to 1] or null,"
+            f" got {numbers}",
         )
     return point if point[2] > 0 else [0.0, 0.0, 0.0]
 
@@ -199,5 +243,7 @@ def _nothing_tells(files: AnimalFiles) -> str:
     has = f"{files.camera} has no R and t" if files.camera else "there is no camera"
     marks = f"{files.keypoints} marks nothing" if files.keypoints else "there are no keypoints"
     name = Path(files.image).with_suffix("").as_posix()
-    remedy = f"Give K, R and t in cameras/{name}.json (or one camera.json), or keypoints/{name}.json"
+    remedy = (
+        f"Give K, R and t in cameras/{name}.json (or one camera.json), or keypoints/{name}.json"
+    )
     return f"{has}, and {marks}: nothing tells where {files.mesh} stands. {remedy}"

@@ -1,1 +1,4 @@
-"""A synthetic world of posed quadrupeds under known cameras: pictures with exact truth, the same for the same seed."""
+"""A synthetic world of posed quadrupeds under known cameras.
+
+Pictures with exact truth, the same for the same seed.
+"""

@@ -14,7 +14,8 @@ from animal3dbox.smal.quadruped.poses import ground_trans, named_pose, random_po
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, measure_betas, quadruped_names
 
 MEASURE_SPREAD, VARIATION_SPREAD, BLEND = 0.45, 0.3, 0.25
-"""Standard deviations of a measure and of a smaller variation, and how often two species are mixed, at a spread of 1."""
+"""Standard deviations of a measure and of a smaller variation, and how often two species are mixed,
+at a spread of 1."""
 POSE_SPREAD = 0.05
 """Standard deviation of a joint's turn at a spread of 1, in half ranges of the joint."""
 FACE_AND_EARS = ("Mouth", "LEar", "REar")
@@ -65,13 +66,18 @@ def draw_animal(rng: np.random.Generator, preset: str, config: WorldConfig) -> S
     """An animal of a species with a shape, pose and heading of its own, its place at (0, 0)."""
     poses = config.poses or WORLD_POSES
     pose_name = poses[int(rng.integers(len(poses)))]
-    betas, pose = _betas(rng, preset, config.shape_spread), _pose(rng, pose_name, config.pose_spread)
+    betas, pose = (
+        _betas(rng, preset, config.shape_spread),
+        _pose(rng, pose_name, config.pose_spread),
+    )
     heading = torch.tensor([0.0, 0.0, rng.uniform(-np.pi, np.pi)], dtype=torch.float64)
     root = rotation_from_axis_angle(heading) @ rotation_from_axis_angle(pose[0])
     pose = torch.cat((axis_angle_from_rotation(root)[None], pose[1:]))
     pose, body = _with_tail_off_the_ground(betas, pose)
     trans = ground_trans(body.vertices[0])
-    animal = StandingAnimal(preset, pose_name, betas, pose, trans, body.vertices[0] + trans, body.R_world_joint[0])
+    animal = StandingAnimal(
+        preset, pose_name, betas, pose, trans, body.vertices[0] + trans, body.R_world_joint[0]
+    )
     return animal.moved(-animal.place)
 
 
@@ -95,23 +101,38 @@ def _betas(rng: np.random.Generator, preset: str, spread: float) -> Tensor:
     """A species, sometimes with another one mixed in, and its measures varied."""
     names = quadruped_names()
     amounts = dict.fromkeys(names.columns, 0.0)
-    other, mixed, share = names.presets[int(rng.integers(len(names.presets)))], rng.random() < BLEND * spread, rng.uniform(0.1, 0.35)
+    other, mixed, share = (
+        names.presets[int(rng.integers(len(names.presets)))],
+        rng.random() < BLEND * spread,
+        rng.uniform(0.1, 0.35),
+    )
     amounts[preset] += 1 - share * mixed
     amounts[other] += share * mixed
     for column in names.columns:
-        wide = MEASURE_SPREAD if column in names.measures else 0.0 if column in names.presets else VARIATION_SPREAD
+        wide = (
+            MEASURE_SPREAD
+            if column in names.measures
+            else 0.0
+            if column in names.presets
+            else VARIATION_SPREAD
+        )
         amounts[column] += spread * wide * float(np.clip(rng.standard_normal(), -1.5, 1.5))
     return measure_betas(amounts)
 
 
 def _pose(rng: np.random.Generator, name: str, spread: float) -> Tensor:
-    """A pose (J, 3) of a name, its joints turned a little within their limits; the root's is left alone."""
+    """A pose (J, 3) of a name, its joints turned a little within their limits.
+
+    The root's is left alone.
+    """
     if name == "random":
         return random_pose(torch.Generator().manual_seed(int(rng.integers(1 << 62))))
     pose = _tail_up() if name == "tail_up" else named_pose(name)
     low, high = joint_limits()
     turns = torch.from_numpy(rng.standard_normal(pose.shape).clip(-2, 2))
-    turns[[load_quadruped().joint_names.index(joint) for joint in FACE_AND_EARS]] *= 2  # ears and jaws move more than legs
+    turns[[load_quadruped().joint_names.index(joint) for joint in FACE_AND_EARS]] *= (
+        2  # ears and jaws move more than legs
+    )
     varied = (pose + spread * POSE_SPREAD * turns * (high - low) / 2).clamp(low, high)
     return torch.cat((pose[:1], varied[1:])) if spread else pose
 

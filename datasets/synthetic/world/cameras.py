@@ -1,4 +1,7 @@
-"""Cameras of a scene: handheld and from above, that see an animal in a given size and place of the frame."""
+"""Cameras of a scene.
+
+Handheld and from above, that see an animal in a given size and place of the frame.
+"""
 
 import math
 from dataclasses import dataclass
@@ -30,7 +33,8 @@ class _View:
         away: (3,) unit, from the animal to the camera.
         roll: radians.
         fill: wanted longer side of the animal's box by the image's side.
-        corner: (2,) where in the free room the animal stands, 0 to 1 along u and v; outside of that it is cut.
+        corner: (2,) where in the free room the animal stands, 0 to 1 along u and v; outside of that
+            it is cut.
         image_hw: height and width.
     """
 
@@ -48,7 +52,9 @@ def draw_camera(rng: np.random.Generator, vertices: Tensor, config: WorldConfig)
     middle = (vertices.amax(0) + vertices.amin(0)) / 2
     half = torch.tensor([config.image_hw[1], config.image_hw[0]], dtype=torch.float64) / 2
     about = vertices - middle
-    distance = float(view.K[0, 0] * torch.linalg.vector_norm(about, dim=1).amax() / (view.fill * half.amax()))
+    distance = float(
+        view.K[0, 0] * torch.linalg.vector_norm(about, dim=1).amax() / (view.fill * half.amax())
+    )
     aim = half - 0.5
     for _ in range(ROUNDS):
         T = _pointed(view, distance, aim)
@@ -69,7 +75,10 @@ def draw_camera(rng: np.random.Generator, vertices: Tensor, config: WorldConfig)
 
 
 def _corner_px(corner: Tensor, size: Tensor, frame: Tensor) -> Tensor:
-    """Where the box of an animal begins, (2,) px from the frame's border: within the room it has, or cut by part of its size."""
+    """Where the box of an animal begins, (2,) px from the frame's border.
+
+    Within the room it has, or cut by part of its size.
+    """
     before, after = corner * size, frame - size + (corner - 1) * size
     return torch.where(corner < 0, before, torch.where(corner > 1, after, corner * (frame - size)))
 
@@ -81,8 +90,15 @@ def _draw_view(rng: np.random.Generator, config: WorldConfig) -> _View:
     elif config.uav > 0:
         high = max(low, min(high, HANDHELD_BELOW_DEG))
     usual = min(max(USUAL_ELEVATION_DEG, low), high)
-    elevation, azimuth = math.radians(rng.triangular(low, usual, high) if low < high else low), rng.uniform(-math.pi, math.pi)
-    away = (math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation))
+    elevation, azimuth = (
+        math.radians(rng.triangular(low, usual, high) if low < high else low),
+        rng.uniform(-math.pi, math.pi),
+    )
+    away = (
+        math.cos(elevation) * math.cos(azimuth),
+        math.cos(elevation) * math.sin(azimuth),
+        math.sin(elevation),
+    )
     focal, fill = log_uniform(rng, config.focal_px), log_uniform(rng, config.fill, FILL_BIAS)
     roll = math.radians(rng.uniform(-1, 1) * config.roll_deg)
     K = intrinsics(focal, config.image_hw)
@@ -92,7 +108,14 @@ def _draw_view(rng: np.random.Generator, config: WorldConfig) -> _View:
     side, cut, is_cut = int(rng.integers(4)), rng.uniform(*_CUT), rng.random() < config.truncated
     if is_cut:
         corner[side % 2] = -cut if side < 2 else 1 + cut
-    return _View(K, torch.tensor(away, dtype=torch.float64), roll, fill, torch.from_numpy(corner), config.image_hw)
+    return _View(
+        K,
+        torch.tensor(away, dtype=torch.float64),
+        roll,
+        fill,
+        torch.from_numpy(corner),
+        config.image_hw,
+    )
 
 
 def _pointed(view: _View, distance: float, aim: Tensor) -> Tensor:

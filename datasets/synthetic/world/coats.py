@@ -1,4 +1,8 @@
-"""Coats: colours as functions of places on the template, so that they stick to the body in every shape and pose."""
+"""Coats.
+
+Colours as functions of places on the template, so that they stick to the body in every shape and
+pose.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -30,7 +34,10 @@ _BASES: dict[str, tuple[tuple[str, ...], tuple[Color, ...]]] = {
     "hippo": (("countershading", "plain"), ((0.46, 0.39, 0.39), (0.40, 0.36, 0.37))),
     "lion": (("countershading", "plain"), ((0.76, 0.59, 0.36), (0.68, 0.52, 0.34))),
 }  # fmt: skip
-_OTHER: tuple[tuple[str, ...], tuple[Color, ...]] = (KINDS, ((0.60, 0.50, 0.40), (0.35, 0.30, 0.26)))
+_OTHER: tuple[tuple[str, ...], tuple[Color, ...]] = (
+    KINDS,
+    ((0.60, 0.50, 0.40), (0.35, 0.30, 0.26)),
+)
 _USUAL = 0.8  # part of the animals whose kind of coat is one of their species'
 
 
@@ -63,7 +70,11 @@ def draw_coat(rng: np.random.Generator, preset: str) -> Coat:
     kind = kinds[int(rng.integers(len(kinds)))]
     if rng.random() > _USUAL and preset != "zebra":
         kind = KINDS[int(rng.integers(len(KINDS)))]
-    tone = np.array(bases[int(rng.integers(len(bases)))]) * rng.uniform(0.85, 1.12) * rng.uniform(0.96, 1.04, 3)
+    tone = (
+        np.array(bases[int(rng.integers(len(bases)))])
+        * rng.uniform(0.85, 1.12)
+        * rng.uniform(0.96, 1.04, 3)
+    )
     base = tone.clip(0.04, 0.93)
     if kind == "countershading":
         mark = base + (0.93 - base) * rng.uniform(0.45, 0.75)
@@ -87,7 +98,8 @@ def _color(value: NDArray[np.float64]) -> Color:
 
 
 def coat_colors(coat: Coat, features: Values) -> Values:
-    """Colours (N, 3), 0 to 1, of points with these template features (N, F), as template_features gives them."""
+    """Colours (N, 3), 0 to 1, of points with these template features (N, F), as template_features
+    gives them."""
     x, y, z, up, leg, head, tail, dark = features.T
     noise = np.sin(features[:, :3] @ coat.waves + coat.phases).sum(1) / _WAVES**0.5
     base, mark = np.array(coat.base, dtype=np.float32), np.array(coat.mark, dtype=np.float32)
@@ -96,14 +108,26 @@ def coat_colors(coat: Coat, features: Values) -> Values:
     elif coat.kind == "spots":
         part = _step(noise - 0.75, 0.15) * (1 - 0.7 * leg)
     elif coat.kind == "stripes":
-        flow = 2 * np.pi * (13.0 + 3 * coat.level) * (x * (1 - leg) * (1 + 0.4 * head) + 0.25 * z * (1 - leg) + 1.3 * z * leg + 0.012 * noise)
+        flow = (
+            2
+            * np.pi
+            * (13.0 + 3 * coat.level)
+            * (
+                x * (1 - leg) * (1 + 0.4 * head)
+                + 0.25 * z * (1 - leg)
+                + 1.3 * z * leg
+                + 0.012 * noise
+            )
+        )
         part = _step(np.sin(flow) - 0.1 + 1.2 * np.clip(-up - 0.3, 0, 1), 0.25)
     elif coat.kind == "countershading":
         part = _step(-up - 0.15 + 0.15 * noise, 0.55)
     else:
         part = 0.05 * noise
     colors = base + (mark - base) * np.clip(part, 0, 1)[:, None]
-    colors *= (1 - coat.points * np.clip(leg * (1 - z / 0.4) + 0.6 * head + 0.7 * tail, 0, 1))[:, None]
+    colors *= (1 - coat.points * np.clip(leg * (1 - z / 0.4) + 0.6 * head + 0.7 * tail, 0, 1))[
+        :, None
+    ]
     hair = np.sin(150 * x + 95 * y + 2.5 * noise) * np.sin(130 * z - 60 * y - 2.0 * noise)
     colors *= (1 + 0.03 * noise + 0.01 * hair)[:, None]
     return np.asarray(colors * (1 - 0.9 * np.clip(dark, 0, 1))[:, None], dtype=np.float32)
@@ -117,14 +141,21 @@ def _step(value: Values, width: float) -> Values:
 
 @cache
 def template_features() -> Values:
-    """What coats depend on, of each vertex of the quadruped's template, (V, 8): place, upward normal, parts of the body, dark skin."""
+    """What coats depend on, of each vertex of the quadruped's template, (V, 8).
+
+    Place, upward normal, parts of the body, dark skin.
+    """
     model = load_quadruped()
     place, normals = model.v_template, vertex_normals(model.v_template, model.faces)
-    parts = [_weight(model, names) for names in (("Leg", "Foot"), ("Head", "Mouth", "Ear"), ("Tail",))]
+    parts = [
+        _weight(model, names) for names in (("Leg", "Foot"), ("Head", "Mouth", "Ear"), ("Tail",))
+    ]
     dark = torch.zeros(model.vertex_count, dtype=torch.float64)
     for names, radius in ((("left_eye", "right_eye"), EYE_RADIUS), (("nose",), NOSE_RADIUS)):
         for name in names:
-            apart = torch.linalg.vector_norm(place - place[list(model.landmarks[name])].mean(0), dim=1)
+            apart = torch.linalg.vector_norm(
+                place - place[list(model.landmarks[name])].mean(0), dim=1
+            )
             dark = torch.maximum(dark, (1.6 - apart / radius).clamp(0, 1))
     dark = torch.maximum(dark, 0.75 * (1.5 - place[:, 2] / HOOF_HEIGHT).clamp(0, 1))
     features = torch.stack((*place.unbind(1), normals[:, 2], *parts, dark), dim=1)
@@ -132,5 +163,7 @@ def template_features() -> Values:
 
 
 def _weight(model: SmalModel, names: tuple[str, ...]) -> torch.Tensor:
-    joints = [i for i, joint in enumerate(model.joint_names) if any(name in joint for name in names)]
+    joints = [
+        i for i, joint in enumerate(model.joint_names) if any(name in joint for name in names)
+    ]
     return model.weights[:, joints].sum(1)

@@ -29,15 +29,19 @@ class WorldConfig:
         animals: how many an image has.
         shape_spread: 0 for the plain presets, 1 for individuals as different as breeds are.
         pose_spread: 0 for the plain poses, 1 for joints turned by some degrees more or less.
-        occluded: part of the images with things put before the animal; they hide some of it in fewer.
+        occluded: part of the images with things put before the animal; they hide some of it in
+            fewer.
         truncated: part of the images whose animal is cut by the frame.
         uav: part of the images taken from above, the others are handheld.
-        elevation_deg: of the camera over the horizontal plane at the animal, 10 being the most common for handheld ones; those keep
-            below 35, and the ones from above over 25, where low ones are more common.
+        elevation_deg: of the camera over the horizontal plane at the animal, 10 being the most
+            common for handheld ones; those keep below 35, and the ones from above over 25, where
+            low ones are more common.
         roll_deg: greatest roll of the camera, to either side.
         focal_px: focal length in pixels, drawn evenly over its logarithm.
-        principal_offset: greatest offset of the principal point from the centre, as part of the image's sides.
-        fill: longer side of the animal's box by the image's side, drawn over its logarithm, large ones more often.
+        principal_offset: greatest offset of the principal point from the centre, as part of the
+            image's sides.
+        fill: longer side of the animal's box by the image's side, drawn over its logarithm, large
+            ones more often.
     """
 
     image_hw: tuple[int, int] = (480, 640)
@@ -60,7 +64,9 @@ class WorldConfig:
         check_image_hw("image_hw", self.image_hw)
         for field, known in (("presets", quadruped_names().presets), ("poses", WORLD_POSES)):
             if unknown := [name for name in getattr(self, field) if name not in known]:
-                raise ConfigError(f"{field} must be of {', '.join(known)}, got {', '.join(unknown)}")
+                raise ConfigError(
+                    f"{field} must be of {', '.join(known)}, got {', '.join(unknown)}"
+                )
         limits = {
             "animals": (1, 50), "elevation_deg": (-10, 85), "focal_px": (1, np.inf), "fill": (0.02, 1.0),
             "shape_spread": (0, 3), "pose_spread": (0, 3), "occluded": (0, 1), "truncated": (0, 1), "uav": (0, 1), "roll_deg": (0, 180),
@@ -70,7 +76,9 @@ class WorldConfig:
             value = getattr(self, field)
             least, greatest = value if isinstance(value, tuple) else (value, value)
             if not low <= least <= greatest <= high or not np.isfinite(greatest):
-                raise ConfigError(f"{field} must lie within {low} and {high}, the least first, got {value}")
+                raise ConfigError(
+                    f"{field} must lie within {low} and {high}, the least first, got {value}"
+                )
 
 
 CLEAR = WorldConfig(
@@ -81,7 +89,9 @@ CLEAR = WorldConfig(
 
 
 def world_generator(seed: int, index: int, purpose: str) -> np.random.Generator:
-    """The random numbers of one scene for one purpose: others of the same scene, and other scenes, do not change them.
+    """The random numbers of one scene for one purpose.
+
+    Others of the same scene, and other scenes, do not change them.
 
     Raises:
         ConfigError: seed or index is negative.
@@ -89,9 +99,14 @@ def world_generator(seed: int, index: int, purpose: str) -> np.random.Generator:
     """
     if seed < 0 or index < 0:
         raise ConfigError(f"seed and index must not be negative, got {seed} and {index}")
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index, *purpose.encode()))))
+    return np.random.Generator(
+        np.random.PCG64(np.random.SeedSequence((seed, index, *purpose.encode())))
+    )
 
 
 def log_uniform(rng: np.random.Generator, span: Range, bias: float = 1.0) -> float:
-    """One number of a range, drawn over its logarithm: evenly, or with a bias below 1 rather the greater ones."""
+    """One number of a range, drawn over its logarithm.
+
+    Evenly, or with a bias below 1 rather the greater ones.
+    """
     return float(np.exp(np.log(span[0]) + rng.random() ** bias * np.log(span[1] / span[0])))

@@ -63,7 +63,9 @@ def draw_setting(rng: np.random.Generator) -> Setting:
     blue = np.array([0.36, 0.56, 0.86]) * sunny + np.array([0.74, 0.77, 0.80]) * (1 - sunny)
     pale = np.array([0.80, 0.87, 0.94]) * sunny + np.array([0.84, 0.85, 0.86]) * (1 - sunny)
     height, turn = math.radians(rng.uniform(28, 70)), rng.uniform(-math.pi, math.pi)
-    hills = np.stack((rng.uniform(0.0, 0.03, 6) / (1 + 0.5 * np.arange(6)), rng.uniform(0, 6.28, 6)))
+    hills = np.stack(
+        (rng.uniform(0.0, 0.03, 6) / (1 + 0.5 * np.arange(6)), rng.uniform(0, 6.28, 6))
+    )
     green = np.array([0.30, 0.38, 0.27]) * rng.uniform(0.8, 1.3)
     return Setting(
         _color(np.array(low) * tint), _color(np.array(high) * tint), _noise_tile(rng), (float(rng.uniform(0.7, 1.4)), float(rng.uniform(5, 9))),
@@ -82,11 +84,21 @@ def _noise_tile(rng: np.random.Generator) -> Picture:
     for cells, amount in ((8, 0.35), (32, 0.35), (128, 0.3)):
         small = np.pad(rng.random((cells, cells), dtype=np.float32), 1, mode="wrap")
         step = TILE // cells
-        tile += np.float32(amount) * cv2.resize(small, None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)[step:-step, step:-step]
+        tile += (
+            np.float32(amount)
+            * cv2.resize(small, None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)[
+                step:-step, step:-step
+            ]
+        )
     return np.asarray((tile - tile.min()) / (tile.max() - tile.min()), dtype=np.float32)
 
 
-def background(setting: Setting, camera: PinholeCamera, ground_z: float, casters: list[tuple[torch.Tensor, torch.Tensor]]) -> Picture:
+def background(
+    setting: Setting,
+    camera: PinholeCamera,
+    ground_z: float,
+    casters: list[tuple[torch.Tensor, torch.Tensor]],
+) -> Picture:
     """The picture (H, W, 3), 0 to 1, of the empty scene with the shadows of the casters.
 
     Args:
@@ -98,7 +110,10 @@ def background(setting: Setting, camera: PinholeCamera, ground_z: float, casters
     """
     height, width = camera.image_hw
     rows, columns = -(-height // COARSE), -(-width // COARSE)
-    coarse = torch.tensor([[1 / COARSE, 0, 0.5 / COARSE - 0.5], [0, 1 / COARSE, 0.5 / COARSE - 0.5], [0, 0, 1]], dtype=torch.float64)
+    coarse = torch.tensor(
+        [[1 / COARSE, 0, 0.5 / COARSE - 0.5], [0, 1 / COARSE, 0.5 / COARSE - 0.5], [0, 0, 1]],
+        dtype=torch.float64,
+    )
     K, eye = coarse @ camera.K, camera.center_world.numpy()
     v, u = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     to_world = (torch.linalg.inv(K).T @ camera.T_cam_world[:3, :3]).numpy()
@@ -110,29 +125,55 @@ def background(setting: Setting, camera: PinholeCamera, ground_z: float, casters
     picture *= 1 - (0.15 + 0.45 * setting.sunny) * shadow[..., None]
     sky = _sky(setting, x, y, up)
     turn = np.arctan2(y, x).astype(np.float32)
-    skyline = sum(np.float32(a) * (1 + np.sin(np.float32(3 + 4 * i) * turn + np.float32(p))) for i, (a, p) in enumerate(setting.hills.T))
+    skyline = sum(
+        np.float32(a) * (1 + np.sin(np.float32(3 + 4 * i) * turn + np.float32(p)))
+        for i, (a, p) in enumerate(setting.hills.T)
+    )
     far = np.clip(1 - np.exp(-reach / HAZE), 0, 1).astype(np.float32)[..., None]
     hill = np.array(setting.hill_color, dtype=np.float32)
-    whole = np.where((up < -1e-4)[..., None], picture + (hill - picture) * far, np.where((up < skyline)[..., None], hill, sky))
+    whole = np.where(
+        (up < -1e-4)[..., None],
+        picture + (hill - picture) * far,
+        np.where((up < skyline)[..., None], hill, sky),
+    )
     soft = cv2.GaussianBlur(whole.astype(np.float32), (3, 3), 0.8)
-    return np.asarray(cv2.resize(soft, (columns * COARSE, rows * COARSE), interpolation=cv2.INTER_LINEAR)[:height, :width])
+    return np.asarray(
+        cv2.resize(soft, (columns * COARSE, rows * COARSE), interpolation=cv2.INTER_LINEAR)[
+            :height, :width
+        ]
+    )
 
 
 def _ground(
-    setting: Setting, x: NDArray[np.float64], y: NDArray[np.float64], reach: NDArray[np.float64], focal: float, up: NDArray[np.float64]
+    setting: Setting,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    reach: NDArray[np.float64],
+    focal: float,
+    up: NDArray[np.float64],
 ) -> Picture:
     """Colours (R, C, 3); a texture finer than a pixel fades to its mean."""
     height: Picture = np.full(x.shape, 0.5, dtype=np.float32)
     pixel = reach / (focal * np.maximum(-up, 0.02))  # of the world, along the line of sight
     for scale, amount in zip(setting.scale, (0.55, 0.45), strict=True):
         at = np.stack((x, y), axis=-1) / scale * TILE % TILE
-        seen = cv2.remap(setting.tile, at[..., 0].astype(np.float32), at[..., 1].astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-        height += np.asarray(amount * np.exp(-((8 * pixel / scale) ** 2)) * (seen - 0.5), dtype=np.float32)
+        seen = cv2.remap(
+            setting.tile,
+            at[..., 0].astype(np.float32),
+            at[..., 1].astype(np.float32),
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_WRAP,
+        )
+        height += np.asarray(
+            amount * np.exp(-((8 * pixel / scale) ** 2)) * (seen - 0.5), dtype=np.float32
+        )
     low, high = np.array(setting.low, dtype=np.float32), np.array(setting.high, dtype=np.float32)
     return np.asarray(low + (high - low) * (1.6 * (height - 0.5) + 0.5).clip(0, 1)[..., None])
 
 
-def _sky(setting: Setting, x: NDArray[np.float64], y: NDArray[np.float64], up: NDArray[np.float64]) -> Picture:
+def _sky(
+    setting: Setting, x: NDArray[np.float64], y: NDArray[np.float64], up: NDArray[np.float64]
+) -> Picture:
     pale, blue = (np.array(color, dtype=np.float32) for color in setting.sky)
     sky = pale + (blue - pale) * np.clip(up * 1.8, 0, 1).astype(np.float32)[..., None] ** 0.7
     over = 1 / np.maximum(up, 0.05)

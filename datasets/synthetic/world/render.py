@@ -24,17 +24,27 @@ SENSOR_NOISE = 4
 def surfaces_of(plan: ScenePlan) -> list[Surface]:
     """The animals, then the things."""
     faces, features = load_quadruped().faces, template_features()
-    animals = [Surface(a.vertices, faces, features, _coat(coat)) for a, coat in zip(plan.animals, plan.coats, strict=True)]
-    return animals + [Surface(t.vertices, t.faces, t.vertices.numpy().astype(np.float32), _grained(t)) for t in plan.things]
+    animals = [
+        Surface(a.vertices, faces, features, _coat(coat))
+        for a, coat in zip(plan.animals, plan.coats, strict=True)
+    ]
+    return animals + [
+        Surface(t.vertices, t.faces, t.vertices.numpy().astype(np.float32), _grained(t))
+        for t in plan.things
+    ]
 
 
 def render_scene(plan: ScenePlan) -> Rendering:
     """The picture of a scene; owner counts the animals first, then the things."""
     surfaces = surfaces_of(plan)
     casters = surfaces if plan.ground_z == 0 else surfaces[len(plan.animals) :]
-    empty = background(plan.setting, plan.camera, plan.ground_z, [(s.vertices, s.faces) for s in casters])
+    empty = background(
+        plan.setting, plan.camera, plan.ground_z, [(s.vertices, s.faces) for s in casters]
+    )
     made = render(surfaces, plan.camera, empty, Light(plan.setting.sun, plan.setting.sunny))
-    return Rendering(_noisy(made.image, world_generator(plan.seed, plan.index, "noise")), made.owner, made.raster)
+    return Rendering(
+        _noisy(made.image, world_generator(plan.seed, plan.index, "noise")), made.owner, made.raster
+    )
 
 
 def _coat(coat: Coat) -> Callable[[Values], Values]:
@@ -48,8 +58,14 @@ def _grained(thing: Thing) -> Callable[[Values], Values]:
 
     def colors(places: Values) -> Values:
         x, y, z = cycles * places.T
-        grain = np.sin(x + 1.7 * np.sin(0.8 * y)) * np.sin(y + 1.3 * np.sin(0.9 * z)) + 0.7 * np.sin(2.3 * z + 2.1 * np.sin(x)) * np.sin(2.7 * x - y)
-        return np.asarray(np.where(places[:, 2:] < CROWN_BOTTOM, stem, color) * (1 + amount * 0.6 * grain[:, None]), dtype=np.float32)
+        grain = np.sin(x + 1.7 * np.sin(0.8 * y)) * np.sin(
+            y + 1.3 * np.sin(0.9 * z)
+        ) + 0.7 * np.sin(2.3 * z + 2.1 * np.sin(x)) * np.sin(2.7 * x - y)
+        return np.asarray(
+            np.where(places[:, 2:] < CROWN_BOTTOM, stem, color)
+            * (1 + amount * 0.6 * grain[:, None]),
+            dtype=np.float32,
+        )
 
     return colors
 

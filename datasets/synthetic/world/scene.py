@@ -13,7 +13,14 @@ from animal3dbox.datasets.synthetic.world.cameras import draw_camera
 from animal3dbox.datasets.synthetic.world.coats import Coat, draw_coat
 from animal3dbox.datasets.synthetic.world.config import WorldConfig, world_generator
 from animal3dbox.datasets.synthetic.world.ground import Setting, draw_setting
-from animal3dbox.datasets.synthetic.world.things import LEDGE_GAP, OCCLUDERS, REACH, Thing, make_ledge, make_thing
+from animal3dbox.datasets.synthetic.world.things import (
+    LEDGE_GAP,
+    OCCLUDERS,
+    REACH,
+    Thing,
+    make_ledge,
+    make_thing,
+)
 from animal3dbox.geometry.camera import PinholeCamera
 from animal3dbox.geometry.rasterizer import rasterize, silhouette
 from animal3dbox.geometry.rigid import transform_points
@@ -66,7 +73,10 @@ class ScenePlan:
 
 def plan_scene(seed: int, index: int, config: WorldConfig) -> ScenePlan:
     """The scene of a seed and an index; no other scene has any influence on it."""
-    rngs = {part: world_generator(seed, index, part) for part in ("animal", "camera", "herd", "things", "coats", "setting")}
+    rngs = {
+        part: world_generator(seed, index, part)
+        for part in ("animal", "camera", "herd", "things", "coats", "setting")
+    }
     presets = config.presets or quadruped_names().presets
     preset = presets[index % len(presets)]
     first = draw_animal(rngs["animal"], preset, config)
@@ -82,10 +92,21 @@ def plan_scene(seed: int, index: int, config: WorldConfig) -> ScenePlan:
         animals, ground_z = _herd(rngs["herd"], first, camera, config), 0.0
         things = _things(rngs["things"], animals, camera, config)
         animals, things = _with_first_seen(animals, things, camera)
-    return ScenePlan(seed, index, camera, animals, tuple(draw_coat(rngs["coats"], a.preset) for a in animals), things, setting, ground_z)
+    return ScenePlan(
+        seed,
+        index,
+        camera,
+        animals,
+        tuple(draw_coat(rngs["coats"], a.preset) for a in animals),
+        things,
+        setting,
+        ground_z,
+    )
 
 
-def _herd(rng: np.random.Generator, first: StandingAnimal, camera: PinholeCamera, config: WorldConfig) -> tuple[StandingAnimal, ...]:
+def _herd(
+    rng: np.random.Generator, first: StandingAnimal, camera: PinholeCamera, config: WorldConfig
+) -> tuple[StandingAnimal, ...]:
     """The first animal, and others of its kind that the camera sees too, none into another."""
     wanted = int(rng.integers(config.animals[0], config.animals[1] + 1))
     if config.animals[0] == 1 and rng.random() < 0.5:
@@ -95,9 +116,17 @@ def _herd(rng: np.random.Generator, first: StandingAnimal, camera: PinholeCamera
         other = draw_animal(rng, first.preset, config)
         for _ in range(TRIES):
             neighbour = animals[int(rng.integers(len(animals)))]
-            angle, apart = rng.uniform(-np.pi, np.pi), neighbour.reach + other.reach + GAP + rng.exponential(0.5)
-            moved = other.moved(neighbour.place + apart * torch.tensor([np.cos(angle), np.sin(angle)], dtype=torch.float64))
-            if all(_apart(moved, animal) for animal in animals) and _well_seen(moved.vertices, camera):
+            angle, apart = (
+                rng.uniform(-np.pi, np.pi),
+                neighbour.reach + other.reach + GAP + rng.exponential(0.5),
+            )
+            moved = other.moved(
+                neighbour.place
+                + apart * torch.tensor([np.cos(angle), np.sin(angle)], dtype=torch.float64)
+            )
+            if all(_apart(moved, animal) for animal in animals) and _well_seen(
+                moved.vertices, camera
+            ):
                 animals.append(moved)
                 break
     return tuple(animals)
@@ -118,7 +147,9 @@ def _well_seen(vertices: Tensor, camera: PinholeCamera) -> bool:
     return bool(((middle > 0) & (middle < frame) & (size < 1.2 * frame)).all())
 
 
-def _ledge_under(rng: np.random.Generator, animal: StandingAnimal, bottom: float, setting: Setting) -> Thing:
+def _ledge_under(
+    rng: np.random.Generator, animal: StandingAnimal, bottom: float, setting: Setting
+) -> Thing:
     """What the animal stands on, no wider than its feet need."""
     feet = animal.vertices[animal.vertices[:, 2] < 0.1, :2]
     place = (feet.amax(0) + feet.amin(0)) / 2
@@ -130,23 +161,41 @@ def _ledge_under(rng: np.random.Generator, animal: StandingAnimal, bottom: float
 def _with_first_seen(
     animals: tuple[StandingAnimal, ...], things: tuple[Thing, ...], camera: PinholeCamera
 ) -> tuple[tuple[StandingAnimal, ...], tuple[Thing, ...]]:
-    """What is left when things, then other animals, are taken away until the first animal is seen well enough."""
+    """What is left when things, then other animals, are taken away until the first animal is seen
+    well enough."""
     height, width = (math.ceil(side / COARSE) for side in camera.image_hw)
-    K = torch.tensor([[1 / COARSE, 0, 0], [0, 1 / COARSE, 0], [0, 0, 1]], dtype=torch.float64) @ camera.K
+    K = (
+        torch.tensor([[1 / COARSE, 0, 0], [0, 1 / COARSE, 0], [0, 0, 1]], dtype=torch.float64)
+        @ camera.K
+    )
     faces = load_quadruped().faces
     while len(animals) > 1 or things:
         parts = [(a.vertices, faces) for a in animals] + [(t.vertices, t.faces) for t in things]
         starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)]).tolist()
-        vertices = transform_points(camera.T_cam_world, torch.cat([vertices for vertices, _ in parts]))
-        seen = rasterize(vertices, torch.cat([f + s for (_, f), s in zip(parts, starts[:-1], strict=True)]), K, (height, width)).face_index
-        whole = int(silhouette(vertices[: len(animals[0].vertices)], faces, K, (height, width)).sum())
+        vertices = transform_points(
+            camera.T_cam_world, torch.cat([vertices for vertices, _ in parts])
+        )
+        seen = rasterize(
+            vertices,
+            torch.cat([f + s for (_, f), s in zip(parts, starts[:-1], strict=True)]),
+            K,
+            (height, width),
+        ).face_index
+        whole = int(
+            silhouette(vertices[: len(animals[0].vertices)], faces, K, (height, width)).sum()
+        )
         if int(((seen >= 0) & (seen < len(faces))).sum()) >= LEAST_SEEN * whole:
             break
         animals, things = (animals, things[:-1]) if things else (animals[:-1], things)
     return animals, things
 
 
-def _things(rng: np.random.Generator, animals: tuple[StandingAnimal, ...], camera: PinholeCamera, config: WorldConfig) -> tuple[Thing, ...]:
+def _things(
+    rng: np.random.Generator,
+    animals: tuple[StandingAnimal, ...],
+    camera: PinholeCamera,
+    config: WorldConfig,
+) -> tuple[Thing, ...]:
     """Occluders between the camera and the first animal, and things anywhere."""
     things: list[Thing] = []
     places: list[tuple[Place, float]] = [(a.place.numpy(), a.reach) for a in animals]
@@ -157,11 +206,19 @@ def _things(rng: np.random.Generator, animals: tuple[StandingAnimal, ...], camer
         for _ in range(int(rng.integers(1, 5))):
             kind = (*OCCLUDERS, "tree")[int(rng.integers(len(OCCLUDERS) + 1))]
             angle, far = rng.uniform(-np.pi, np.pi), rng.uniform(1.0, 5.0)
-            _add(rng, things, places, camera, (kind, animals[0].place.numpy() + far * np.array([np.cos(angle), np.sin(angle)])))
+            _add(
+                rng,
+                things,
+                places,
+                camera,
+                (kind, animals[0].place.numpy() + far * np.array([np.cos(angle), np.sin(angle)])),
+            )
     return tuple(things)
 
 
-def _before(rng: np.random.Generator, animal: StandingAnimal, camera: PinholeCamera) -> tuple[str, Place]:
+def _before(
+    rng: np.random.Generator, animal: StandingAnimal, camera: PinholeCamera
+) -> tuple[str, Place]:
     """A kind of occluder and a place for it before the animal."""
     eye = camera.center_world.numpy()
     towards = eye[:2] - animal.place.numpy()
@@ -173,17 +230,33 @@ def _before(rng: np.random.Generator, animal: StandingAnimal, camera: PinholeCam
     aside = np.array([-along[1], along[0]])
     apart = animal.reach + REACH[kind] + GAP + rng.uniform(0.01, 0.15)
     spread = animal.reach * rng.uniform(-0.6, 0.6)
-    return kind, animal.place.numpy() + along * (apart**2 - min(spread**2, apart**2 / 2)) ** 0.5 + aside * spread * 1.05
+    return (
+        kind,
+        animal.place.numpy()
+        + along * (apart**2 - min(spread**2, apart**2 / 2)) ** 0.5
+        + aside * spread * 1.05,
+    )
 
 
-def _add(rng: np.random.Generator, things: list[Thing], places: list[tuple[Place, float]], camera: PinholeCamera, what: tuple[str, Place]) -> None:
+def _add(
+    rng: np.random.Generator,
+    things: list[Thing],
+    places: list[tuple[Place, float]],
+    camera: PinholeCamera,
+    what: tuple[str, Place],
+) -> None:
     """Put a thing there unless it would stand in something, or close before the camera."""
     kind, place = what
     thing = make_thing(rng, kind, place)
-    if any(float(np.hypot(*(place - other))) < reach + REACH[kind] + GAP for other, reach in places):
+    if any(
+        float(np.hypot(*(place - other))) < reach + REACH[kind] + GAP for other, reach in places
+    ):
         return
     _, depth = camera.project(thing.vertices)
-    near = float(torch.linalg.vector_norm(thing.vertices - camera.center_world, dim=1).amin()) < CLEAR_DEPTH
+    near = (
+        float(torch.linalg.vector_norm(thing.vertices - camera.center_world, dim=1).amin())
+        < CLEAR_DEPTH
+    )
     if near or float(depth.amax()) > 0 > float(depth.amin()):
         return
     things.append(thing)

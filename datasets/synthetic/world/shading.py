@@ -41,7 +41,8 @@ class Surface:
     Attributes:
         vertices: (V, 3) world, z up.
         faces: (F, 3).
-        features: (V, C) float32, what the colour depends on; between vertices by their barycentric weights.
+        features: (V, C) float32, what the colour depends on; between vertices by their barycentric
+            weights.
         colors: features (N, C) -> colours (N, 3), 0 to 1.
     """
 
@@ -57,7 +58,8 @@ class Rendering:
 
     Attributes:
         image: (H, W, 3) uint8 RGB.
-        owner: (H, W) int64, the number of the surface seen at each pixel's centre, -1 for the background.
+        owner: (H, W) int64, the number of the surface seen at each pixel's centre, -1 for the
+            background.
         raster: of all the surfaces' faces, one after the other.
     """
 
@@ -70,22 +72,38 @@ def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
     """Unit normals (V, 3) of a mesh's vertices, its faces weighted by their area."""
     corners = vertices[faces]
     across = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = torch.zeros_like(vertices).index_add(0, faces.flatten(), across.repeat_interleave(3, dim=0))
+    normals = torch.zeros_like(vertices).index_add(
+        0, faces.flatten(), across.repeat_interleave(3, dim=0)
+    )
     return torch.nn.functional.normalize(normals, dim=-1)
 
 
 def joined_meshes(surfaces: Sequence[Surface]) -> tuple[Tensor, Tensor, Tensor]:
-    """All vertices (V, 3) in the world, all faces (F, 3), and the surface (F,) that each face is of."""
+    """All vertices (V, 3) in the world, all faces (F, 3), and the surface (F,) that each face is
+    of."""
     if not surfaces:
-        return torch.zeros(0, 3, dtype=torch.float64), torch.zeros(0, 3, dtype=torch.int64), torch.zeros(0, dtype=torch.int64)
+        return (
+            torch.zeros(0, 3, dtype=torch.float64),
+            torch.zeros(0, 3, dtype=torch.int64),
+            torch.zeros(0, dtype=torch.int64),
+        )
     starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)]).tolist()
     faces = torch.cat([s.faces + start for s, start in zip(surfaces, starts[:-1], strict=True)])
-    owner = torch.repeat_interleave(torch.arange(len(surfaces)), torch.tensor([len(s.faces) for s in surfaces]))
+    owner = torch.repeat_interleave(
+        torch.arange(len(surfaces)), torch.tensor([len(s.faces) for s in surfaces])
+    )
     return torch.cat([s.vertices for s in surfaces]), faces, owner
 
 
-def render(surfaces: Sequence[Surface], camera: PinholeCamera, background: Picture | None = None, light: Light = Light()) -> Rendering:
-    """A picture of surfaces; each pixel shows what is nearest at its centre, and outlines are softened.
+def render(
+    surfaces: Sequence[Surface],
+    camera: PinholeCamera,
+    background: Picture | None = None,
+    light: Light = Light(),
+) -> Rendering:
+    """A picture of surfaces.
+
+    Each pixel shows what is nearest at its centre, and outlines are softened.
 
     Args:
         surfaces: any number.
@@ -95,22 +113,42 @@ def render(surfaces: Sequence[Surface], camera: PinholeCamera, background: Pictu
 
     """
     vertices, faces, owner = joined_meshes(surfaces)
-    raster = rasterize(transform_points(camera.T_cam_world, vertices), faces, camera.K, camera.image_hw)
+    raster = rasterize(
+        transform_points(camera.T_cam_world, vertices), faces, camera.K, camera.image_hw
+    )
     seen = torch.nonzero(raster.face_index.flatten() >= 0)[:, 0]
     face = raster.face_index.flatten()[seen]
     weights = raster.barycentric.reshape(-1, 3)[seen].numpy().astype(np.float32)
     corners, surface = faces[face].numpy(), owner[face].numpy()
-    normals = np.concatenate([vertex_normals(s.vertices, s.faces).numpy() for s in surfaces] or [np.zeros((0, 3))]).astype(np.float32)
-    colors = _colors(surfaces, corners, weights, surface) * _brightness(_between(normals, corners, weights), light)
-    picture = np.full((*camera.image_hw, 3), PALE, dtype=np.float32) if background is None else np.array(background, dtype=np.float32)
+    normals = np.concatenate(
+        [vertex_normals(s.vertices, s.faces).numpy() for s in surfaces] or [np.zeros((0, 3))]
+    ).astype(np.float32)
+    colors = _colors(surfaces, corners, weights, surface) * _brightness(
+        _between(normals, corners, weights), light
+    )
+    picture = (
+        np.full((*camera.image_hw, 3), PALE, dtype=np.float32)
+        if background is None
+        else np.array(background, dtype=np.float32)
+    )
     picture.reshape(-1, 3)[seen.numpy()] = colors
     ids = torch.full(camera.image_hw, -1, dtype=torch.int64)
     ids.view(-1)[seen] = torch.from_numpy(surface)
     picture = _softened(picture, ids.numpy())
-    return Rendering(torch.from_numpy((picture.clip(0, 1) * 255).round().astype(np.uint8)), ids, raster)
+    return Rendering(
+        torch.from_numpy((picture.clip(0, 1) * 255).round().astype(np.uint8)), ids, raster
+    )
 
 
-def shade(vertices_world: Tensor, faces: Tensor, colors: Tensor, R: Tensor, t: Tensor, K: Tensor, image_hw: tuple[int, int]) -> tuple[Tensor, Tensor]:
+def shade(
+    vertices_world: Tensor,
+    faces: Tensor,
+    colors: Tensor,
+    R: Tensor,
+    t: Tensor,
+    K: Tensor,
+    image_hw: tuple[int, int],
+) -> tuple[Tensor, Tensor]:
     """A picture of one lit mesh on pale grey.
 
     Args:
@@ -127,7 +165,9 @@ def shade(vertices_world: Tensor, faces: Tensor, colors: Tensor, R: Tensor, t: T
         mask: (H, W) bool, pixels whose centre is covered.
 
     """
-    surface = Surface(vertices_world, faces, colors.numpy().astype(np.float32), lambda features: features)
+    surface = Surface(
+        vertices_world, faces, colors.numpy().astype(np.float32), lambda features: features
+    )
     made = render([surface], PinholeCamera(K, rigid(R, t), image_hw))
     return made.image, made.owner == 0
 
@@ -138,7 +178,12 @@ def _between(values: Picture, corners: NDArray[np.int64], weights: Picture) -> P
     return np.asarray(first + second + third)
 
 
-def _colors(surfaces: Sequence[Surface], corners: NDArray[np.int64], weights: Picture, surface: NDArray[np.int64]) -> Picture:
+def _colors(
+    surfaces: Sequence[Surface],
+    corners: NDArray[np.int64],
+    weights: Picture,
+    surface: NDArray[np.int64],
+) -> Picture:
     """Unlit colours (N, 3) of points."""
     colors, start = np.zeros((len(corners), 3), dtype=np.float32), 0
     for number, one in enumerate(surfaces):
@@ -150,12 +195,18 @@ def _colors(surfaces: Sequence[Surface], corners: NDArray[np.int64], weights: Pi
 
 
 def _brightness(normals: Picture, light: Light) -> Picture:
-    """Factors (N, 3): a sky that is brighter and bluer from above, ground light from below, and the sun."""
+    """Factors (N, 3).
+
+    A sky that is brighter and bluer from above, ground light from below, and the sun.
+    """
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
     sun = np.array(light.sun, dtype=np.float32) / np.linalg.norm(light.sun)
     direct = np.clip(normals @ sun.astype(np.float32), 0, 1)[:, None]
     sky = (0.5 + 0.5 * normals[:, 2:]) ** 1.5
-    cool, warm = np.array([0.97, 1.0, 1.05], dtype=np.float32), np.array([1.04, 1.0, 0.93], dtype=np.float32)
+    cool, warm = (
+        np.array([0.97, 1.0, 1.05], dtype=np.float32),
+        np.array([1.04, 1.0, 0.93], dtype=np.float32),
+    )
     ambient = 0.36 + (0.62 - 0.26 * light.sunny) * sky
     return np.asarray(ambient * cool + 0.62 * light.sunny * direct * warm, dtype=np.float32)
 

@@ -1,4 +1,7 @@
-"""Things that stand before and beside the animals: trunks, bushes, rocks, fences, tufts of grass, trees, and ledges to stand on."""
+"""Things that stand before and beside the animals.
+
+Trunks, bushes, rocks, fences, tufts of grass, trees, and ledges to stand on.
+"""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +17,8 @@ Faces = NDArray[np.int64]
 Color = tuple[float, float, float]
 
 LEDGE_GAP = 1e-3
-"""How far the top of a ledge lies below the feet on it, in body lengths, so that they do not cut each other."""
+"""How far the top of a ledge lies below the feet on it, in body lengths, so that they do not cut
+each other."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +44,17 @@ class Thing:
 
 OCCLUDERS = ("trunk", "bush", "rock", "fence", "tuft")
 REACH = {"trunk": 0.15, "bush": 0.45, "rock": 0.35, "fence": 0.7, "tuft": 0.25, "tree": 0.15}
-"""Radius on the ground that a thing of each kind keeps within; a tree's crown is above the animals."""
+"""Radius on the ground that a thing of each kind keeps within.
+
+A tree's crown is above the animals.
+"""
 CROWN_BOTTOM = 1.15
 BARK = (0.36, 0.28, 0.21)
 STEEPNESS = 1.0
-"""Run of a ledge's sides for their rise: less than a camera from below needs to see over its rim."""
+"""Run of a ledge's sides for their rise.
+
+Less than a camera from below needs to see over its rim.
+"""
 
 
 def make_thing(rng: np.random.Generator, kind: str, place: Points) -> Thing:
@@ -56,13 +66,25 @@ def make_thing(rng: np.random.Generator, kind: str, place: Points) -> Thing:
     shade = float(rng.uniform(0.8, 1.15))
     tone = (color[0] * shade, color[1] * shade, color[2] * shade)
     return Thing(
-        kind, torch.from_numpy(turned + np.array([place[0], place[1], 0.0])), torch.from_numpy(faces), tone, grain, BARK if kind == "tree" else None
+        kind,
+        torch.from_numpy(turned + np.array([place[0], place[1], 0.0])),
+        torch.from_numpy(faces),
+        tone,
+        grain,
+        BARK if kind == "tree" else None,
     )
 
 
-def make_ledge(rng: np.random.Generator, place: Points, reach: float, bottom: float, color: Color) -> Thing:
-    """A knoll with a flat top at the feet, of a reach about a place (2,), that widens down to z = bottom."""
-    levels = np.concatenate(([0.0, 0.03], np.geomspace(0.12, 1.0, 7) * -bottom)) if -bottom > 0.12 else np.array([0.0, 0.03, 0.1])
+def make_ledge(
+    rng: np.random.Generator, place: Points, reach: float, bottom: float, color: Color
+) -> Thing:
+    """A knoll with a flat top at the feet, of a reach about a place (2,), that widens down to z =
+    bottom."""
+    levels = (
+        np.concatenate(([0.0, 0.03], np.geomspace(0.12, 1.0, 7) * -bottom))
+        if -bottom > 0.12
+        else np.array([0.0, 0.03, 0.1])
+    )
     spread = reach + STEEPNESS * levels + 0.02 * (levels > 0)
     vertices, faces = _rings(rng, -levels - LEDGE_GAP, spread, 48, 0.06 * reach, flat_top=True)
     vertices[:, :2] += place
@@ -93,13 +115,25 @@ def _bush(rng: np.random.Generator) -> Made:
 
 def _rock(rng: np.random.Generator) -> Made:
     size = rng.uniform(0.12, 0.26)
-    vertices, faces = _blobs(rng, [(np.array([0.0, 0.0, 0.3 * size]), size * rng.uniform(0.6, 1.15, 3) * np.array([1, 1, 0.75]))], 0.12, 2.5 / size)
+    vertices, faces = _blobs(
+        rng,
+        [
+            (
+                np.array([0.0, 0.0, 0.3 * size]),
+                size * rng.uniform(0.6, 1.15, 3) * np.array([1, 1, 0.75]),
+            )
+        ],
+        0.12,
+        2.5 / size,
+    )
     return vertices, faces, (0.50, 0.48, 0.45), (0.25, 12.0)
 
 
 def _fence(rng: np.random.Generator) -> Made:
     half, high = REACH["fence"] - 0.08, rng.uniform(0.45, 0.7)
-    parts = [_box((x, 0.0, high / 2 + 0.03), (0.035, 0.035, high / 2 + 0.03)) for x in (-half, 0.0, half)]
+    parts = [
+        _box((x, 0.0, high / 2 + 0.03), (0.035, 0.035, high / 2 + 0.03)) for x in (-half, 0.0, half)
+    ]
     parts += [_box((0.0, 0.045, high * part), (half + 0.03, 0.008, 0.03)) for part in (0.45, 0.85)]
     vertices, faces = _joined(parts)
     return vertices, faces, (0.52, 0.43, 0.33), (0.25, 18.0)
@@ -108,10 +142,21 @@ def _fence(rng: np.random.Generator) -> Made:
 def _tuft(rng: np.random.Generator) -> Made:
     parts = []
     for _ in range(40):
-        foot, lean, high = rng.normal(0, 0.07, 2).clip(-0.12, 0.12), rng.normal(0, 0.05, 2).clip(-0.1, 0.1), rng.uniform(0.12, 0.34)
+        foot, lean, high = (
+            rng.normal(0, 0.07, 2).clip(-0.12, 0.12),
+            rng.normal(0, 0.05, 2).clip(-0.1, 0.1),
+            rng.uniform(0.12, 0.34),
+        )
         angle = rng.uniform(0, 2 * math.pi) + np.arange(3) * 2 * math.pi / 3
-        base = np.stack((foot[0] + 0.008 * np.cos(angle), foot[1] + 0.008 * np.sin(angle), np.zeros(3)), axis=1)
-        parts.append((np.concatenate((base, [[*(foot + lean), high]])), np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])))
+        base = np.stack(
+            (foot[0] + 0.008 * np.cos(angle), foot[1] + 0.008 * np.sin(angle), np.zeros(3)), axis=1
+        )
+        parts.append(
+            (
+                np.concatenate((base, [[*(foot + lean), high]])),
+                np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]),
+            )
+        )
     vertices, faces = _joined(parts)
     return vertices, faces, (0.45, 0.48, 0.22), (0.3, 9.0)
 
@@ -122,12 +167,29 @@ def _tree(rng: np.random.Generator) -> Made:
     blobs = []
     for _ in range(5):
         radius = crown * rng.uniform(0.4, 0.6)
-        blobs.append((np.array([*rng.normal(0, 0.4, 2) * crown, CROWN_BOTTOM + 1.25 * radius + rng.uniform(0, crown)]), np.full(3, radius)))
+        blobs.append(
+            (
+                np.array(
+                    [
+                        *rng.normal(0, 0.4, 2) * crown,
+                        CROWN_BOTTOM + 1.25 * radius + rng.uniform(0, crown),
+                    ]
+                ),
+                np.full(3, radius),
+            )
+        )
     vertices, faces = _joined([(trunk, trunk_faces), _blobs(rng, blobs, 0.16, 9.0 / crown)])
     return vertices, faces, (0.25, 0.34, 0.17), (0.55, 14.0)
 
 
-_MAKERS = {"trunk": _trunk, "bush": _bush, "rock": _rock, "fence": _fence, "tuft": _tuft, "tree": _tree}
+_MAKERS = {
+    "trunk": _trunk,
+    "bush": _bush,
+    "rock": _rock,
+    "fence": _fence,
+    "tuft": _tuft,
+    "tree": _tree,
+}
 
 
 @cache
@@ -136,40 +198,66 @@ def _sphere(subdivisions: int) -> tuple[Points, Faces]:
     return np.array(ball.vertices), np.array(ball.faces, dtype=np.int64)
 
 
-def _blobs(rng: np.random.Generator, blobs: list[tuple[Points, Points]], rough: float, cycles: float) -> tuple[Points, Faces]:
+def _blobs(
+    rng: np.random.Generator, blobs: list[tuple[Points, Points]], rough: float, cycles: float
+) -> tuple[Points, Faces]:
     """Lumpy balls of centres and half sizes (3,)."""
     ball, faces = _sphere(3)
     parts = []
     for center, half in blobs:
         points = ball * half
-        waves = np.sin(points @ rng.normal(0, cycles, (3, 5)) + rng.uniform(0, 2 * math.pi, 5)).sum(1) / 5
+        waves = (
+            np.sin(points @ rng.normal(0, cycles, (3, 5)) + rng.uniform(0, 2 * math.pi, 5)).sum(1)
+            / 5
+        )
         parts.append((center + points * (1 + rough * waves[:, None]), faces))
     return _joined(parts)
 
 
 def _joined(parts: list[tuple[Points, Faces]]) -> tuple[Points, Faces]:
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    return np.concatenate([v for v, _ in parts]), np.concatenate([f + start for (_, f), start in zip(parts, starts[:-1], strict=True)])
+    return np.concatenate([v for v, _ in parts]), np.concatenate(
+        [f + start for (_, f), start in zip(parts, starts[:-1], strict=True)]
+    )
 
 
-def _box(center: tuple[float, float, float], half: tuple[float, float, float]) -> tuple[Points, Faces]:
+def _box(
+    center: tuple[float, float, float], half: tuple[float, float, float]
+) -> tuple[Points, Faces]:
     box = trimesh.creation.box(extents=2 * np.array(half))
     return np.array(box.vertices) + center, np.array(box.faces, dtype=np.int64)
 
 
-def _rings(rng: np.random.Generator, levels: Points, radii: Points, count: int, rough: float, flat_top: bool = False) -> tuple[Points, Faces]:
-    """A closed upright body of rings (L,) from top to bottom; with a flat top the uppermost is round and even."""
+def _rings(
+    rng: np.random.Generator,
+    levels: Points,
+    radii: Points,
+    count: int,
+    rough: float,
+    flat_top: bool = False,
+) -> tuple[Points, Faces]:
+    """A closed upright body of rings (L,) from top to bottom.
+
+    With a flat top the uppermost is round and even.
+    """
     angle = np.arange(count) * 2 * math.pi / count
     uneven = 1 + rough / radii[:, None] * rng.standard_normal((len(levels), count)).clip(-1, 1)
     if flat_top:
         uneven[0] = 1.0
     r = radii[:, None] * uneven
-    body = np.stack((r * np.cos(angle), r * np.sin(angle), np.broadcast_to(levels[:, None], r.shape)), axis=-1).reshape(-1, 3)
+    body = np.stack(
+        (r * np.cos(angle), r * np.sin(angle), np.broadcast_to(levels[:, None], r.shape)), axis=-1
+    ).reshape(-1, 3)
     n, last = len(body), len(body) - count
-    vertices = np.concatenate((body, body[last:], [[0.0, 0.0, levels[0]], [0.0, 0.0, levels[-1]]]))  # the underside has corners of its own
+    vertices = np.concatenate(
+        (body, body[last:], [[0.0, 0.0, levels[0]], [0.0, 0.0, levels[-1]]])
+    )  # the underside has corners of its own
     i = np.arange(count)
     j = (i + 1) % count
-    faces = [np.stack((np.full(count, n + count), i, j), axis=1), np.stack((np.full(count, n + count + 1), n + j, n + i), axis=1)]
+    faces = [
+        np.stack((np.full(count, n + count), i, j), axis=1),
+        np.stack((np.full(count, n + count + 1), n + j, n + i), axis=1),
+    ]
     for level in range(len(levels) - 1):
         a, b = level * count, (level + 1) * count
         faces += [np.stack((a + i, b + i, b + j), axis=1), np.stack((a + i, b + j, a + j), axis=1)]

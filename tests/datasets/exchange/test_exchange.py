@@ -1,4 +1,7 @@
-"""Exchange formats: numbers a person can check, the way there and back, units, and what each format cannot hold."""
+"""Exchange formats.
+
+Numbers a person can check, the way there and back, units, and what each format cannot hold.
+"""
 
 import json
 from dataclasses import replace
@@ -13,7 +16,13 @@ from animal3dbox.datasets.exchange.coco_writer import FLIP_PAIRS, KEYPOINT_NAMES
 from animal3dbox.datasets.exchange.export import in_metres
 from animal3dbox.datasets.exchange.kitti_writer import levelled, write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
-from animal3dbox.datasets.readers.cuboids.conventions import COCO, CONVENTIONS, KITTI, OMNI3D, Convention
+from animal3dbox.datasets.readers.cuboids.conventions import (
+    COCO,
+    CONVENTIONS,
+    KITTI,
+    OMNI3D,
+    Convention,
+)
 from animal3dbox.datasets.readers.cuboids.kitti_reader import read_kitti
 from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d
 from animal3dbox.datasets.readers.cuboids.visible_boxes import seen_boxes, stacked_boxes
@@ -26,7 +35,12 @@ ONE = CuboidSet("labels", (simple_record(),), ())
 
 def corners_of(record: CuboidRecord) -> np.ndarray:
     """The corners by hand: centre plus half sizes along the axes."""
-    return np.stack([record.center + record.rotation @ (np.array(signs) * record.size / 2) for signs in CORNER_SIGNS])
+    return np.stack(
+        [
+            record.center + record.rotation @ (np.array(signs) * record.size / 2)
+            for signs in CORNER_SIGNS
+        ]
+    )
 
 
 def written(path: Path) -> dict[str, Any]:
@@ -38,18 +52,35 @@ def test_omni3d_holds_the_numbers_of_one_simple_box(tmp_path: Path) -> None:
     write_omni3d(ONE, tmp_path / "a.json")
     file = written(tmp_path / "a.json")
     image, box = file["images"][0], file["annotations"][0]
-    assert image == {"id": 0, "dataset_id": 0, "width": 160, "height": 120, "file_path": "images/a.jpg", "K": [[100, 0, 80], [0, 100, 60], [0, 0, 1]]}
+    assert image == {
+        "id": 0,
+        "dataset_id": 0,
+        "width": 160,
+        "height": 120,
+        "file_path": "images/a.jpg",
+        "K": [[100, 0, 80], [0, 100, 60], [0, 0, 1]],
+    }
     assert box["dimensions"] == [1.0, 1.5, 2.0]  # width, height, length
     assert box["center_cam"] == [1.0, 0.5, 10.0]
-    assert box["R_cam"] == [[1, 0, 0], [0, 1, 0], [0, 0, 1]]  # forward is the camera's x, down its y, left away from it
-    assert box["bbox3D_cam"][0] == [0.0, -0.25, 9.5]  # v0: back, top, right side, which is nearest to us
+    assert box["R_cam"] == [
+        [1, 0, 0],
+        [0, 1, 0],
+        [0, 0, 1],
+    ]  # forward is the camera's x, down its y, left away from it
+    assert box["bbox3D_cam"][0] == [
+        0.0,
+        -0.25,
+        9.5,
+    ]  # v0: back, top, right side, which is nearest to us
     assert box["bbox3D_cam"][6] == [2.0, 1.25, 10.5]
     assert box["bbox2D_tight"] == [80, 56, 100, 72]
     x = [80 + 100 * 0 / 9.5, 80 + 100 * 2 / 9.5]
     y = [60 - 100 * 0.25 / 9.5, 60 + 100 * 1.25 / 9.5]
     assert box["bbox2D_proj"] == pytest.approx([x[0], y[0], x[1], y[1]], abs=1e-9)
     assert box["bbox2D_trunc"] == pytest.approx(box["bbox2D_proj"], abs=1e-9)
-    unknown = {key: box[key] for key in ("visibility", "segmentation_pts", "lidar_pts", "depth_error")}
+    unknown = {
+        key: box[key] for key in ("visibility", "segmentation_pts", "lidar_pts", "depth_error")
+    }
     assert set(unknown.values()) == {-1.0}
     assert (box["truncation"], box["behind_camera"], box["valid3D"]) == (0.0, False, True)
 
@@ -59,22 +90,37 @@ def test_coco_holds_the_numbers_of_one_simple_box(tmp_path: Path) -> None:
     file = written(tmp_path / "a.json")
     box, category = file["annotations"][0], file["categories"][0]
     assert box["bbox"] == [80.0, 56.0, 20.0, 16.0]
-    points = dict(zip(category["keypoints"], np.array(box["keypoints"]).reshape(9, 3).tolist(), strict=True))
+    points = dict(
+        zip(category["keypoints"], np.array(box["keypoints"]).reshape(9, 3).tolist(), strict=True)
+    )
     assert points["center"] == pytest.approx([79.5 + 10, 59.5 + 5, 2])  # pixel indices: ours
-    assert points["front_right_top"] == pytest.approx([79.5 + 100 * 2 / 9.5, 59.5 - 100 * 0.25 / 9.5, 2])
+    assert points["front_right_top"] == pytest.approx(
+        [79.5 + 100 * 2 / 9.5, 59.5 - 100 * 0.25 / 9.5, 2]
+    )
     assert points["back_left_bottom"] == pytest.approx([79.5 + 0, 59.5 + 100 * 1.25 / 10.5, 2])
     assert category["keypoints"][0] == "back_right_bottom"
     assert ("back_right_bottom", "back_left_bottom") in FLIP_PAIRS
-    assert all({a.replace("left", "right"), b.replace("left", "right")} == {a.replace("left", "right")} for a, b in FLIP_PAIRS)
-    edges = [(category["keypoints"][a - 1], category["keypoints"][b - 1]) for a, b in category["skeleton"]]
-    assert all(sum(x != y for x, y in zip(a.split("_"), b.split("_"), strict=True)) == 1 for a, b in edges)
+    assert all(
+        {a.replace("left", "right"), b.replace("left", "right")} == {a.replace("left", "right")}
+        for a, b in FLIP_PAIRS
+    )
+    edges = [
+        (category["keypoints"][a - 1], category["keypoints"][b - 1])
+        for a, b in category["skeleton"]
+    ]
+    assert all(
+        sum(x != y for x, y in zip(a.split("_"), b.split("_"), strict=True)) == 1 for a, b in edges
+    )
 
 
 def test_kitti_holds_the_numbers_of_one_simple_box(tmp_path: Path) -> None:
     exported = write_kitti(ONE, tmp_path)
     kind, *numbers = (tmp_path / "label_2" / "000000.txt").read_text().split()
     assert kind == "dog"
-    assert [float(n) for n in numbers] == pytest.approx([0, 3, -np.arctan2(1, 10), 79.5, 55.5, 99.5, 71.5, 1.5, 1, 2, 1, 0.5 + 0.75, 10, 0], abs=1e-6)
+    assert [float(n) for n in numbers] == pytest.approx(
+        [0, 3, -np.arctan2(1, 10), 79.5, 55.5, 99.5, 71.5, 1.5, 1, 2, 1, 0.5 + 0.75, 10, 0],
+        abs=1e-6,
+    )
     P2 = (tmp_path / "calib" / "000000.txt").read_text().splitlines()[2]
     assert [float(n) for n in P2.split()[1:]] == [100, 0, 79.5, 0, 0, 100, 59.5, 0, 0, 0, 1, 0]
     assert exported.iou == pytest.approx((1.0,))
@@ -82,7 +128,9 @@ def test_kitti_holds_the_numbers_of_one_simple_box(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("convention", CONVENTIONS.values(), ids=CONVENTIONS)
 @pytest.mark.parametrize("seed", range(3))
-def test_corners_written_are_the_same_points_and_boxes_come_back(convention: Convention, seed: int) -> None:
+def test_corners_written_are_the_same_points_and_boxes_come_back(
+    convention: Convention, seed: int
+) -> None:
     center, rotation, size = stacked_boxes(random_set(seed).records)
     ours = np.stack([corners_of(record) for record in random_set(seed).records])
     theirs = convention.corners_out(center, rotation, size)
@@ -91,7 +139,9 @@ def test_corners_written_are_the_same_points_and_boxes_come_back(convention: Con
     assert nearest.min(2).max() < 1e-12
     location, turned, dimensions = convention.boxes_out(center, rotation, size)
     assert np.linalg.det(turned) == pytest.approx(np.ones(len(turned)))
-    for back, there in zip(convention.boxes_in(location, turned, dimensions), (center, rotation, size), strict=True):
+    for back, there in zip(
+        convention.boxes_in(location, turned, dimensions), (center, rotation, size), strict=True
+    ):
         assert np.abs(back - there).max() < 1e-12
 
 
@@ -102,13 +152,22 @@ def test_omni3d_corner_k_is_our_corner_of_the_documented_permutation() -> None:
 
 
 def assert_same(back: CuboidSet, there: CuboidSet, tolerance: float, rotation: bool = True) -> None:
-    assert [record.sample_id for record in back.records] == [record.sample_id for record in there.records]
-    assert [(image.image_id, image.image_hw) for image in back.images] == [(image.image_id, image.image_hw) for image in there.images]
+    assert [record.sample_id for record in back.records] == [
+        record.sample_id for record in there.records
+    ]
+    assert [(image.image_id, image.image_hw) for image in back.images] == [
+        (image.image_id, image.image_hw) for image in there.images
+    ]
     for ours, theirs in zip(back.records, there.records, strict=True):
         assert np.abs(ours.center - theirs.center).max() <= tolerance
         assert np.abs(ours.size - theirs.size).max() <= tolerance
         assert np.abs(ours.K - theirs.K).max() <= 1e-9
-        assert np.abs(ours.rotation - (theirs.rotation if rotation else levelled(theirs.rotation))).max() <= tolerance
+        assert (
+            np.abs(
+                ours.rotation - (theirs.rotation if rotation else levelled(theirs.rotation))
+            ).max()
+            <= tolerance
+        )
         if theirs.box is not None and ours.box is not None:
             assert np.abs(ours.box - theirs.box).max() <= tolerance
 
@@ -123,7 +182,11 @@ def test_a_set_comes_back_from_omni3d(tmp_path: Path, seed: int) -> None:
     assert [(r.category, r.heading_known, r.metric, r.box is None) for r in back.records] == [
         (r.category, r.heading_known, r.metric, r.box is None) for r in there.records
     ]
-    stated = [(b.truncation, t.truncation) for b, t in zip(back.records, there.records, strict=True) if t.truncation is not None]
+    stated = [
+        (b.truncation, t.truncation)
+        for b, t in zip(back.records, there.records, strict=True)
+        if t.truncation is not None
+    ]
     assert all(b == t for b, t in stated)
 
 
@@ -151,7 +214,11 @@ def test_coco_keypoints_are_the_projected_corners(tmp_path: Path, seed: int) -> 
     there = random_set(seed)
     write_coco(there, tmp_path / "a.json")
     file = written(tmp_path / "a.json")
-    kept = [r for r in there.records if r.box is not None or not np.isnan(seen_boxes([r]).in_frame).any()]
+    kept = [
+        r
+        for r in there.records
+        if r.box is not None or not np.isnan(seen_boxes([r]).in_frame).any()
+    ]
     assert len(file["annotations"]) == len(kept)
     assert len(file["images"]) == len(there.images)
     for annotation, record in zip(file["annotations"], kept, strict=True):
@@ -160,7 +227,10 @@ def test_coco_keypoints_are_the_projected_corners(tmp_path: Path, seed: int) -> 
         near = 1e-2 * np.linalg.norm(record.size)
         for (x, y, v), point in zip(points, cam, strict=True):
             px = (record.K @ point)[:2] / point[2]
-            inside = all(-0.5 <= value <= limit - 0.5 for value, limit in zip(px, record.image_hw[::-1], strict=True))
+            inside = all(
+                -0.5 <= value <= limit - 0.5
+                for value, limit in zip(px, record.image_hw[::-1], strict=True)
+            )
             assert v == (0 if point[2] <= near else 2 if inside else 1)
             assert [x, y] == pytest.approx(px if v else [0, 0], abs=1e-9)
 
@@ -172,8 +242,13 @@ def test_boxes_behind_the_camera_have_no_projected_box_and_say_so(tmp_path: Path
     assert all(a["bbox2D_proj"] == [-1.0] * 4 for a in behind)
 
 
-@pytest.mark.parametrize(("center", "edge", "limit"), [((-7.5, 0, 10), 0, 0), ((0, -5.5, 10), 1, 0), ((7.5, 0, 10), 2, 160), ((0, 5.5, 10), 3, 120)])
-def test_a_box_cut_by_the_frame_is_truncated_to_it(tmp_path: Path, center: tuple[float, ...], edge: int, limit: float) -> None:
+@pytest.mark.parametrize(
+    ("center", "edge", "limit"),
+    [((-7.5, 0, 10), 0, 0), ((0, -5.5, 10), 1, 0), ((7.5, 0, 10), 2, 160), ((0, 5.5, 10), 3, 120)],
+)
+def test_a_box_cut_by_the_frame_is_truncated_to_it(
+    tmp_path: Path, center: tuple[float, ...], edge: int, limit: float
+) -> None:
     cut = replace(ONE, records=(simple_record(center=np.array(center), box=None, truncation=None),))
     write_omni3d(cut, tmp_path / "a.json")
     box = written(tmp_path / "a.json")["annotations"][0]
@@ -194,7 +269,9 @@ def test_formats_of_metres_refuse_an_unknown_scale_unless_told(tmp_path: Path, w
 
 
 def test_a_file_without_scale_says_so_and_is_read_so(tmp_path: Path) -> None:
-    write_omni3d(replace(ONE, records=(simple_record(metric=False),)), tmp_path / "a.json", scale_free=True)
+    write_omni3d(
+        replace(ONE, records=(simple_record(metric=False),)), tmp_path / "a.json", scale_free=True
+    )
     assert written(tmp_path / "a.json")["info"]["units"] == "unknown"
     assert not read_omni3d(tmp_path / "a.json").records[0].metric
 
@@ -213,19 +290,32 @@ def test_a_stated_scale_makes_metres() -> None:
 
 def test_statistics_are_those_of_the_boxes_as_trainers_look_them_up(tmp_path: Path) -> None:
     records = tuple(
-        simple_record(sample_id=f"{n}", image_id=f"{n}.jpg", category=name, size=np.array([length, 1.0, 1.5]))
+        simple_record(
+            sample_id=f"{n}", image_id=f"{n}.jpg", category=name, size=np.array([length, 1.0, 1.5])
+        )
         for n, (name, length) in enumerate((("Dog", 2.0), ("dog", 3.0), ("cat", 1.0)))
     )
     write_omni3d(CuboidSet("labels", records, ()), tmp_path / "a.json", first_category_id=1000)
     meta, stats = written(tmp_path / "a_category_meta.json"), written(tmp_path / "a_stats.json")
-    assert meta == {"thing_classes": ["cat", "dog"], "thing_dataset_id_to_contiguous_id": {"1000": 0, "1001": 1}}
-    assert stats["priors_dims_per_cat"] == [[[1, 1.5, 1], None], [[1, 1.5, 2.5], [0, 0, pytest.approx(0.5**0.5)]]]
+    assert meta == {
+        "thing_classes": ["cat", "dog"],
+        "thing_dataset_id_to_contiguous_id": {"1000": 0, "1001": 1},
+    }
+    assert stats["priors_dims_per_cat"] == [
+        [[1, 1.5, 1], None],
+        [[1, 1.5, 2.5], [0, 0, pytest.approx(0.5**0.5)]],
+    ]
     assert stats["category_names"] == ["cat", "dog"]
-    assert {a["category_name"] for a in written(tmp_path / "a.json")["annotations"]} == {"cat", "dog"}
+    assert {a["category_name"] for a in written(tmp_path / "a.json")["annotations"]} == {
+        "cat",
+        "dog",
+    }
 
 
 def test_two_cameras_for_one_image_are_a_fault_that_names_the_box(tmp_path: Path) -> None:
-    other = simple_record(sample_id="images/a.jpg#1", K=np.array([[120.0, 0, 79.5], [0, 120, 59.5], [0, 0, 1]]))
+    other = simple_record(
+        sample_id="images/a.jpg#1", K=np.array([[120.0, 0, 79.5], [0, 120, 59.5], [0, 0, 1]])
+    )
     exported = write_omni3d(replace(ONE, records=(simple_record(), other)), tmp_path / "a.json")
     assert exported.boxes == 1
     assert str(exported.faults[0]).startswith("images/a.jpg#1: K: differs")
@@ -233,7 +323,10 @@ def test_two_cameras_for_one_image_are_a_fault_that_names_the_box(tmp_path: Path
 
 def test_a_box_outside_the_frame_has_no_place_in_formats_of_2d_boxes(tmp_path: Path) -> None:
     outside = replace(ONE, records=(simple_record(center=np.array([50.0, 0, 10]), box=None),))
-    for exported in (write_coco(outside, tmp_path / "a.json"), write_kitti(outside, tmp_path / "k")):
+    for exported in (
+        write_coco(outside, tmp_path / "a.json"),
+        write_kitti(outside, tmp_path / "k"),
+    ):
         assert (exported.boxes, exported.images) == (0, 1)
         assert "nothing of it lies in the frame" in str(exported.faults[0])
 
@@ -246,6 +339,8 @@ def test_an_export_to_kitti_never_mixes_with_another(tmp_path: Path) -> None:
 
 def test_pixel_origins_are_those_of_the_formats() -> None:
     first = np.array([-0.5, -0.5, HW[1] - 0.5, HW[0] - 0.5])
-    assert OMNI3D.boxes_2d_out(first).tolist() == COCO.boxes_2d_out(first).tolist() == [0, 0, 160, 120]
+    assert (
+        OMNI3D.boxes_2d_out(first).tolist() == COCO.boxes_2d_out(first).tolist() == [0, 0, 160, 120]
+    )
     assert KITTI.boxes_2d_out(first).tolist() == first.tolist()
     assert len(KEYPOINT_NAMES) == len(set(KEYPOINT_NAMES)) == 9

@@ -13,7 +13,10 @@ from animal3dbox.datasets.images.photos import read_photo
 Tags = dict[int, object]
 F35, FOCAL = int(ExifTags.Base.FocalLengthIn35mmFilm), int(ExifTags.Base.FocalLength)
 WIDTH, HEIGHT = int(ExifTags.Base.ExifImageWidth), int(ExifTags.Base.ExifImageHeight)
-PLANE_X, PLANE_UNIT = int(ExifTags.Base.FocalPlaneXResolution), int(ExifTags.Base.FocalPlaneResolutionUnit)
+PLANE_X, PLANE_UNIT = (
+    int(ExifTags.Base.FocalPlaneXResolution),
+    int(ExifTags.Base.FocalPlaneResolutionUnit),
+)
 
 
 def photo(folder: Path, tags: Tags, size: tuple[int, int] = (60, 40)) -> Path:
@@ -26,12 +29,20 @@ def photo(folder: Path, tags: Tags, size: tuple[int, int] = (60, 40)) -> Path:
 
 def test_a_35_mm_equivalent_refers_to_the_diagonal(tmp_path: Path) -> None:
     focal = header_facts(photo(tmp_path, {F35: 50})).focal_px
-    assert focal == pytest.approx(50 / math.hypot(36, 24) * math.hypot(60, 40))  # 83.3 px: at 3:2 the same as 50 / 36 of the width
+    assert focal == pytest.approx(
+        50 / math.hypot(36, 24) * math.hypot(60, 40)
+    )  # 83.3 px: at 3:2 the same as 50 / 36 of the width
     assert focal == pytest.approx(50 / 36 * 60)
 
 
 def test_a_focal_length_in_mm_needs_the_pixels_of_the_sensor(tmp_path: Path) -> None:
-    told: Tags = {FOCAL: 25.0, PLANE_X: 100.0, PLANE_UNIT: 4, WIDTH: 6000, HEIGHT: 4000}  # 100 px a mm: 2500 px of 6000
+    told: Tags = {
+        FOCAL: 25.0,
+        PLANE_X: 100.0,
+        PLANE_UNIT: 4,
+        WIDTH: 6000,
+        HEIGHT: 4000,
+    }  # 100 px a mm: 2500 px of 6000
     assert header_facts(photo(tmp_path, told)).focal_px == pytest.approx(25.0)  # of 60 px
     inches: Tags = {**told, PLANE_X: 2540.0, PLANE_UNIT: 2}
     assert header_facts(photo(tmp_path, inches)).focal_px == pytest.approx(25.0)

@@ -1,4 +1,7 @@
-"""Photographs as they come: pixels as stored, whatever the file's mode, or an error that names the sample."""
+"""Photographs as they come.
+
+Pixels as stored, whatever the file's mode, or an error that names the sample.
+"""
 
 import io
 from collections.abc import Callable
@@ -43,7 +46,8 @@ def refusal(read: Callable[[], object], field: str = "image") -> str:
     return str(caught.value)
 
 
-# Pixels of every mode -------------------------------------------------------------------------------------------------
+# Pixels of every mode
+# -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("format", ["PNG", "BMP", "TIFF", "PPM"])
@@ -56,7 +60,12 @@ def test_rgb_pixels_come_back_as_stored(tmp_path: Path, noise: Picture, format: 
 
 def test_16_bit_grey_is_scaled_to_8_bits(tmp_path: Path) -> None:
     deep = np.array([[0, 300, 25_800, 65_535]], dtype=np.uint16)
-    assert first_row(stored(tmp_path, Image.fromarray(deep), "PNG")) == [BLACK, (1, 1, 1), (100, 100, 100), WHITE]
+    assert first_row(stored(tmp_path, Image.fromarray(deep), "PNG")) == [
+        BLACK,
+        (1, 1, 1),
+        (100, 100, 100),
+        WHITE,
+    ]
 
 
 def test_big_endian_16_bit_grey_is_scaled_to_8_bits(tmp_path: Path) -> None:
@@ -84,8 +93,14 @@ def test_a_palette_is_looked_up(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("transparency", [1, b"\x00\x80\xff"])
-def test_a_palette_with_transparency_keeps_its_colours(tmp_path: Path, transparency: int | bytes) -> None:
-    assert first_row(stored(tmp_path, palette(), "PNG", transparency=transparency)) == [RED, GREEN, BLUE]
+def test_a_palette_with_transparency_keeps_its_colours(
+    tmp_path: Path, transparency: int | bytes
+) -> None:
+    assert first_row(stored(tmp_path, palette(), "PNG", transparency=transparency)) == [
+        RED,
+        GREEN,
+        BLUE,
+    ]
 
 
 def test_transparency_is_dropped_and_colours_stay(tmp_path: Path) -> None:
@@ -103,11 +118,16 @@ def test_grey_with_transparency_becomes_grey(tmp_path: Path) -> None:
 
 
 def test_one_bit_becomes_black_and_white(tmp_path: Path) -> None:
-    assert first_row(stored(tmp_path, Image.fromarray(np.array([[True, False]])), "PNG")) == [WHITE, BLACK]
+    assert first_row(stored(tmp_path, Image.fromarray(np.array([[True, False]])), "PNG")) == [
+        WHITE,
+        BLACK,
+    ]
 
 
 def test_a_cmyk_jpeg_comes_out_in_its_colours(tmp_path: Path) -> None:
-    path = stored(tmp_path, Image.new("CMYK", (16, 16), (0, 255, 255, 0)), "JPEG", quality=95)  # no cyan: red
+    path = stored(
+        tmp_path, Image.new("CMYK", (16, 16), (0, 255, 255, 0)), "JPEG", quality=95
+    )  # no cyan: red
     assert np.abs(read_image(path, "s7").astype(int) - np.array(RED)).max() <= 12
 
 
@@ -140,7 +160,8 @@ def test_a_32_bit_image_keeps_its_greys(tmp_path: Path, value: int, grey: int) -
     assert first_row(path) == [(0, 0, 0), (grey, grey, grey)]
 
 
-# Sizes and EXIF -------------------------------------------------------------------------------------------------------
+# Sizes and EXIF
+# -------------------------------------------------------------------------------------------------------
 
 
 def turned(folder: Path, picture: Picture) -> Path:
@@ -166,24 +187,36 @@ def test_pixels_of_a_turned_photo_stay_as_stored(tmp_path: Path) -> None:
     assert read[:, 35:, 0].max() < 50
 
 
-def test_annotations_of_the_turned_photo_are_refused_and_exif_named(tmp_path: Path, noise: Picture) -> None:
+def test_annotations_of_the_turned_photo_are_refused_and_exif_named(
+    tmp_path: Path, noise: Picture
+) -> None:
     said = refusal(lambda: read_image(turned(tmp_path, noise), "s7", (60, 40)))
     assert "its pixels are 60 x 40, but the annotations are for 40 x 60" in said
     assert "EXIF orientation 6" in said
 
 
 @pytest.mark.parametrize("expected_hw", [(60, 40), (40, 61), (80, 120)])
-def test_a_photo_of_another_size_is_refused_without_blaming_exif(tmp_path: Path, noise: Picture, expected_hw: tuple[int, int]) -> None:
-    said = refusal(lambda: read_image(stored(tmp_path, Image.fromarray(noise), "PNG"), "s7", expected_hw))
-    assert f"its pixels are 60 x 40, but the annotations are for {expected_hw[1]} x {expected_hw[0]}" in said
+def test_a_photo_of_another_size_is_refused_without_blaming_exif(
+    tmp_path: Path, noise: Picture, expected_hw: tuple[int, int]
+) -> None:
+    said = refusal(
+        lambda: read_image(stored(tmp_path, Image.fromarray(noise), "PNG"), "s7", expected_hw)
+    )
+    assert (
+        f"its pixels are 60 x 40, but the annotations are for {expected_hw[1]} x {expected_hw[0]}"
+        in said
+    )
     assert "EXIF" not in said
 
 
-def test_a_turned_photo_of_a_wholly_different_size_is_not_blamed_on_exif(tmp_path: Path, noise: Picture) -> None:
+def test_a_turned_photo_of_a_wholly_different_size_is_not_blamed_on_exif(
+    tmp_path: Path, noise: Picture
+) -> None:
     assert "EXIF" not in refusal(lambda: read_image(turned(tmp_path, noise), "s7", (61, 40)))
 
 
-# Files that are no images ---------------------------------------------------------------------------------------------
+# Files that are no images
+# ---------------------------------------------------------------------------------------------
 
 
 def jpeg(picture: Picture) -> bytes:
@@ -204,7 +237,9 @@ def jpeg(picture: Picture) -> bytes:
         pytest.param(lambda good: b"\x89PNG\r\n\x1a\n" + b"\0" * 20, id="png_without_header"),
     ],
 )
-def test_a_damaged_file_is_refused(tmp_path: Path, noise: Picture, data: Callable[[bytes], bytes]) -> None:
+def test_a_damaged_file_is_refused(
+    tmp_path: Path, noise: Picture, data: Callable[[bytes], bytes]
+) -> None:
     path = tmp_path / "photo.jpg"
     path.write_bytes(data(jpeg(noise)))
     assert "photo.jpg cannot be decoded" in refusal(lambda: read_image(path, "s7"))
@@ -227,10 +262,14 @@ def test_damaged_bytes_never_raise_anything_but_a_refusal(tmp_path: Path, noise:
 @pytest.mark.parametrize("make", [Path.mkdir, lambda path: None], ids=["folder", "missing"])
 def test_what_is_no_file_is_refused(tmp_path: Path, make: Callable[[Path], None]) -> None:
     make(tmp_path / "photo.jpg")
-    assert "photo.jpg cannot be decoded" in refusal(lambda: read_image(tmp_path / "photo.jpg", "s7"))
+    assert "photo.jpg cannot be decoded" in refusal(
+        lambda: read_image(tmp_path / "photo.jpg", "s7")
+    )
 
 
-def test_postscript_under_a_photos_name_is_refused_and_never_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_postscript_under_a_photos_name_is_refused_and_never_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def run(*arguments: object) -> None:
         raise AssertionError("Ghostscript was started")
 
@@ -243,7 +282,11 @@ def test_postscript_under_a_photos_name_is_refused_and_never_run(tmp_path: Path,
 @pytest.mark.parametrize(
     ("width", "height", "reason"),
     [
-        (60_000, 60_000, "photo.jpg is too large to decode"),  # beyond twice Pillow's limit, which refuses by itself
+        (
+            60_000,
+            60_000,
+            "photo.jpg is too large to decode",
+        ),  # beyond twice Pillow's limit, which refuses by itself
         (12_000, 10_000, "12000 x 10000 pixels, more than 100000000"),  # where Pillow only warns
         (10_001, 10_000, "10001 x 10000 pixels, more than 100000000"),  # where the limit lies
     ],
@@ -260,22 +303,29 @@ def test_an_image_that_claims_too_many_pixels_is_refused_before_it_is_decoded(
     assert reason in refusal(lambda: read_image(path, "s7", (height, width)))
 
 
-def test_an_image_of_just_the_most_pixels_goes_on_to_be_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_of_just_the_most_pixels_goes_on_to_be_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     decoded = []
     monkeypatch.setattr(ImageFile.ImageFile, "load", lambda image: decoded.append(image.size))
-    monkeypatch.setattr("animal3dbox.datasets.images.photos._as_rgb", lambda image, sample_id: np.zeros((1, 1, 3), dtype=np.uint8))
+    monkeypatch.setattr(
+        "animal3dbox.datasets.images.photos._as_rgb",
+        lambda image, sample_id: np.zeros((1, 1, 3), dtype=np.uint8),
+    )
     path = tmp_path / "photo.jpg"
     path.write_bytes(png_that_claims(10_000, MAX_PIXELS // 10_000))
     read_image(path, "s7")
     assert set(decoded) == {(10_000, 10_000)}
 
 
-# Where files may lie --------------------------------------------------------------------------------------------------
+# Where files may lie
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    """images/dog/a.jpg, and a.jpg outside the root and in a sibling whose name begins like the root's."""
+    """images/dog/a.jpg, and a.jpg outside the root and in a sibling whose name begins like the
+    root's."""
     root = tmp_path / "images"
     for folder in (root / "dog", tmp_path / "images-2", tmp_path / "outside"):
         folder.mkdir(parents=True)
@@ -311,13 +361,17 @@ def root(tmp_path: Path) -> Path:
         ("x/" * 3000 + "a.jpg", "names no file"),
     ],
 )
-def test_a_path_is_refused_unless_it_is_a_file_under_the_root(root: Path, relative: str, reason: str) -> None:
+def test_a_path_is_refused_unless_it_is_a_file_under_the_root(
+    root: Path, relative: str, reason: str
+) -> None:
     assert reason in refusal(lambda: resolve_inside(root, relative, "s7", "img_path"), "img_path")
 
 
 def test_an_absolute_path_is_refused_even_when_it_points_into_the_root(root: Path) -> None:
     inside = str(root / "dog" / "a.jpg")
-    assert "leads out of" in refusal(lambda: resolve_inside(root, inside, "s7", "img_path"), "img_path")
+    assert "leads out of" in refusal(
+        lambda: resolve_inside(root, inside, "s7", "img_path"), "img_path"
+    )
 
 
 @pytest.mark.parametrize("relative", ["dog/a.jpg", "./dog/a.jpg", "dog/../dog/a.jpg", "inner.jpg"])
@@ -327,4 +381,7 @@ def test_a_path_that_stays_inside_is_found(root: Path, relative: str) -> None:
 
 def test_the_root_itself_may_be_a_link(root: Path, tmp_path: Path) -> None:
     (tmp_path / "by_link").symlink_to(root)
-    assert resolve_inside(tmp_path / "by_link", "dog/a.jpg", "s7", "img_path") == (root / "dog" / "a.jpg").resolve()
+    assert (
+        resolve_inside(tmp_path / "by_link", "dog/a.jpg", "s7", "img_path")
+        == (root / "dog" / "a.jpg").resolve()
+    )

@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images.rle import RleError, decode_counts, decode_mask, encode_counts, encode_mask
+from animal3dbox.datasets.images.rle import (
+    RleError,
+    decode_counts,
+    decode_mask,
+    encode_counts,
+    encode_mask,
+)
 from animal3dbox.errors import Animal3DBoxError
 
 MASKS = arrays(np.bool_, array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=30))
@@ -87,7 +93,9 @@ def test_counts_of_any_size_come_back_from_the_slow_reference(counts: list[int])
 
 
 @given(st.text(max_size=30), st.integers(1, 9), st.integers(1, 9))
-def test_any_text_is_a_mask_of_the_size_asked_for_or_an_error(text: str, height: int, width: int) -> None:
+def test_any_text_is_a_mask_of_the_size_asked_for_or_an_error(
+    text: str, height: int, width: int
+) -> None:
     try:
         mask = decode_mask(text, (height, width))
     except RleError:

@@ -35,8 +35,12 @@ OPENCV, PYTORCH3D = "x right, y down, z forward", "x left, y up, z forward"
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the dataset "animals" and its model beside it."""
     home = tmp_path_factory.mktemp("animal3d")
-    config = animal3d_world(WorldConfig(image_hw=(120, 160), fill=(0.5, 0.9), occluded=0.0, truncated=0.0))
-    write_animal3d(SyntheticSet(6, 8, config, FaultConfig(noise_px=0.3)), home / "animals", home / "body.pkl")
+    config = animal3d_world(
+        WorldConfig(image_hw=(120, 160), fill=(0.5, 0.9), occluded=0.0, truncated=0.0)
+    )
+    write_animal3d(
+        SyntheticSet(6, 8, config, FaultConfig(noise_px=0.3)), home / "animals", home / "body.pkl"
+    )
     return home
 
 
@@ -47,7 +51,9 @@ def inspected(home: Path, folder: Path, model: bool = True) -> tuple[Inspection,
     return found, found.animal3d
 
 
-def altered(home: Path, tmp_path: Path, change: Callable[[Content], object], model: bool = True) -> tuple[Inspection, Animal3DFacts]:
+def altered(
+    home: Path, tmp_path: Path, change: Callable[[Content], object], model: bool = True
+) -> tuple[Inspection, Animal3DFacts]:
     """The inspection of an altered copy."""
     return inspected(home, copy_with(home, tmp_path / "copy", change), model)
 
@@ -68,13 +74,24 @@ def answer(found: Inspection, start: str) -> str:
     return sentence
 
 
-# As it is -------------------------------------------------------------------------------------------------------------
+# As it is
+# -------------------------------------------------------------------------------------------------------------
 
 
 def test_a_copy_as_written_is_counted_and_its_camera_found(home: Path) -> None:
     found, facts = inspected(home, home / "animals")
-    assert (found.format, found.images, found.faults.count, found.image_files.looked_at) == ("animal3d", 8, 0, 8)
-    assert found.animals == sum(facts.entries.values()) == facts.keys["pose"] == sum(found.categories.values())
+    assert (found.format, found.images, found.faults.count, found.image_files.looked_at) == (
+        "animal3d",
+        8,
+        0,
+        8,
+    )
+    assert (
+        found.animals
+        == sum(facts.entries.values())
+        == facts.keys["pose"]
+        == sum(found.categories.values())
+    )
     assert set(facts.entries) == {"train.json", "test.json"}
     assert facts.forms["keypoint_2d"] == {"26x3": found.animals}
     assert facts.forms["pose"] == {"105": found.animals}
@@ -91,7 +108,11 @@ def test_a_copy_as_written_is_counted_and_its_camera_found(home: Path) -> None:
     assert "which is the stored camera's" in answer(found, "the focal length that fits keypoint_2d")
     assert [(fit.key, fit.relation) for fit in facts.pictures] == [("reproj_kp_2d", "as stored")]
     assert facts.sides is not None
-    assert (facts.sides.left_is_left, facts.sides.left_is_right, facts.sides.swapped_in_image) == (found.animals, 0, 0)
+    assert (facts.sides.left_is_left, facts.sides.left_is_right, facts.sides.swapped_in_image) == (
+        found.animals,
+        0,
+        0,
+    )
     assert facts.sides.template_wrong == []
 
 
@@ -103,7 +124,8 @@ def test_without_the_model_the_stored_points_tell_the_camera(home: Path) -> None
     assert found.cameras.residual is None
 
 
-# Altered --------------------------------------------------------------------------------------------------------------
+# Altered
+# --------------------------------------------------------------------------------------------------------------
 
 
 def test_masks_of_another_range_are_told(home: Path, tmp_path: Path) -> None:
@@ -140,32 +162,45 @@ def test_bodies_in_another_camera_frame_are_told(home: Path, tmp_path: Path) -> 
 def test_another_focal_length_is_not_the_stored_one(home: Path, tmp_path: Path) -> None:
     found, facts = altered(home, tmp_path, lambda content: content.update(flength=500.0))
     assert facts.cameras[0].focal_px == pytest.approx(1000, rel=0.01)
-    assert "which is not the stored camera's (flength 500, centred)" in answer(found, "the focal length that fits keypoint_2d")
+    assert "which is not the stored camera's (flength 500, centred)" in answer(
+        found, "the focal length that fits keypoint_2d"
+    )
 
 
 def test_reprojections_in_a_resized_and_padded_picture_are_told(home: Path, tmp_path: Path) -> None:
     def change(entry: dict[str, Any]) -> None:
-        entry["reproj_kp_2d"] = [[1.6 * (x + 0.5) - 0.5, 1.6 * (y + 0.5) + 32 - 0.5, v] for x, y, v in entry["reproj_kp_2d"]]
+        entry["reproj_kp_2d"] = [
+            [1.6 * (x + 0.5) - 0.5, 1.6 * (y + 0.5) + 32 - 0.5, v]
+            for x, y, v in entry["reproj_kp_2d"]
+        ]
 
     found, facts = altered(home, tmp_path, each(change))
     (fit,) = facts.pictures
     assert fit.relation == "scaled and shifted"
     assert fit.scale == pytest.approx(1.6, rel=0.02)
     assert fit.shift_px == pytest.approx([0, 32], abs=3)
-    assert "the image scaled by 1.6 and shifted by (" in answer(found, "reproj_kp_2d lives in another picture")
+    assert "the image scaled by 1.6 and shifted by (" in answer(
+        found, "reproj_kp_2d lives in another picture"
+    )
     best = next(fit for fit in facts.cameras if fit.target == "reproj_kp_2d")
     assert best.focal_px == pytest.approx(1600, rel=1e-3)
 
 
-def test_reprojections_that_are_only_scaled_or_of_nothing_are_told(home: Path, tmp_path: Path) -> None:
+def test_reprojections_that_are_only_scaled_or_of_nothing_are_told(
+    home: Path, tmp_path: Path
+) -> None:
     def halved(entry: dict[str, Any]) -> None:
-        entry["reproj_kp_2d"] = [[0.5 * (x + 0.5) - 0.5, 0.5 * (y + 0.5) - 0.5, v] for x, y, v in entry["reproj_kp_2d"]]
+        entry["reproj_kp_2d"] = [
+            [0.5 * (x + 0.5) - 0.5, 0.5 * (y + 0.5) - 0.5, v] for x, y, v in entry["reproj_kp_2d"]
+        ]
 
     _, facts = altered(home, tmp_path, each(halved))
     assert facts.pictures[0].relation == "scaled"
     assert facts.pictures[0].scale == pytest.approx(0.5, rel=0.01)
     generator = np.random.default_rng(0)
-    wild = each(lambda entry: entry.update(reproj_kp_2d=generator.uniform(0, 100, (26, 3)).tolist()))
+    wild = each(
+        lambda entry: entry.update(reproj_kp_2d=generator.uniform(0, 100, (26, 3)).tolist())
+    )
     found, facts = inspected(home, copy_with(home, tmp_path / "wild", wild))
     assert facts.pictures[0].relation == "none"
     assert answer(found, "reproj_kp_2d is in no simple relation to keypoint_2d")
@@ -178,21 +213,41 @@ def test_reprojections_that_are_only_scaled_or_of_nothing_are_told(home: Path, t
         ("same", lambda points, trans: points + trans),
         ("shifted", lambda points, trans: points + 3.0),
         ("sides exchanged", lambda points, trans: points[FLIP]),
-        ("turned or scaled", lambda points, trans: 2 * points @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])),
+        (
+            "turned or scaled",
+            lambda points, trans: 2 * points @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]]),
+        ),
         ("other", lambda points, trans: points[::-1]),
         ("other", lambda points, trans: points * (-1, 1, 1)),
     ],
 )
-def test_what_maps_stored_keypoints_onto_the_bodies_is_told(home: Path, tmp_path: Path, relation: str, change: Callable[..., Any]) -> None:
-    wrong = each(lambda entry: entry.update(keypoint_3d=change(np.array(entry["keypoint_3d"]), np.array(entry["trans"])).tolist()))
-    found, facts = altered(home, tmp_path, lambda content: (content.update(data=content["data"][:4]), wrong({"data": content["data"][:3]})))
+def test_what_maps_stored_keypoints_onto_the_bodies_is_told(
+    home: Path, tmp_path: Path, relation: str, change: Callable[..., Any]
+) -> None:
+    wrong = each(
+        lambda entry: entry.update(
+            keypoint_3d=change(np.array(entry["keypoint_3d"]), np.array(entry["trans"])).tolist()
+        )
+    )
+    found, facts = altered(
+        home,
+        tmp_path,
+        lambda content: (
+            content.update(data=content["data"][:4]),
+            wrong({"data": content["data"][:3]}),
+        ),
+    )
     assert facts.stored_points is not None
     assert facts.stored_points.relations == {relation: 3, "less trans": 1}
     assert f"{relation} in 3" in answer(found, "keypoint_3d against the posed bodies")
 
 
 def test_sides_exchanged_in_the_image_or_in_space_are_told(home: Path, tmp_path: Path) -> None:
-    _, facts = altered(home, tmp_path, each(lambda entry: entry.update(keypoint_2d=[entry["keypoint_2d"][i] for i in FLIP])))
+    _, facts = altered(
+        home,
+        tmp_path,
+        each(lambda entry: entry.update(keypoint_2d=[entry["keypoint_2d"][i] for i in FLIP])),
+    )
     assert facts.sides is not None
     assert facts.sides.compared_in_image > 4
     assert facts.sides.swapped_in_image >= 0.6 * facts.sides.compared_in_image
@@ -200,14 +255,23 @@ def test_sides_exchanged_in_the_image_or_in_space_are_told(home: Path, tmp_path:
     found, facts = inspected(home, copy_with(home, tmp_path / "mirrored", mirrored), model=False)
     assert facts.sides is not None
     assert (facts.sides.left_is_left, facts.sides.left_is_right) == (0, found.animals)
-    assert answer(found, f"keypoint_3d: the named left is the animal's left in 0 animals, its right in {found.animals}")
+    assert answer(
+        found,
+        "keypoint_3d: the named left is the animal's left in 0 animals, its right in"
+        f" {found.animals}",
+    )
 
 
 def test_a_model_in_another_vertex_order_is_told(home: Path, tmp_path: Path) -> None:
     model = load_quadruped()
-    swapped = {name: model.landmarks[VOCABULARIES["animal3d26"].keypoints[FLIP[i]]] for i, name in enumerate(VOCABULARIES["animal3d26"].keypoints)}
+    swapped = {
+        name: model.landmarks[VOCABULARIES["animal3d26"].keypoints[FLIP[i]]]
+        for i, name in enumerate(VOCABULARIES["animal3d26"].keypoints)
+    }
     save_safetensors(replace(model, landmarks=swapped), tmp_path / "swapped.safetensors")
-    found = inspect_dataset(home / "animals", options=ReadOptions(model=tmp_path / "swapped.safetensors"))
+    found = inspect_dataset(
+        home / "animals", options=ReadOptions(model=tmp_path / "swapped.safetensors")
+    )
     assert found.animal3d is not None
     assert found.animal3d.sides is not None
     assert "left_eye" in found.animal3d.sides.template_wrong
@@ -222,16 +286,31 @@ def test_files_that_do_not_fit_their_annotations_are_told(home: Path, tmp_path: 
     third.unlink()
     found, facts = inspected(home, folder)
     assert (found.image_files.other_size, found.image_files.unreadable) == (1, 1)
-    assert any("is 20 x 30, annotated 160 x 120" in example for example in found.image_files.examples)
+    assert any(
+        "is 20 x 30, annotated 160 x 120" in example for example in found.image_files.examples
+    )
     assert set(found.faults.by_field) == {"img_path"}
     assert "bbox" not in facts.keys
-    assert answer(found, f"{found.faults.count} samples cannot be used, by field: img_path {found.faults.count}")
+    assert answer(
+        found,
+        f"{found.faults.count} samples cannot be used, by field: img_path {found.faults.count}",
+    )
     assert found.faults.first[0].problem in as_text(found)
 
 
 def test_a_set_without_bodies_is_inspected(home: Path, tmp_path: Path) -> None:
     def flat(entry: dict[str, Any]) -> None:
-        for key in ("pose", "shape", "shape_extra", "trans", "keypoint_3d", "joints_3d", "joints_2d", "reproj_kp_2d", "supercategory"):
+        for key in (
+            "pose",
+            "shape",
+            "shape_extra",
+            "trans",
+            "keypoint_3d",
+            "joints_3d",
+            "joints_2d",
+            "reproj_kp_2d",
+            "supercategory",
+        ):
             del entry[key]
 
     found, facts = altered(home, tmp_path, each(flat), model=False)
@@ -242,7 +321,9 @@ def test_a_set_without_bodies_is_inspected(home: Path, tmp_path: Path) -> None:
 def test_odd_values_are_counted_not_stumbled_over(home: Path, tmp_path: Path) -> None:
     def odd(content: Content) -> None:
         first, second, third, *_ = content["data"]
-        first.update(reproj_kp_2d="none", keypoint_3d=[[1, 2], [3]], joints_2d=[[None, 1]], trans=[1, 2])
+        first.update(
+            reproj_kp_2d="none", keypoint_3d=[[1, 2], [3]], joints_2d=[[None, 1]], trans=[1, 2]
+        )
         second.update(keypoint_2d=[[1, 2]], pose=None)
         third.clear()
         content["data"].append(7)
@@ -253,17 +334,26 @@ def test_odd_values_are_counted_not_stumbled_over(home: Path, tmp_path: Path) ->
     assert facts.visibility["none"] == 1
 
 
-# Other formats, and from the command line -----------------------------------------------------------------------------
+# Other formats, and from the command line
+# -----------------------------------------------------------------------------
 
 
 def test_other_formats_are_inspected_too(tmp_path: Path) -> None:
     found = inspect_dataset(write_coco(tmp_path / "coco", coco_content(tmp_path / "coco")))
-    assert (found.format, found.animals, found.images, found.largest_group, found.animal3d) == ("coco", 3, 2, 2, None)
+    assert (found.format, found.animals, found.images, found.largest_group, found.animal3d) == (
+        "coco",
+        3,
+        2,
+        2,
+        None,
+    )
     assert found.masks.levels == {"run lengths": 3}
     assert found.cameras.intrinsics == {"unknown": 3}
     assert answer(found, "3 of 3 animals have a mask")
     root = write_mesh_folder(tmp_path / "meshes")
-    write_json(root / "keypoints" / "a.json", json.loads((root / "keypoints" / "b.json").read_text()))
+    write_json(
+        root / "keypoints" / "a.json", json.loads((root / "keypoints" / "b.json").read_text())
+    )
     found = inspect_dataset(root)
     assert found.cameras.exact_poses == 1
     assert found.cameras.residual is not None
@@ -276,8 +366,16 @@ def test_other_formats_are_inspected_too(tmp_path: Path) -> None:
     assert found.bodies.examples[0] in as_text(found)
 
 
-def test_the_command_prints_words_or_json(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = str(copy_with(home, tmp_path / "copy", lambda content: content["data"].append({"img_path": "none.jpg"})))
+def test_the_command_prints_words_or_json(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = str(
+        copy_with(
+            home,
+            tmp_path / "copy",
+            lambda content: content["data"].append({"img_path": "none.jpg"}),
+        )
+    )
     codes = []
     for more in ([], ["--json"]):
         with pytest.raises(SystemExit) as caught:

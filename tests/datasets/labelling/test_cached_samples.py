@@ -1,4 +1,7 @@
-"""A sample whose label is in the cache: what is not read for it, and that its fields are its own."""
+"""A sample whose label is in the cache.
+
+What is not read for it, and that its fields are its own.
+"""
 
 import pickle
 from dataclasses import replace
@@ -27,7 +30,9 @@ def labels_of(dataset: LabelDataset) -> list[Any]:
     return [in_bytes(dataset[i][1]) for i in range(len(dataset))]  # type: ignore[index]
 
 
-def test_records_stay_packed_where_labels_are_in_the_cache(animals: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_records_stay_packed_where_labels_are_in_the_cache(
+    animals: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = labels_of(small_dataset(animals, cache=tmp_path))
     dataset = small_dataset(animals, cache=tmp_path)
 
@@ -44,21 +49,36 @@ def test_heads_say_what_records_say(animals: Path) -> None:
         sample = source.sample(index)
         assert len(sample.animals) == len(sample.records) == source.animals(index)
         for number, (head, record) in enumerate(zip(sample.animals, sample.records, strict=True)):
-            assert (head.sample_id, head.category, head.image_hw) == (record.sample_id, record.category, record.image_hw)
-            assert (record.image_id, str(record.image_path)) == (sample.image_id, sample.head.image_path)
+            assert (head.sample_id, head.category, head.image_hw) == (
+                record.sample_id,
+                record.category,
+                record.image_hw,
+            )
+            assert (record.image_id, str(record.image_path)) == (
+                sample.image_id,
+                sample.head.image_path,
+            )
             assert head.vocabulary is record.vocabulary  # type: ignore[union-attr]
             assert np.array_equal(sample.mask(number), record.mask)  # type: ignore[union-attr,arg-type]
 
 
-def test_parameters_that_are_replaced_while_they_are_used_get_new_labels(animals: Path, tmp_path: Path) -> None:
+def test_parameters_that_are_replaced_while_they_are_used_get_new_labels(
+    animals: Path, tmp_path: Path
+) -> None:
     read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
     assert isinstance(read.bodies, ParametersBody)
     parameters = dict(read.bodies.parameters)
-    dataset = LabelDataset(FileSource(read.records, ParametersBody(read.bodies.model, parameters)), pose="exact", cache=tmp_path)
+    dataset = LabelDataset(
+        FileSource(read.records, ParametersBody(read.bodies.model, parameters)),
+        pose="exact",
+        cache=tmp_path,
+    )
     before = dataset[0][1]["size"]  # type: ignore[index]
     for name, one in parameters.items():
         parameters[name] = replace(one, betas=one.betas + 0.5)
-    fresh = LabelDataset(FileSource(read.records, ParametersBody(read.bodies.model, parameters)), pose="exact")[0][1]["size"]  # type: ignore[index]
+    fresh = LabelDataset(
+        FileSource(read.records, ParametersBody(read.bodies.model, parameters)), pose="exact"
+    )[0][1]["size"]  # type: ignore[index]
     assert not torch.equal(fresh, before)
     assert torch.equal(dataset[0][1]["size"], fresh)  # type: ignore[index]
 
@@ -70,7 +90,7 @@ def test_writing_into_a_field_changes_no_other(animals: Path, tmp_path: Path, se
     for index in range(len(dataset)):
         target: dict[str, Any] = dataset[index][1]  # type: ignore[index]
         if sent:
-            (target,) = pickle.loads(pickle.dumps(Targets([target])))  # noqa: S301
+            (target,) = pickle.loads(pickle.dumps(Targets([target])))
         tensors = {name: value for name, value in target.items() if isinstance(value, torch.Tensor)}
         for name, value in tensors.items():
             others = {other: kept.clone() for other, kept in tensors.items() if other != name}
@@ -79,14 +99,21 @@ def test_writing_into_a_field_changes_no_other(animals: Path, tmp_path: Path, se
 
 
 def test_tensors_that_cannot_travel_as_numbers_travel_as_they_are() -> None:
-    odd = {"sparse": torch.eye(2).to_sparse(), "learnt": torch.ones(2, requires_grad=True), "turned": torch.arange(6.0).reshape(2, 3).T}
-    back = pickle.loads(pickle.dumps(Targets([odd, odd])))[1]  # noqa: S301
+    odd = {
+        "sparse": torch.eye(2).to_sparse(),
+        "learnt": torch.ones(2, requires_grad=True),
+        "turned": torch.arange(6.0).reshape(2, 3).T,
+    }
+    back = pickle.loads(pickle.dumps(Targets([odd, odd])))[1]
     assert back["sparse"].is_sparse
     assert back["learnt"].requires_grad
     assert torch.equal(back["turned"], odd["turned"])
 
 
-@pytest.mark.parametrize("array", [np.zeros((3, 0)), np.zeros((0, 3), np.float32), np.array(2, np.int32), np.arange(9.0)[::2]])
+@pytest.mark.parametrize(
+    "array",
+    [np.zeros((3, 0)), np.zeros((0, 3), np.float32), np.array(2, np.int32), np.arange(9.0)[::2]],
+)
 def test_packed_arrays_come_back_writable_and_in_their_shape(array: np.ndarray) -> None:
     back = Codec().unpack(Codec().pack({"it": array}))["it"]
     assert (back.dtype, back.shape) == (array.dtype, array.shape)
@@ -99,16 +126,26 @@ def test_outcomes_come_back_as_they_were_stored(animals: Path, tmp_path: Path) -
     assert unpacked_outcome(packed_outcome(rejection)) == rejection
     dataset = small_dataset(animals)
     sample = dataset.source.sample(0)
-    row = dataset._rows.rows([dataset._rows.asked(sample, 0, dataset.source.facts(sample))])[0].outcome
+    row = dataset._rows.rows([dataset._rows.asked(sample, 0, dataset.source.facts(sample))])[
+        0
+    ].outcome
     assert isinstance(row, LabelRow)
     bent = replace(
-        row, distortion=np.array([0.1, 0.0, 0.0, 0.2]), scale_m_per_unit=0.5, scale_source="x", quality={**row.quality, "warnings": ("a", "b")}
+        row,
+        distortion=np.array([0.1, 0.0, 0.0, 0.2]),
+        scale_m_per_unit=0.5,
+        scale_source="x",
+        quality={**row.quality, "warnings": ("a", "b")},
     )
     for whole in (row, bent, replace(row, keypoints=None)):
         back = unpacked_outcome(packed_outcome(whole))
         assert isinstance(back, LabelRow)
         assert back.quality == whole.quality
-        assert (back.sample_id, back.scale_m_per_unit, back.scale_source) == (whole.sample_id, whole.scale_m_per_unit, whole.scale_source)
+        assert (back.sample_id, back.scale_m_per_unit, back.scale_source) == (
+            whole.sample_id,
+            whole.scale_m_per_unit,
+            whole.scale_source,
+        )
         for name in ("values", "keypoints", "distortion"):
             stored, kept = getattr(back, name), getattr(whole, name)
             assert (stored is None) == (kept is None)

@@ -32,7 +32,11 @@ FORK = multiprocessing.get_context("fork")
 def targets_of(dataset: LabelDataset) -> dict[str, Any]:
     """Image -> its target's labels as bytes; images that were skipped are left out."""
     samples = (dataset[i] for i in range(len(dataset)))
-    return {s[1]["image_id"]: in_bytes({k: v for k, v in s[1].items() if k != "sample_key"}) for s in samples if not isinstance(s, Skipped)}
+    return {
+        s[1]["image_id"]: in_bytes({k: v for k, v in s[1].items() if k != "sample_key"})
+        for s in samples
+        if not isinstance(s, Skipped)
+    }
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +73,8 @@ def cache_cases(report: LoadReport) -> list[str]:
     return [case.problem for case in report.of("cache")]
 
 
-# The cache --------------------------------------------------------------------------------------------------------------
+# The cache
+# --------------------------------------------------------------------------------------------------------------
 
 
 def fill_and_die(animals: Path, cache: Path, entry: int, part: float) -> None:
@@ -89,8 +94,24 @@ def fill_and_die(animals: Path, cache: Path, entry: int, part: float) -> None:
     targets_of(dataset)
 
 
-@pytest.mark.parametrize(("entry", "part"), [(0, 0.0), (0, 0.01), (0, 0.5), (1, 0.02), (2, 0.9), (3, 0.999), (4, 0.3), (5, 0.0), (6, 0.7), (7, 0.1)])
-def test_kill_9_within_a_cache_write_costs_no_other_label(animals: Path, right: dict[str, Any], tmp_path: Path, entry: int, part: float) -> None:
+@pytest.mark.parametrize(
+    ("entry", "part"),
+    [
+        (0, 0.0),
+        (0, 0.01),
+        (0, 0.5),
+        (1, 0.02),
+        (2, 0.9),
+        (3, 0.999),
+        (4, 0.3),
+        (5, 0.0),
+        (6, 0.7),
+        (7, 0.1),
+    ],
+)
+def test_kill_9_within_a_cache_write_costs_no_other_label(
+    animals: Path, right: dict[str, Any], tmp_path: Path, entry: int, part: float
+) -> None:
     child = FORK.Process(target=fill_and_die, args=(animals, tmp_path / "cache", entry, part))
     child.start()
     child.join()
@@ -99,14 +120,20 @@ def test_kill_9_within_a_cache_write_costs_no_other_label(animals: Path, right: 
     aged(segment)
     dataset = small_dataset(animals, cache=tmp_path / "cache")
     assert targets_of(dataset) == right
-    assert [problem.partition(" ")[2][:20] for problem in cache_cases(dataset.report())] == (["ends within an entry"] if part else [])
-    assert len(segments(tmp_path / "cache")) == 2  # what was missing, and nothing else, is stored in a file of the new process
+    assert [problem.partition(" ")[2][:20] for problem in cache_cases(dataset.report())] == (
+        ["ends within an entry"] if part else []
+    )
+    assert (
+        len(segments(tmp_path / "cache")) == 2
+    )  # what was missing, and nothing else, is stored in a file of the new process
     assert segments_hold(tmp_path / "cache") == segments_hold_when_whole(right)
 
 
 def segments_hold(cache: Path) -> int:
     """Sound entries in all segments."""
-    return sum(len(list(segment_files.SegmentReader(path).new_entries())) for path in segments(cache))
+    return sum(
+        len(list(segment_files.SegmentReader(path).new_entries())) for path in segments(cache)
+    )
 
 
 def segments_hold_when_whole(right: dict[str, Any]) -> int:
@@ -114,7 +141,9 @@ def segments_hold_when_whole(right: dict[str, Any]) -> int:
 
 
 @pytest.mark.parametrize("seed", range(15))
-def test_a_cache_file_that_was_cut_is_told_and_made_whole(animals: Path, right: dict[str, Any], cache: Path, seed: int) -> None:
+def test_a_cache_file_that_was_cut_is_told_and_made_whole(
+    animals: Path, right: dict[str, Any], cache: Path, seed: int
+) -> None:
     (segment,) = segments(cache)
     size = segment.stat().st_size
     os.truncate(segment, int(np.random.default_rng(seed).integers(1, size)))
@@ -125,10 +154,14 @@ def test_a_cache_file_that_was_cut_is_told_and_made_whole(animals: Path, right: 
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_a_flipped_bit_in_the_cache_is_told_and_never_becomes_a_label(animals: Path, right: dict[str, Any], cache: Path, seed: int) -> None:
+def test_a_flipped_bit_in_the_cache_is_told_and_never_becomes_a_label(
+    animals: Path, right: dict[str, Any], cache: Path, seed: int
+) -> None:
     (segment,) = segments(cache)
     data = bytearray(segment.read_bytes())
-    place = int(np.random.default_rng(seed).integers(len(data))) if seed > 7 else seed * 4  # the first ones in the first header
+    place = (
+        int(np.random.default_rng(seed).integers(len(data))) if seed > 7 else seed * 4
+    )  # the first ones in the first header
     data[place] ^= 1 << (seed % 8)
     segment.write_bytes(data)
     aged(segment)
@@ -137,7 +170,9 @@ def test_a_flipped_bit_in_the_cache_is_told_and_never_becomes_a_label(animals: P
     assert cache_cases(dataset.report())
 
 
-def test_a_bit_that_flips_while_the_cache_is_open_is_told_too(animals: Path, right: dict[str, Any], cache: Path) -> None:
+def test_a_bit_that_flips_while_the_cache_is_open_is_told_too(
+    animals: Path, right: dict[str, Any], cache: Path
+) -> None:
     dataset = small_dataset(animals, cache=cache)
     assert targets_of(dataset) == right
     (segment,) = segments(cache)
@@ -145,12 +180,19 @@ def test_a_bit_that_flips_while_the_cache_is_open_is_told_too(animals: Path, rig
         file.seek(200)
         file.write(b"\xff\x00\xff")
     assert targets_of(dataset) == right
-    assert any("was damaged and is made anew" in problem for problem in cache_cases(dataset.report()))
+    assert any(
+        "was damaged and is made anew" in problem for problem in cache_cases(dataset.report())
+    )
 
 
-def test_more_segments_than_are_open_at_once_are_all_read(animals: Path, right: dict[str, Any], cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_segments_than_are_open_at_once_are_all_read(
+    animals: Path, right: dict[str, Any], cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (whole,) = segments(cache)
-    data, starts = whole.read_bytes(), [offset for _, offset in segment_files.SegmentReader(whole).new_entries()]
+    data, starts = (
+        whole.read_bytes(),
+        [offset for _, offset in segment_files.SegmentReader(whole).new_entries()],
+    )
     for start, stop in zip(starts, [*starts[1:], len(data)], strict=True):
         (whole.parent / f"{start}{segment_files.SUFFIX}").write_bytes(data[start:stop])
     whole.unlink()
@@ -159,7 +201,14 @@ def test_more_segments_than_are_open_at_once_are_all_read(animals: Path, right: 
     assert targets_of(dataset) == right
     assert targets_of(dataset) == right
     assert segments_hold(cache) == segments_hold_when_whole(right)  # nothing was made anew
-    assert sum("labels" in line for line in Path("/proc/self/maps").read_text().splitlines() if str(cache) in line) <= 2
+    assert (
+        sum(
+            "labels" in line
+            for line in Path("/proc/self/maps").read_text().splitlines()
+            if str(cache) in line
+        )
+        <= 2
+    )
 
 
 def fill(animals: Path, cache: Path, backwards: bool) -> None:
@@ -169,8 +218,13 @@ def fill(animals: Path, cache: Path, backwards: bool) -> None:
 
 
 @pytest.mark.parametrize("trial", range(5))
-def test_processes_that_fill_one_cache_at_once_do_not_disturb_each_other(animals: Path, right: dict[str, Any], tmp_path: Path, trial: int) -> None:
-    processes = [FORK.Process(target=fill, args=(animals, tmp_path / "cache", bool(k % 2))) for k in range(2 + trial % 2)]
+def test_processes_that_fill_one_cache_at_once_do_not_disturb_each_other(
+    animals: Path, right: dict[str, Any], tmp_path: Path, trial: int
+) -> None:
+    processes = [
+        FORK.Process(target=fill, args=(animals, tmp_path / "cache", bool(k % 2)))
+        for k in range(2 + trial % 2)
+    ]
     for process in processes:
         process.start()
     for process in processes:
@@ -194,7 +248,9 @@ def full_disk(kind: str, after: int) -> Callable[[int, bytes], int]:
             if count > after:
                 if kind == "short":
                     return write(descriptor, data[: len(data) // 2])
-                raise OSError(errno.ENOSPC if kind == "full" else errno.EDQUOT, os.strerror(errno.ENOSPC))
+                raise OSError(
+                    errno.ENOSPC if kind == "full" else errno.EDQUOT, os.strerror(errno.ENOSPC)
+                )
         return write(descriptor, data)
 
     return limited
@@ -203,7 +259,12 @@ def full_disk(kind: str, after: int) -> Callable[[int, bytes], int]:
 @pytest.mark.parametrize("kind", ["full", "short", "quota"])
 @pytest.mark.parametrize("after", [0, 1, 3, 6])
 def test_a_full_disk_costs_no_label_and_is_told(
-    animals: Path, right: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, after: int
+    animals: Path,
+    right: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: str,
+    after: int,
 ) -> None:
     dataset = small_dataset(animals, cache=tmp_path / "cache")
     monkeypatch.setattr(os, "write", full_disk(kind, after))
@@ -218,7 +279,9 @@ def test_a_full_disk_costs_no_label_and_is_told(
     assert cache_cases(again.report()) == []
 
 
-def test_a_case_that_cannot_be_written_down_stops_loading(copied: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_case_that_cannot_be_written_down_stops_loading(
+    copied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     dataset = small_dataset(copied, on_bad="skip")
     (copied / dataset.image_id(0)).unlink()
 
@@ -243,13 +306,21 @@ def test_a_cache_that_is_removed_while_it_is_used_costs_no_label_and_is_told(
     monkeypatch.setattr("animal3dbox.datasets.labelling.cache.REFRESH_S", 0.0)
     dataset = small_dataset(animals, cache=tmp_path / "cache")
     dataset[0]
-    shutil.rmtree(tmp_path / "cache") if gone == "folder" else segments(tmp_path / "cache")[0].unlink()
+    (
+        shutil.rmtree(tmp_path / "cache")
+        if gone == "folder"
+        else segments(tmp_path / "cache")[0].unlink()
+    )
     assert targets_of(dataset) == right
     assert any("cannot be read" in case for case in cache_cases(dataset.report()))
-    assert segments_hold(tmp_path / "cache") == segments_hold_when_whole(right)  # what came after went to a file that can be found
+    assert segments_hold(tmp_path / "cache") == segments_hold_when_whole(
+        right
+    )  # what came after went to a file that can be found
 
 
-def test_a_folder_called_like_a_cache_file_is_told(animals: Path, right: dict[str, Any], tmp_path: Path) -> None:
+def test_a_folder_called_like_a_cache_file_is_told(
+    animals: Path, right: dict[str, Any], tmp_path: Path
+) -> None:
     dataset = small_dataset(animals, cache=tmp_path / "cache")
     (next((tmp_path / "cache").iterdir()) / f"x{segment_files.SUFFIX}").mkdir()
     assert targets_of(dataset) == right
@@ -271,7 +342,8 @@ def opened_under(folder: Path) -> list[Path]:
     return [path for path in links if path.is_relative_to(folder)]
 
 
-# Files ------------------------------------------------------------------------------------------------------------------
+# Files
+# ------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("number", [0, 3])
@@ -283,15 +355,28 @@ def test_a_spoiled_file_is_named_and_its_neighbours_keep_their_labels(
     options: dict[str, Any] = {"on_bad": "skip", **({"cache": cache} if cached else {})}
     before = small_dataset(copied, **options)  # read while all was well
     image, field = plant(copied, "train.json", number, fault)
-    if fault == "mask vanished":  # when the annotations are read, the rendered mask stands in for it
-        assert any("the rendered one is used" in note for note in small_dataset(copied).source.notes)
-        assert {q["mask_source"] for i in range(8) for q in small_dataset(copied)[i][1]["quality"]} == {"dataset", "rendered"}  # type: ignore[index]
-    for dataset in (before,) if fault == "mask vanished" else (before, small_dataset(copied, **options)):
+    if (
+        fault == "mask vanished"
+    ):  # when the annotations are read, the rendered mask stands in for it
+        assert any(
+            "the rendered one is used" in note for note in small_dataset(copied).source.notes
+        )
+        targets = [small_dataset(copied)[i][1] for i in range(8)]  # type: ignore[index]
+        sources = {quality["mask_source"] for target in targets for quality in target["quality"]}
+        assert sources == {"dataset", "rendered"}
+    for dataset in (
+        (before,) if fault == "mask vanished" else (before, small_dataset(copied, **options))
+    ):
         found = targets_of(dataset)
         cases = dataset.report().of("fault")
         assert {case.sample_id.partition("#")[0] for case in cases} == {image}
-        assert {case.field for case in cases} <= {field, field.removesuffix("_path").replace("img", "image")}
-        assert {name: target for name, target in found.items() if name != image} == {n: t for n, t in right.items() if n != image}
+        assert {case.field for case in cases} <= {
+            field,
+            field.removesuffix("_path").replace("img", "image"),
+        }
+        assert {name: target for name, target in found.items() if name != image} == {
+            n: t for n, t in right.items() if n != image
+        }
     if fault == "mask vanished":
         return
     with pytest.raises(SampleError) as caught:
@@ -300,14 +385,21 @@ def test_a_spoiled_file_is_named_and_its_neighbours_keep_their_labels(
 
 
 @pytest.mark.parametrize("fault", ENTRY_FAULTS)
-def test_a_spoiled_entry_is_named_and_its_neighbours_keep_their_labels(copied: Path, right: dict[str, Any], fault: str) -> None:
+def test_a_spoiled_entry_is_named_and_its_neighbours_keep_their_labels(
+    copied: Path, right: dict[str, Any], fault: str
+) -> None:
     image, field = plant(copied, "train.json", 2, fault)
     dataset = small_dataset(copied, on_bad="skip")
     found = targets_of(dataset)
     (case,) = dataset.report().of("fault")
     assert case.field == field
-    assert json.loads((copied / "train.json").read_text())["data"][2]["img_path"] in case.sample_id or image in case.sample_id
-    assert {name: target for name, target in found.items() if name != image} == {n: t for n, t in right.items() if n != image}
+    assert (
+        json.loads((copied / "train.json").read_text())["data"][2]["img_path"] in case.sample_id
+        or image in case.sample_id
+    )
+    assert {name: target for name, target in found.items() if name != image} == {
+        n: t for n, t in right.items() if n != image
+    }
 
 
 @pytest.mark.parametrize("cut", [0.0, 0.2, 0.5, 0.9, 0.999])
@@ -318,7 +410,8 @@ def test_annotations_cut_off_are_refused_as_a_whole(copied: Path, cut: float) ->
         small_dataset(copied, on_bad="skip")
 
 
-# Workers ----------------------------------------------------------------------------------------------------------------
+# Workers
+# ----------------------------------------------------------------------------------------------------------------
 
 
 class Deadly(LabelDataset):
@@ -337,9 +430,18 @@ class Deadly(LabelDataset):
 def load_until_death(animals: Path, folder: Path, fatal: int) -> None:
     """Load with a worker that is killed; leaves with 0 only if nothing was told.
 
-    In a process of its own: torch raises its error from a signal's handler, wherever the process is just then, and more than once.
+    In a process of its own: torch raises its error from a signal's handler, wherever the process is
+    just then, and more than once.
     """
-    list(DataLoader(deadly(animals, folder, fatal), batch_size=1, collate_fn=collate, num_workers=1, multiprocessing_context="fork"))
+    list(
+        DataLoader(
+            deadly(animals, folder, fatal),
+            batch_size=1,
+            collate_fn=collate,
+            num_workers=1,
+            multiprocessing_context="fork",
+        )
+    )
     os._exit(0)
 
 
@@ -350,7 +452,9 @@ def deadly(animals: Path, folder: Path, fatal: int) -> Deadly:
 
 
 @pytest.mark.parametrize("fatal", [1, 3, 4, 6])
-def test_a_worker_that_is_killed_stops_the_epoch_and_its_labels_stay(animals: Path, right: dict[str, Any], tmp_path: Path, fatal: int) -> None:
+def test_a_worker_that_is_killed_stops_the_epoch_and_its_labels_stay(
+    animals: Path, right: dict[str, Any], tmp_path: Path, fatal: int
+) -> None:
     child = FORK.Process(target=load_until_death, args=(animals, tmp_path, fatal))
     child.start()
     child.join()

@@ -1,4 +1,5 @@
-"""Animal3D folders, written from the synthetic world and read back, and every way in which a copy can be off."""
+"""Animal3D folders, written from the synthetic world and read back, and every way in which a copy
+can be off."""
 
 import json
 from collections.abc import Callable
@@ -33,7 +34,9 @@ KEYS = {
 
 @pytest.fixture(scope="module")
 def made() -> SyntheticSet:
-    config = animal3d_world(WorldConfig(image_hw=(120, 160), fill=(0.5, 0.9), occluded=0.2, truncated=0.0))
+    config = animal3d_world(
+        WorldConfig(image_hw=(120, 160), fill=(0.5, 0.9), occluded=0.2, truncated=0.0)
+    )
     return SyntheticSet(6, 5, config, FaultConfig(noise_px=0.5, joint_deg=1.0))
 
 
@@ -50,24 +53,50 @@ def read(home: Path) -> Animal3D:
     return read_animal3d(home / "animals", home / "body.pkl")
 
 
-# The way there and back -----------------------------------------------------------------------------------------------
+# The way there and back
+# -----------------------------------------------------------------------------------------------
 
 
-def test_a_written_folder_gives_the_same_labels_as_the_world_in_memory(made: SyntheticSet, read: Animal3D) -> None:
-    by_split = sorted(made.records(stored_pose=True).records, key=lambda r: int(r.image_id.split("-")[1]) % 5 == 4)  # train first
+def test_a_written_folder_gives_the_same_labels_as_the_world_in_memory(
+    made: SyntheticSet, read: Animal3D
+) -> None:
+    by_split = sorted(
+        made.records(stored_pose=True).records, key=lambda r: int(r.image_id.split("-")[1]) % 5 == 4
+    )  # train first
     bodies, labelled = made.bodies(), 0
     assert read.bodies is not None
     assert len(by_split) == len(read.records.records) >= 5
     assert read.records.faults == ()
     for ours, theirs in zip(by_split, read.records.records, strict=True):
         assert ours.image_id in theirs.image_id
-        outcome, again = label_record(ours, bodies, LabelConfig()), label_record(theirs, read.bodies, LabelConfig())
+        outcome, again = (
+            label_record(ours, bodies, LabelConfig()),
+            label_record(theirs, read.bodies, LabelConfig()),
+        )
         if not isinstance(outcome, CuboidLabel) or not isinstance(again, CuboidLabel):
             assert type(outcome) is type(again)
             continue
         labelled += 1
-        for field in ("corners_3d", "center", "rotation", "size", "K", "R", "t", "box", "face_area", "face_share", "surface_share"):
-            assert_close(getattr(again, field), getattr(outcome, field), rtol=1e-6, atol=1e-6, msg=f"{ours.sample_id} {field}")
+        for field in (
+            "corners_3d",
+            "center",
+            "rotation",
+            "size",
+            "K",
+            "R",
+            "t",
+            "box",
+            "face_area",
+            "face_share",
+            "surface_share",
+        ):
+            assert_close(
+                getattr(again, field),
+                getattr(outcome, field),
+                rtol=1e-6,
+                atol=1e-6,
+                msg=f"{ours.sample_id} {field}",
+            )
         assert again.quality.K_source == "dataset"
         assert again.side == outcome.side
     assert labelled >= 4
@@ -77,7 +106,9 @@ def test_all_keys_are_there_in_their_shapes_and_the_files_too(home: Path) -> Non
     for split in ("train", "test"):
         content = json.loads((home / "animals" / f"{split}.json").read_text())
         assert content["flength"] == 1000.0
-        assert [len(content[key]) for key in ("supercategories", "categories", "keypoint_vids")] == [5, 10, 26]
+        assert [
+            len(content[key]) for key in ("supercategories", "categories", "keypoint_vids")
+        ] == [5, 10, 26]
         for entry in content["data"]:
             assert set(entry) == set(KEYS)
             for key, shape in KEYS.items():
@@ -93,22 +124,37 @@ def test_all_keys_are_there_in_their_shapes_and_the_files_too(home: Path) -> Non
     assert not list((home / "animals").rglob("*.pkl"))
 
 
-def test_the_truth_stands_beside_it_and_is_not_the_annotation(home: Path, made: SyntheticSet) -> None:
+def test_the_truth_stands_beside_it_and_is_not_the_annotation(
+    home: Path, made: SyntheticSet
+) -> None:
     truth = json.loads((home / "animals" / "truth.json").read_text())
     samples = list(made.samples())
-    assert (truth["schema"], truth["version"], truth["seed"], len(truth["animals"])) == ("animal3dbox.truth", 1, 6, len(samples))
+    assert (truth["schema"], truth["version"], truth["seed"], len(truth["animals"])) == (
+        "animal3dbox.truth",
+        1,
+        6,
+        len(samples),
+    )
     for told, sample in zip(truth["animals"], samples, strict=True):
-        assert_close(torch.tensor(told["corners_3d"], dtype=torch.float64), sample.animal.cuboid.corners())
+        assert_close(
+            torch.tensor(told["corners_3d"], dtype=torch.float64), sample.animal.cuboid.corners()
+        )
         assert told["keypoint_visible"] == sample.animal.keypoint_visible.tolist()
-        assert told["face_share_in_image"] == pytest.approx(told["face_share_in_image_by_rays"], abs=0.03)  # a ray a pixel
+        assert told["face_share_in_image"] == pytest.approx(
+            told["face_share_in_image_by_rays"], abs=0.03
+        )  # a ray a pixel
         assert told["K"] == sample.animal.K.tolist()
         exact = [point for point in told["keypoints"] if point is not None]
         assert len(exact) == int((sample.animal.keypoints_2d[:, 2] > 0).sum())
     assert truth["faults"]["noise_px"] == 0.5
-    assert {told["sample_id"] for told in truth["animals"]} == {record.sample_id for record in read_animal3d(home / "animals").records.records}
+    assert {told["sample_id"] for told in truth["animals"]} == {
+        record.sample_id for record in read_animal3d(home / "animals").records.records
+    }
 
 
-def test_a_model_inside_the_folder_and_cameras_that_cannot_be_told_are_refused(made: SyntheticSet, tmp_path: Path) -> None:
+def test_a_model_inside_the_folder_and_cameras_that_cannot_be_told_are_refused(
+    made: SyntheticSet, tmp_path: Path
+) -> None:
     with pytest.raises(ConfigError, match="must lie beside"):
         write_animal3d(made, tmp_path / "animals", tmp_path / "animals" / "body.pkl")
     (tmp_path / "smal.pkl").write_bytes(b"somebody's own")
@@ -122,7 +168,8 @@ def test_a_model_inside_the_folder_and_cameras_that_cannot_be_told_are_refused(m
         SyntheticSet(0, 0)
 
 
-# What is found out ----------------------------------------------------------------------------------------------------
+# What is found out
+# ----------------------------------------------------------------------------------------------------
 
 
 def test_the_stored_camera_is_recognised_in_our_frame(read: Animal3D) -> None:
@@ -132,7 +179,9 @@ def test_the_stored_camera_is_recognised_in_our_frame(read: Animal3D) -> None:
     assert pose[0].tolist() == np.eye(3).tolist()
 
 
-def test_the_stored_camera_is_recognised_in_pytorch3ds_frame(home: Path, read: Animal3D, tmp_path: Path) -> None:
+def test_the_stored_camera_is_recognised_in_pytorch3ds_frame(
+    home: Path, read: Animal3D, tmp_path: Path
+) -> None:
     def turned(content: dict[str, Any]) -> None:
         in_pytorch3d_frame(content)
         for entry in content["data"]:
@@ -147,10 +196,15 @@ def test_the_stored_camera_is_recognised_in_pytorch3ds_frame(home: Path, read: A
     assert any("keypoint_3d differs" in note for note in found.records.notes)
     assert not any("keypoint_3d" in note for note in read.records.notes)
     assert read.bodies is not None
-    outcome, again = label_record(before, read.bodies, LabelConfig()), label_record(record, found.bodies, LabelConfig())
+    outcome, again = (
+        label_record(before, read.bodies, LabelConfig()),
+        label_record(record, found.bodies, LabelConfig()),
+    )
     assert isinstance(outcome, CuboidLabel)
     assert isinstance(again, CuboidLabel)
-    assert_close(again.corners_3d, outcome.corners_3d, rtol=1e-3, atol=1e-3)  # the same box in the camera frame
+    assert_close(
+        again.corners_3d, outcome.corners_3d, rtol=1e-3, atol=1e-3
+    )  # the same box in the camera frame
 
 
 def test_a_camera_that_agrees_with_nothing_is_not_used(home: Path, tmp_path: Path) -> None:
@@ -160,9 +214,15 @@ def test_a_camera_that_agrees_with_nothing_is_not_used(home: Path, tmp_path: Pat
 
     found = read_animal3d(copy_with(home, tmp_path / "moved", moved), home / "body.pkl")
     assert all(record.stored_pose is None for record in found.records.records)
-    (note,) = [note for note in found.records.notes if note.startswith("the pose of the dataset's own camera is not used: in no known frame")]
+    (note,) = [
+        note
+        for note in found.records.notes
+        if note.startswith("the pose of the dataset's own camera is not used: in no known frame")
+    ]
     assert "its focal length is used" in note
-    assert all(record.K is not None and record.K[0, 0] == 1000.0 for record in found.records.records)
+    assert all(
+        record.K is not None and record.K[0, 0] == 1000.0 for record in found.records.records
+    )
 
     def without_focal(content: dict[str, Any]) -> None:
         del content["flength"]
@@ -172,10 +232,18 @@ def test_a_camera_that_agrees_with_nothing_is_not_used(home: Path, tmp_path: Pat
     assert any("no focal length" in note for note in found.records.notes)
 
 
-def test_bodies_fitted_without_their_tail_are_told_of(home: Path, read: Animal3D, tmp_path: Path) -> None:
-    found = read_animal3d(copy_with(home, tmp_path / "tails", lambda c: c["data"][0].update(with_tail=0)), home / "body.pkl")
+def test_bodies_fitted_without_their_tail_are_told_of(
+    home: Path, read: Animal3D, tmp_path: Path
+) -> None:
+    found = read_animal3d(
+        copy_with(home, tmp_path / "tails", lambda c: c["data"][0].update(with_tail=0)),
+        home / "body.pkl",
+    )
     count = len(found.records.records)
-    assert any(note.startswith(f"1 of {count} bodies") and "--tail drop" in note for note in found.records.notes)
+    assert any(
+        note.startswith(f"1 of {count} bodies") and "--tail drop" in note
+        for note in found.records.notes
+    )
     assert not any("tail" in note for note in read.records.notes)
 
 
@@ -185,7 +253,16 @@ def test_sets_of_keypoints_alone_are_read_without_bodies(home: Path, tmp_path: P
             if key != "data":
                 del content[key]
         for entry in content["data"]:
-            for key in ("pose", "shape", "shape_extra", "trans", "keypoint_3d", "joints_3d", "rd_mask_path", "category"):
+            for key in (
+                "pose",
+                "shape",
+                "shape_extra",
+                "trans",
+                "keypoint_3d",
+                "joints_3d",
+                "rd_mask_path",
+                "category",
+            ):
                 del entry[key]
             entry["keypoint_2d"] = [[x, y, 2 * v] for x, y, v in entry["keypoint_2d"]]
 
@@ -194,12 +271,16 @@ def test_sets_of_keypoints_alone_are_read_without_bodies(home: Path, tmp_path: P
     assert found.bodies is None
     assert found.records.faults == ()
     assert {record.category for record in found.records.records} == {"animal"}
-    assert all(set(record.keypoints_2d[:, 2].tolist()) <= {0.0, 1.0} for record in found.records.records)
+    assert all(
+        set(record.keypoints_2d[:, 2].tolist()) <= {0.0, 1.0} for record in found.records.records
+    )
     with pytest.raises(ConfigError, match="has no parameters"):
         read_dataset(root, options=ReadOptions(model=home / "body.pkl"))
 
 
-def test_masks_may_be_of_0_and_1_and_the_rendered_one_stands_in_for_a_missing_one(home: Path, read: Animal3D, tmp_path: Path) -> None:
+def test_masks_may_be_of_0_and_1_and_the_rendered_one_stands_in_for_a_missing_one(
+    home: Path, read: Animal3D, tmp_path: Path
+) -> None:
     def nothing(content: dict[str, Any]) -> None:
         pass
 
@@ -210,12 +291,15 @@ def test_masks_may_be_of_0_and_1_and_the_rendered_one_stands_in_for_a_missing_on
     second.unlink()
     records = read_animal3d(root).records.records
     assert np.array_equal(records[0].mask, read.records.records[0].mask)  # type: ignore[arg-type]
-    assert np.array_equal(records[1].mask, np.asarray(Image.open(root / entries[1]["rd_mask_path"])) > 0)  # type: ignore[arg-type]
+    rendered = np.asarray(Image.open(root / entries[1]["rd_mask_path"])) > 0
+    assert np.array_equal(records[1].mask, rendered)  # type: ignore[arg-type]
     Image.fromarray(np.zeros((120, 160), np.uint8)).save(first)
     with pytest.raises(SampleError, match=r"mask: .* has no pixel above 0"):
         _ = records[0].mask
     Image.fromarray(np.full((12, 16), 255, np.uint8)).save(first)
-    with pytest.raises(SampleError, match="mask: its pixels are 16 x 12, but the annotations are for 160 x 120"):
+    with pytest.raises(
+        SampleError, match="mask: its pixels are 16 x 12, but the annotations are for 160 x 120"
+    ):
         _ = records[0].mask
 
 
@@ -226,11 +310,18 @@ def test_parameters_that_are_all_wrong_are_told_from_none(home: Path, tmp_path: 
 
     root = copy_with(home, tmp_path / "short", short)
     entries = json.loads((root / "train.json").read_text())["data"]
-    with pytest.raises(ConfigError, match=rf"{len(entries)} entries have wrong ones, the first: .* must have 105 or 99 and 3 numbers, got 72 and 3"):
+    with pytest.raises(
+        ConfigError,
+        match=(
+            rf"{len(entries)} entries have wrong ones, the first: .* must have 105 or 99 and 3"
+            r" numbers, got 72 and 3"
+        ),
+    ):
         read_dataset(root, options=ReadOptions(model=home / "body.pkl"))
 
 
-# Faults ---------------------------------------------------------------------------------------------------------------
+# Faults
+# ---------------------------------------------------------------------------------------------------------------
 
 
 def spoil(**changes: Any) -> Callable[[Entry], None]:
@@ -246,9 +337,18 @@ FAULTS = {
     "outside": (spoil(img_path="../animals/train.json"), "img_path: .* leads out of"),
     "height": (spoil(height=0), "height, width: must be positive"),
     "keypoint_2d": (spoil(keypoint_2d=[[1, 2, 1]] * 25), "keypoint_2d: must be 26 x 3"),
-    "visibility": (spoil(keypoint_2d=[[1, 2, 0.5]] * 26), "keypoint_2d: visibility must be 0, 1 or 2"),
-    "pose": (spoil(pose=[0.0] * 104), "pose, trans: must have 105 or 99 and 3 numbers, got 104 and 3"),
-    "shape_extra": (spoil(shape=[0.0] * 10), "shape_extra: comes after 20 betas, but shape has 10: .*; give all betas in order in shape"),
+    "visibility": (
+        spoil(keypoint_2d=[[1, 2, 0.5]] * 26),
+        "keypoint_2d: visibility must be 0, 1 or 2",
+    ),
+    "pose": (
+        spoil(pose=[0.0] * 104),
+        "pose, trans: must have 105 or 99 and 3 numbers, got 104 and 3",
+    ),
+    "shape_extra": (
+        spoil(shape=[0.0] * 10),
+        "shape_extra: comes after 20 betas, but shape has 10: .*; give all betas in order in shape",
+    ),
     "no shape": (spoil(shape=[]), "shape_extra: comes after 20 betas, but shape has 0"),
     "trans": (drop("trans"), "trans: is missing"),
     "shape": (drop("shape"), "shape: is missing"),
@@ -257,7 +357,9 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_faulty_entry_is_named_with_its_field_and_spoils_no_other(fault: str, home: Path, tmp_path: Path) -> None:
+def test_a_faulty_entry_is_named_with_its_field_and_spoils_no_other(
+    fault: str, home: Path, tmp_path: Path
+) -> None:
     change, says = FAULTS[fault]
 
     def second(content: dict[str, Any]) -> None:
@@ -276,18 +378,31 @@ def test_a_faulty_entry_is_named_with_its_field_and_spoils_no_other(fault: str, 
 def test_files_that_are_no_such_dataset_are_refused_as_a_whole(home: Path, tmp_path: Path) -> None:
     with pytest.raises(DatasetNotFoundError, match=r"must hold train\.json or test\.json"):
         read_animal3d(tmp_path)
-    for text, says in (('{"data": []}', "empty data list"), ("{}", "data"), ("[1]", "Expected `object`")):
+    for text, says in (
+        ('{"data": []}', "empty data list"),
+        ("{}", "data"),
+        ("[1]", "Expected `object`"),
+    ):
         (tmp_path / "train.json").write_text(text)
         with pytest.raises(DatasetFormatError, match=says):
             read_animal3d(tmp_path)
     with pytest.raises(DatasetFormatError, match="keypoint_vids do not belong to the model"):
-        read_animal3d(copy_with(home, tmp_path / "vids", lambda c: c.update(keypoint_vids=[[10**6]] * 26)), home / "body.pkl")
+        read_animal3d(
+            copy_with(home, tmp_path / "vids", lambda c: c.update(keypoint_vids=[[10**6]] * 26)),
+            home / "body.pkl",
+        )
 
 
 def test_the_format_is_recognised_by_the_folder_or_the_file(home: Path, tmp_path: Path) -> None:
-    assert recognised_format(home / "animals") == recognised_format(home / "animals" / "test.json") == "animal3d"
+    assert (
+        recognised_format(home / "animals")
+        == recognised_format(home / "animals" / "test.json")
+        == "animal3d"
+    )
     (tmp_path / "dogs.json").write_text("[]")
-    assert recognised_format(tmp_path / "dogs.json") == recognised_format(tmp_path) == "stanfordextra"
+    assert (
+        recognised_format(tmp_path / "dogs.json") == recognised_format(tmp_path) == "stanfordextra"
+    )
     (tmp_path / "other.json").write_text('{"images": []}')
     with pytest.raises(DatasetFormatError, match="it has images; give --format"):
         recognised_format(tmp_path / "other.json")

@@ -1,4 +1,7 @@
-"""Relatives of Animal3D in its layout: 2D-only sets, and sets such as CtrlAni3D that have only the keys their loader reads."""
+"""Relatives of Animal3D in its layout.
+
+2D-only sets, and sets such as CtrlAni3D that have only the keys their loader reads.
+"""
 
 import json
 from collections.abc import Callable
@@ -23,17 +26,43 @@ from animal3dbox.errors import ConfigError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
 
-LOADED = ("img_path", "mask_path", "supercategory", "keypoint_2d", "keypoint_3d", "bbox", "pose", "shape", "shape_extra", "trans")
+LOADED = (
+    "img_path",
+    "mask_path",
+    "supercategory",
+    "keypoint_2d",
+    "keypoint_3d",
+    "bbox",
+    "pose",
+    "shape",
+    "shape_extra",
+    "trans",
+)
 """All that AniMer's loader of Animal3D and CtrlAni3D asks of an entry; "bone" may be there."""
-BODY = ("pose", "shape", "shape_extra", "trans", "keypoint_3d", "joints_3d", "joints_2d", "reproj_kp_2d", "rd_mask_path", "with_tail")
+BODY = (
+    "pose",
+    "shape",
+    "shape_extra",
+    "trans",
+    "keypoint_3d",
+    "joints_3d",
+    "joints_2d",
+    "reproj_kp_2d",
+    "rd_mask_path",
+    "with_tail",
+)
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the dataset "animals" and its model beside it."""
     home = tmp_path_factory.mktemp("animal3d")
-    config = animal3d_world(WorldConfig(image_hw=(120, 160), fill=(0.5, 0.9), occluded=0.0, truncated=0.0))
-    write_animal3d(SyntheticSet(7, 4, config, FaultConfig(noise_px=0.3)), home / "animals", home / "body.pkl")
+    config = animal3d_world(
+        WorldConfig(image_hw=(120, 160), fill=(0.5, 0.9), occluded=0.0, truncated=0.0)
+    )
+    write_animal3d(
+        SyntheticSet(7, 4, config, FaultConfig(noise_px=0.3)), home / "animals", home / "body.pkl"
+    )
     return home
 
 
@@ -47,7 +76,9 @@ def only(*keys: str, top: tuple[str, ...] = ("data", "keypoint_vids")) -> Callab
     """Leave out all other keys of entries and files."""
 
     def change(content: Content) -> None:
-        content["data"] = [{key: value for key, value in entry.items() if key in keys} for entry in content["data"]]
+        content["data"] = [
+            {key: value for key, value in entry.items() if key in keys} for entry in content["data"]
+        ]
         for key in set(content) - set(top):
             del content[key]
 
@@ -65,23 +96,34 @@ def without(*keys: str) -> Callable[[Content], None]:
     return change
 
 
-def test_a_set_with_only_what_its_loader_reads_gives_the_same_boxes(home: Path, whole: Animal3D, tmp_path: Path) -> None:
-    root = copy_with(home, tmp_path / "ctrl", only(*LOADED, top=("data", "keypoint_vids", "flength")))
+def test_a_set_with_only_what_its_loader_reads_gives_the_same_boxes(
+    home: Path, whole: Animal3D, tmp_path: Path
+) -> None:
+    root = copy_with(
+        home, tmp_path / "ctrl", only(*LOADED, top=("data", "keypoint_vids", "flength"))
+    )
     assert recognised_format(root) == "animal3d"
     found = read_animal3d(root, home / "body.pkl")
     assert found.records.faults == ()
-    assert [record.category for record in found.records.records] == ["animal"] * len(whole.records.records)
+    assert [record.category for record in found.records.records] == ["animal"] * len(
+        whole.records.records
+    )
     assert found.bodies is not None
     assert whole.bodies is not None
     for here, there in zip(found.records.records[:3], whole.records.records, strict=False):
         assert here.image_hw == there.image_hw  # not in the file, but the image's
-        a, b = label_record(here, found.bodies, LabelConfig()), label_record(there, whole.bodies, LabelConfig())
+        a, b = (
+            label_record(here, found.bodies, LabelConfig()),
+            label_record(there, whole.bodies, LabelConfig()),
+        )
         assert isinstance(a, CuboidLabel)
         assert isinstance(b, CuboidLabel)
         assert_close(a.corners_3d, b.corners_3d)
 
 
-def test_without_a_focal_length_it_is_guessed_and_the_stored_camera_left_alone(home: Path, tmp_path: Path) -> None:
+def test_without_a_focal_length_it_is_guessed_and_the_stored_camera_left_alone(
+    home: Path, tmp_path: Path
+) -> None:
     found = read_animal3d(copy_with(home, tmp_path / "ctrl", only(*LOADED)), home / "body.pkl")
     assert found.records.faults == ()
     assert all(record.K is None and record.stored_pose is None for record in found.records.records)
@@ -89,12 +131,16 @@ def test_without_a_focal_length_it_is_guessed_and_the_stored_camera_left_alone(h
     facts = inspect_dataset(tmp_path / "ctrl").animal3d
     assert facts is not None
     assert facts.flength is None
-    assert facts.cameras[0].focal_px == pytest.approx(1000, rel=0.02)  # what a user would want to know
+    assert facts.cameras[0].focal_px == pytest.approx(
+        1000, rel=0.02
+    )  # what a user would want to know
 
 
 def test_a_model_of_other_vertices_needs_the_files_landmarks(home: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="the dataset no keypoint_vids"):
-        read_animal3d(copy_with(home, tmp_path / "ctrl", only(*LOADED, top=("data",))), home / "body.pkl")
+        read_animal3d(
+            copy_with(home, tmp_path / "ctrl", only(*LOADED, top=("data",))), home / "body.pkl"
+        )
 
 
 def test_betas_may_be_whole_and_few(home: Path, whole: Animal3D, tmp_path: Path) -> None:
@@ -103,7 +149,9 @@ def test_betas_may_be_whole_and_few(home: Path, whole: Animal3D, tmp_path: Path)
             entry["shape"] += entry.pop("shape_extra")
 
     found = read_animal3d(copy_with(home, tmp_path / "joined", joined), home / "body.pkl")
-    few = read_animal3d(copy_with(home, tmp_path / "few", without("shape_extra")), home / "body.pkl")
+    few = read_animal3d(
+        copy_with(home, tmp_path / "few", without("shape_extra")), home / "body.pkl"
+    )
     record = found.records.records[0]
     assert found.bodies is not None
     assert few.bodies is not None
@@ -114,7 +162,9 @@ def test_betas_may_be_whole_and_few(home: Path, whole: Animal3D, tmp_path: Path)
 
 @pytest.mark.parametrize("rest", [None, []])
 @pytest.mark.parametrize("masks", [True, False])
-def test_a_2d_only_set_is_labelled_with_a_body_for_all(home: Path, tmp_path: Path, masks: bool, rest: list[float] | None) -> None:
+def test_a_2d_only_set_is_labelled_with_a_body_for_all(
+    home: Path, tmp_path: Path, masks: bool, rest: list[float] | None
+) -> None:
     def flat(content: Content) -> None:
         without(*BODY, *([] if masks else ["mask_path"]), "flength")(content)
         for entry in content["data"]:
@@ -126,8 +176,14 @@ def test_a_2d_only_set_is_labelled_with_a_body_for_all(home: Path, tmp_path: Pat
     assert found.bodies is None
     assert found.records.faults == ()
     assert all((record.mask is not None) is masks for record in found.records.records)
-    assert set(np.concatenate([record.keypoints_2d[:, 2] for record in found.records.records])) == {0.0, 1.0}
-    outcomes = [label_record(record, preset_body("dog"), LabelConfig()) for record in found.records.records[:2]]
+    assert set(np.concatenate([record.keypoints_2d[:, 2] for record in found.records.records])) == {
+        0.0,
+        1.0,
+    }
+    outcomes = [
+        label_record(record, preset_body("dog"), LabelConfig())
+        for record in found.records.records[:2]
+    ]
     assert any(isinstance(outcome, CuboidLabel) for outcome in outcomes)
 
 
@@ -140,7 +196,10 @@ def test_scaled_limbs_are_a_fault_where_the_body_would_be_wrong(home: Path, tmp_
     second: dict[str, Any] = json.loads((root / "train.json").read_text())["data"][1]
     found = read_animal3d(root, home / "body.pkl").records
     (fault,) = found.faults
-    assert (fault.field, fault.sample_id) == ("bone", next(iter({second["img_path"], f"{second['img_path']}#1"} & {str(fault.sample_id)})))
+    assert (fault.field, fault.sample_id) == (
+        "bone",
+        next(iter({second["img_path"], f"{second['img_path']}#1"} & {str(fault.sample_id)})),
+    )
     assert "the body would be wrong. Leave --model out" in fault.problem
     flat = read_animal3d(root).records
     assert len(flat.records) == len(found.records) + 1

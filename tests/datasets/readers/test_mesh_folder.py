@@ -1,4 +1,8 @@
-"""Mesh folders: files found by name, cameras used as they are, meshes read when asked for, every fault with sample and field."""
+"""Mesh folders.
+
+Files found by name, cameras used as they are, meshes read when asked for, every fault with sample
+and field.
+"""
 
 import json
 import pickle
@@ -47,7 +51,10 @@ DOCS = Path(__file__).parents[3] / "docs" / "formats.md"
 
 def labels_of(read: MeshFolder, config: LabelConfig | None = None) -> list[CuboidLabel]:
     """The labels of all records, which none may lack."""
-    found = [label_record(record, read.bodies, config or LabelConfig()) for record in read.records.records]
+    found = [
+        label_record(record, read.bodies, config or LabelConfig())
+        for record in read.records.records
+    ]
     return [label for label in found if isinstance(label, CuboidLabel) or pytest.fail(str(label))]
 
 
@@ -55,7 +62,13 @@ def test_known_cameras_are_used_as_they_are_and_others_found_from_keypoints(tmp_
     read = read_mesh_folder(write_mesh_folder(tmp_path))
     assert (read.records.faults, read.records.notes) == ((), ())
     a, b = read.records.records
-    assert (a.sample_id, a.image_id, a.image_hw, a.category, a.metres_per_unit) == ("a.jpg", "a.jpg", HW, "animal", None)
+    assert (a.sample_id, a.image_id, a.image_hw, a.category, a.metres_per_unit) == (
+        "a.jpg",
+        "a.jpg",
+        HW,
+        "animal",
+        None,
+    )
     assert a.mask is not None
     R, t = camera_round(60, 12.0, 2.4)
     assert a.pose is not None
@@ -91,7 +104,10 @@ def _labelling_outcomes(root: Path) -> list[object]:
 
 def test_lens_and_unit_of_length_reach_the_record(tmp_path: Path) -> None:
     root = write_mesh_folder(tmp_path)
-    write_json(root / "cameras" / "a.json", {**camera_json(60), "distortion": [0.1, 0, 0, 0, 0], "unit_m": 0.5})
+    write_json(
+        root / "cameras" / "a.json",
+        {**camera_json(60), "distortion": [0.1, 0, 0, 0, 0], "unit_m": 0.5},
+    )
     write_json(root / "mesh_folder.json", {"unit_m": 2.0, "category": "cow"})
     a, b = read_mesh_folder(root / "mesh_folder.json").records.records
     assert a.distortion is not None
@@ -115,12 +131,27 @@ def test_cameras_share_meshes_and_animals_have_numbers(tmp_path: Path) -> None:
     assert [record.sample_id for record in read.records.records] == [
         f"{camera}/0007.jpg{number}" for camera in ("north", "south") for number in ("", "#1", "#2")
     ]
-    assert [read.bodies.meshes[record.sample_id].path.name for record in read.records.records] == ["0007_0.obj", "0007_2.obj", "0007_10.obj"] * 2
-    assert [record.mask_path is not None for record in read.records.records] == [False] * 4 + [True, False]
-    assert [bool(record.keypoints_2d.any()) for record in read.records.records] == [False, False, True, False, False, False]
+    assert [read.bodies.meshes[record.sample_id].path.name for record in read.records.records] == [
+        "0007_0.obj",
+        "0007_2.obj",
+        "0007_10.obj",
+    ] * 2
+    assert [record.mask_path is not None for record in read.records.records] == [False] * 4 + [
+        True,
+        False,
+    ]
+    assert [bool(record.keypoints_2d.any()) for record in read.records.records] == [
+        False,
+        False,
+        True,
+        False,
+        False,
+        False,
+    ]
     poses = [record.pose for record in read.records.records]
     assert all(
-        pose is not None and np.allclose(pose[0], camera_round(azimuth, 12.0, 2.4)[0]) for pose, azimuth in zip(poses[::3], (60, 250), strict=True)
+        pose is not None and np.allclose(pose[0], camera_round(azimuth, 12.0, 2.4)[0])
+        for pose, azimuth in zip(poses[::3], (60, 250), strict=True)
     )
 
 
@@ -131,7 +162,13 @@ def test_a_number_in_an_images_own_name_is_not_an_animals(tmp_path: Path) -> Non
         (root / "meshes" / f"{name}.obj").write_text(obj_text(*toy_mesh()))
     write_json(root / "camera.json", camera_json(60))
     read = read_mesh_folder(root)
-    assert [record.sample_id for record in read.records.records] == ["a.jpg", "b.jpg", "frame.jpg", "frame_1.jpg", "frame_2.jpg"]
+    assert [record.sample_id for record in read.records.records] == [
+        "a.jpg",
+        "b.jpg",
+        "frame.jpg",
+        "frame_1.jpg",
+        "frame_2.jpg",
+    ]
 
 
 def test_an_animal_that_its_camera_does_not_see_is_left_out_and_counted(tmp_path: Path) -> None:
@@ -184,10 +221,13 @@ def test_what_nothing_was_made_of_is_counted(tmp_path: Path) -> None:
     )
 
 
-# Bodies ---------------------------------------------------------------------------------------------------------------
+# Bodies
+# ---------------------------------------------------------------------------------------------------------------
 
 
-def test_meshes_are_read_when_asked_for_and_few_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_meshes_are_read_when_asked_for_and_few_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     root, opened = write_mesh_folder(tmp_path), list[str]()
 
     def watched(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -208,7 +248,7 @@ def test_meshes_are_read_when_asked_for_and_few_are_kept(tmp_path: Path, monkeyp
 
 def test_the_bodies_pass_to_other_processes(tmp_path: Path) -> None:
     read = read_mesh_folder(write_mesh_folder(tmp_path))
-    there: MeshFolder = pickle.loads(pickle.dumps(read))  # noqa: S301
+    there: MeshFolder = pickle.loads(pickle.dumps(read))
     assert len(pickle.dumps(read.bodies)) < 10_000
     for record in there.records.records:
         assert_close(there.bodies.body(record).landmarks, read.bodies.body(record).landmarks)
@@ -216,7 +256,9 @@ def test_the_bodies_pass_to_other_processes(tmp_path: Path) -> None:
 
 def test_an_npz_may_bring_its_own_landmarks(tmp_path: Path) -> None:
     root = write_mesh_folder(tmp_path)
-    npz_with(landmarks=np.array([[1.0, 2, 3], [4, 5, 6]]), landmark_names=np.array(["nose", "tail_base"]))(root)
+    npz_with(
+        landmarks=np.array([[1.0, 2, 3], [4, 5, 6]]), landmark_names=np.array(["nose", "tail_base"])
+    )(root)
     read = read_mesh_folder(root)
     body = read.bodies.body(read.records.records[0])
     names = VOCABULARIES["animal3d26"].keypoints
@@ -231,9 +273,14 @@ def test_a_mesh_of_the_models_topology_gets_its_template(tmp_path: Path) -> None
     (root / "meshes").mkdir()
     turn, t = camera_round(60, 12.0, 2.4)
     scale = 1.0 / float(model.v_template[:, 0].max() - model.v_template[:, 0].min())
-    standing = (model.v_template - model.v_template.mean(0)) * scale + torch.tensor([0.0, 0, 0.4], dtype=torch.float64)
+    standing = (model.v_template - model.v_template.mean(0)) * scale + torch.tensor(
+        [0.0, 0, 0.4], dtype=torch.float64
+    )
     (root / "meshes" / "a.obj").write_text(obj_text(standing @ turn.mT + t, model.faces))
-    write_json(root / "camera.json", {"focal_over_side": 1.2, "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [0, 0, 0]})
+    write_json(
+        root / "camera.json",
+        {"focal_over_side": 1.2, "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [0, 0, 0]},
+    )
     file = tmp_path / "model.safetensors"
     save_safetensors(model, file)
     with pytest.raises(SampleError, match=r"a\.jpg: landmarks: nothing tells .* or --model"):
@@ -242,16 +289,25 @@ def test_a_mesh_of_the_models_topology_gets_its_template(tmp_path: Path) -> None
     assert label.quality.orientation_rule == "torso vertices on the template"
     assert_close(label.rotation, turn, atol=1e-6, rtol=0)
     (root / "meshes" / "a.obj").write_text(obj_text(standing, model.faces.flip(0)))
-    with pytest.raises(SampleError, match=r"a\.jpg: mesh: a\.obj has .* not those of --model .* give landmarks\.json"):
+    with pytest.raises(
+        SampleError,
+        match=r"a\.jpg: mesh: a\.obj has .* not those of --model .* give landmarks\.json",
+    ):
         labels_of(read_mesh_folder(root, model=file))
 
 
 def test_meshes_of_a_y_up_regressor_are_seen_right_by_the_documented_camera(tmp_path: Path) -> None:
-    (camera,) = [json.loads(block) for block in re.findall(r"```json\n(.*?)```", DOCS.read_text(), re.DOTALL) if "3.90625" in block]
+    (camera,) = [
+        json.loads(block)
+        for block in re.findall(r"```json\n(.*?)```", DOCS.read_text(), re.DOTALL)
+        if "3.90625" in block
+    ]
     root = write_mesh_folder(tmp_path)
     R, t = camera_round(60, 12.0, 2.4)
     vertices, faces = toy_mesh()
-    (root / "meshes" / "a.obj").write_text(obj_text((vertices @ R.mT + t) * torch.tensor([1.0, -1, -1]), faces))
+    (root / "meshes" / "a.obj").write_text(
+        obj_text((vertices @ R.mT + t) * torch.tensor([1.0, -1, -1]), faces)
+    )
     write_json(root / "cameras" / "a.json", {**camera, "focal_over_side": 1.2})
     label = labels_of(read_mesh_folder(root))[0]
     assert label.side == "left"
@@ -260,11 +316,14 @@ def test_meshes_of_a_y_up_regressor_are_seen_right_by_the_documented_camera(tmp_
     assert label.quality.mask_iou > 0.98
 
 
-# Faults ---------------------------------------------------------------------------------------------------------------
+# Faults
+# ---------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", FOLDER_FAULTS)
-def test_a_fault_is_named_with_sample_field_and_remedy_and_spoils_no_other(tmp_path: Path, name: str) -> None:
+def test_a_fault_is_named_with_sample_field_and_remedy_and_spoils_no_other(
+    tmp_path: Path, name: str
+) -> None:
     fault, root = FOLDER_FAULTS[name], write_mesh_folder(tmp_path / "folder")
     fault.spoil(root)
     read = read_mesh_folder(root)
@@ -295,7 +354,9 @@ def test_a_fault_is_named_with_sample_field_and_remedy_and_spoils_no_other(tmp_p
         ("landmarks.json", {"snout": [1]}, "'snout' is no landmark"),
     ],
 )
-def test_a_wrong_file_for_the_whole_folder_is_refused(tmp_path: Path, file: str, content: object, reason: str) -> None:
+def test_a_wrong_file_for_the_whole_folder_is_refused(
+    tmp_path: Path, file: str, content: object, reason: str
+) -> None:
     write_json(write_mesh_folder(tmp_path) / file, content)
     with pytest.raises(DatasetFormatError, match=reason):
         read_mesh_folder(tmp_path)
@@ -315,19 +376,24 @@ def test_a_folder_without_its_folders_is_refused(tmp_path: Path) -> None:
 def test_the_users_vocabulary_names_the_keypoints(tmp_path: Path) -> None:
     root = write_mesh_folder(tmp_path)
     write_json(root / "keypoints" / "b.json", {"Nose": [10, 20], "root_of_tail": [30.5, 40, 0.25]})
-    record = read_dataset(root, options=ReadOptions(vocabulary=VOCABULARIES["ap10k17"])).records.records[1]
+    record = read_dataset(
+        root, options=ReadOptions(vocabulary=VOCABULARIES["ap10k17"])
+    ).records.records[1]
     assert record.keypoints_2d[2].tolist() == [10, 20, 1]
     assert record.keypoints_2d[4].tolist() == [30.5, 40, 0.25]
     assert not record.keypoints_2d[[0, 1, 3, *range(5, 17)]].any()
 
 
-# From the docs and the command line -----------------------------------------------------------------------------------
+# From the docs and the command line
+# -----------------------------------------------------------------------------------
 
 
 def test_the_folder_in_the_docs_is_read_as_the_docs_say(tmp_path: Path) -> None:
     text = DOCS.read_text()
     paths = re.findall(r"^(capture/\S+)", text, re.MULTILINE)
-    contents = dict(re.findall(r"^`(capture/[^`]+)`:\n\n```json\n(.*?)```", text, re.MULTILINE | re.DOTALL))
+    contents = dict(
+        re.findall(r"^`(capture/[^`]+)`:\n\n```json\n(.*?)```", text, re.MULTILINE | re.DOTALL)
+    )
     assert set(contents) < set(paths)
     vertices, faces = toy_mesh()
     for name in paths:
@@ -345,7 +411,13 @@ def test_the_folder_in_the_docs_is_read_as_the_docs_say(tmp_path: Path) -> None:
     read = read_mesh_folder(tmp_path / "capture")
     assert (read.records.faults, read.records.notes) == ((), ())
     samples = {record.sample_id: record for record in read.records.records}
-    assert list(samples) == ["000044.jpg", "cam1/000012.jpg", "cam1/000012.jpg#1", "cam2/000012.jpg", "cam2/000012.jpg#1"]
+    assert list(samples) == [
+        "000044.jpg",
+        "cam1/000012.jpg",
+        "cam1/000012.jpg#1",
+        "cam2/000012.jpg",
+        "cam2/000012.jpg#1",
+    ]
     first, own = samples["cam1/000012.jpg"], samples["000044.jpg"]
     assert (first.category, first.metres_per_unit, own.metres_per_unit) == ("horse", 1.2, 1.0)
     assert first.mask_path is not None
@@ -353,7 +425,11 @@ def test_the_folder_in_the_docs_is_read_as_the_docs_say(tmp_path: Path) -> None:
     assert own.K is not None
     assert own.K[0].tolist() == [768, 0, 319.5]
     keypoints = dict(zip(own.vocabulary.keypoints, own.keypoints_2d.tolist(), strict=True))
-    assert (keypoints["nose"], keypoints["left_eye"], keypoints["right_eye"]) == ([412, 233.5, 1], [398.5, 221, 0.9], [0, 0, 0])
+    assert (keypoints["nose"], keypoints["left_eye"], keypoints["right_eye"]) == (
+        [412, 233.5, 1],
+        [398.5, 221, 0.9],
+        [0, 0, 0],
+    )
     label = label_record(first, read.bodies, LabelConfig())
     assert isinstance(label, CuboidLabel)
     assert label.viewpoint == "front" or label.side in ("left", "right")
@@ -369,18 +445,37 @@ def test_label_reads_a_mesh_folder(tmp_path: Path, capsys: pytest.CaptureFixture
         assert caught.value.code == (2 if body else 4)
     assert json.loads(capsys.readouterr().out)["kept"] == 1
     (label,) = json.loads((tmp_path / "out" / "labels.json").read_text())["animals"]
-    assert (label["sample_id"], label["side"], label["quality"]["pose_source"]) == ("a.jpg", "left", "given")
+    assert (label["sample_id"], label["side"], label["quality"]["pose_source"]) == (
+        "a.jpg",
+        "left",
+        "given",
+    )
 
 
-def test_a_body_of_ones_own_is_refused_where_cameras_belong_to_the_meshes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_body_of_ones_own_is_refused_where_cameras_belong_to_the_meshes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit):
-        main(["label", str(write_mesh_folder(tmp_path)), "--out", str(tmp_path / "out"), "--body", "dog"])
+        main(
+            [
+                "label",
+                str(write_mesh_folder(tmp_path)),
+                "--out",
+                str(tmp_path / "out"),
+                "--body",
+                "dog",
+            ]
+        )
     assert "quadruped:dog cannot be the body of all animals" in capsys.readouterr().err
     with pytest.raises(ConfigError, match="for formats whose files do not tell"):
-        read_dataset(Path(__file__), "stanfordextra", ReadOptions(vocabulary=VOCABULARIES["ap10k17"]))
+        read_dataset(
+            Path(__file__), "stanfordextra", ReadOptions(vocabulary=VOCABULARIES["ap10k17"])
+        )
 
 
-def test_the_dataset_gives_mesh_folders_and_coco_with_a_changed_mesh_told_apart(tmp_path: Path) -> None:
+def test_the_dataset_gives_mesh_folders_and_coco_with_a_changed_mesh_told_apart(
+    tmp_path: Path,
+) -> None:
     root = write_mesh_folder(tmp_path / "folder")
     dataset = AnnotatedDataset(root)
     sample = dataset[0]

@@ -1,4 +1,7 @@
-"""Annotations of synthetic animals, and what the dial of faults does to them; numbers to check by hand."""
+"""Annotations of synthetic animals, and what the dial of faults does to them.
+
+Numbers to check by hand.
+"""
 
 import math
 from dataclasses import replace
@@ -8,7 +11,12 @@ import torch
 from torch import Tensor
 from torch.testing import assert_close
 
-from animal3dbox.datasets.synthetic.annotation import Annotation, annotate, camera_parameters, root_joint
+from animal3dbox.datasets.synthetic.annotation import (
+    Annotation,
+    annotate,
+    camera_parameters,
+    root_joint,
+)
 from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty, resized_mask, swap_order
 from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal, synthetic_animal, synthetic_scene
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
@@ -24,18 +32,22 @@ SMALL = (96, 128)
 
 @pytest.fixture(scope="module")
 def animal() -> SyntheticAnimal:
-    return synthetic_scene(5, 3, WorldConfig(image_hw=SMALL, focal_px=(100.0, 900.0), truncated=1.0)).animals[0]
+    return synthetic_scene(
+        5, 3, WorldConfig(image_hw=SMALL, focal_px=(100.0, 900.0), truncated=1.0)
+    ).animals[0]
 
 
 def many(count: int = 4000) -> Annotation:
-    """A clean annotation with so many keypoints at (50, 60), a quarter of them hidden, in an image of 100 x 200."""
+    """A clean annotation with so many keypoints at (50, 60), a quarter of them hidden, in an image
+    of 100 x 200."""
     keypoints = torch.tensor([[50.0, 60.0, 1.0]], dtype=F64).repeat(count, 1)
     keypoints[: count // 4, 2] = 0
     base = annotate(synthetic_animal(0, 0, SMALL))
     return replace(base, keypoints_2d=keypoints, image_hw=(100, 200), sample_id="many")
 
 
-# The true annotation --------------------------------------------------------------------------------------------------
+# The true annotation
+# --------------------------------------------------------------------------------------------------
 
 
 def test_the_parameters_pose_the_body_in_the_camera_frame(animal: SyntheticAnimal) -> None:
@@ -52,7 +64,8 @@ def test_hidden_keypoints_are_marked_only_if_asked(animal: SyntheticAnimal) -> N
     assert 0 < int(animal.keypoint_visible.sum()) < int((animal.keypoints_2d[:, 2] > 0).sum()) < 26
 
 
-# Keypoints ------------------------------------------------------------------------------------------------------------
+# Keypoints
+# ------------------------------------------------------------------------------------------------------------
 
 
 def test_at_rest_nothing_changes(animal: SyntheticAnimal) -> None:
@@ -98,25 +111,59 @@ def test_outliers_missing_zeros_and_flags_come_in_their_parts() -> None:
 
 def test_one_dial_does_not_change_the_draws_of_another_and_seeds_and_samples_do() -> None:
     clean = many()
-    alone, both = faulty(clean, FaultConfig(missing=0.2)), faulty(clean, FaultConfig(missing=0.2, noise_px=2))
+    alone, both = (
+        faulty(clean, FaultConfig(missing=0.2)),
+        faulty(clean, FaultConfig(missing=0.2, noise_px=2)),
+    )
     assert torch.equal(alone.keypoints_2d[:, 2], both.keypoints_2d[:, 2])
-    assert torch.equal(faulty(clean, FaultConfig(noise_px=2)).keypoints_2d[:, :2], both.keypoints_2d[:, :2])
-    assert not torch.equal(faulty(clean, FaultConfig(missing=0.2), 1).keypoints_2d, alone.keypoints_2d)
-    assert not torch.equal(faulty(replace(clean, sample_id="another"), FaultConfig(missing=0.2)).keypoints_2d, alone.keypoints_2d)
+    assert torch.equal(
+        faulty(clean, FaultConfig(noise_px=2)).keypoints_2d[:, :2], both.keypoints_2d[:, :2]
+    )
+    assert not torch.equal(
+        faulty(clean, FaultConfig(missing=0.2), 1).keypoints_2d, alone.keypoints_2d
+    )
+    assert not torch.equal(
+        faulty(replace(clean, sample_id="another"), FaultConfig(missing=0.2)).keypoints_2d,
+        alone.keypoints_2d,
+    )
 
 
 @pytest.mark.parametrize(
     ("part", "swapped", "kept"),
     [
-        ("all", {"left_eye", "left_front_paw", "left_shoulder", "right_back_hock"}, {"nose", "tail_base", "neck", "chin"}),
-        ("legs", {"left_front_paw", "left_front_elbow", "left_front_wrist", "left_back_paw", "left_back_knee"}, {"left_eye", "left_shoulder"}),
-        ("fore", {"left_front_paw", "left_front_elbow"}, {"left_back_paw", "left_shoulder", "left_ear"}),
-        ("hind", {"left_back_paw", "left_back_knee", "left_back_hock"}, {"left_front_paw", "left_ear"}),
+        (
+            "all",
+            {"left_eye", "left_front_paw", "left_shoulder", "right_back_hock"},
+            {"nose", "tail_base", "neck", "chin"},
+        ),
+        (
+            "legs",
+            {
+                "left_front_paw",
+                "left_front_elbow",
+                "left_front_wrist",
+                "left_back_paw",
+                "left_back_knee",
+            },
+            {"left_eye", "left_shoulder"},
+        ),
+        (
+            "fore",
+            {"left_front_paw", "left_front_elbow"},
+            {"left_back_paw", "left_shoulder", "left_ear"},
+        ),
+        (
+            "hind",
+            {"left_back_paw", "left_back_knee", "left_back_hock"},
+            {"left_front_paw", "left_ear"},
+        ),
         ("head", {"left_eye", "left_ear", "left_mouth"}, {"left_front_paw", "nose"}),
         ("none", set(), set(ANIMAL3D_26)),
     ],
 )
-def test_swaps_exchange_left_and_right_of_their_part(part: str, swapped: set[str], kept: set[str]) -> None:
+def test_swaps_exchange_left_and_right_of_their_part(
+    part: str, swapped: set[str], kept: set[str]
+) -> None:
     order = swap_order(VOCABULARIES["animal3d26"], part)  # type: ignore[arg-type]
     twin = {"left": "right", "right": "left"}
     for name in swapped:
@@ -127,20 +174,28 @@ def test_swaps_exchange_left_and_right_of_their_part(part: str, swapped: set[str
     assert [order[i] for i in order] == list(range(26))
 
 
-def test_swapped_animals_are_a_part_of_all_and_their_points_change_places(animal: SyntheticAnimal) -> None:
+def test_swapped_animals_are_a_part_of_all_and_their_points_change_places(
+    animal: SyntheticAnimal,
+) -> None:
     clean = annotate(animal)
     after = faulty(clean, FaultConfig(swap="all"))
     left, right = ANIMAL3D_26.index("left_eye"), ANIMAL3D_26.index("right_eye")
     assert torch.equal(after.keypoints_2d[left], clean.keypoints_2d[right])
     config = FaultConfig(swap="all", swapped=0.5)
-    changed = [not torch.equal(faulty(clean, config, seed).keypoints_2d, clean.keypoints_2d) for seed in range(100)]
+    changed = [
+        not torch.equal(faulty(clean, config, seed).keypoints_2d, clean.keypoints_2d)
+        for seed in range(100)
+    ]
     assert 35 <= sum(changed) <= 65
 
 
-# Camera, body, mask ---------------------------------------------------------------------------------------------------
+# Camera, body, mask
+# ---------------------------------------------------------------------------------------------------
 
 
-def test_a_wrong_focal_length_moves_the_body_in_depth_so_that_it_looks_the_same(animal: SyntheticAnimal) -> None:
+def test_a_wrong_focal_length_moves_the_body_in_depth_so_that_it_looks_the_same(
+    animal: SyntheticAnimal,
+) -> None:
     clean = annotate(animal)
     half = faulty(clean, FaultConfig(focal_factor=0.5))
     assert_close(half.K[:2, :2], clean.K[:2, :2] / 2)
@@ -151,7 +206,9 @@ def test_a_wrong_focal_length_moves_the_body_in_depth_so_that_it_looks_the_same(
     assert_close((root + half.parameters.trans)[2], (root + clean.parameters.trans)[2] / 2)
 
 
-def test_a_misfit_turns_the_joints_but_not_the_root_and_scales_the_body_about_it(animal: SyntheticAnimal) -> None:
+def test_a_misfit_turns_the_joints_but_not_the_root_and_scales_the_body_about_it(
+    animal: SyntheticAnimal,
+) -> None:
     clean = annotate(animal)
     turned = faulty(clean, FaultConfig(joint_deg=4.0)).parameters.pose - clean.parameters.pose
     assert not turned[0].any()
@@ -159,7 +216,9 @@ def test_a_misfit_turns_the_joints_but_not_the_root_and_scales_the_body_about_it
     larger = posed_body(animal.model, faulty(clean, FaultConfig(body_scale=1.2)).parameters)
     true = posed_body(animal.model, clean.parameters)
     assert_close(larger.joints[0, 0], true.joints[0, 0], rtol=0, atol=1e-12)
-    length = [float((body.joints[0] - body.joints[0, 0]).norm(dim=1).sum()) for body in (true, larger)]
+    length = [
+        float((body.joints[0] - body.joints[0, 0]).norm(dim=1).sum()) for body in (true, larger)
+    ]
     assert length[1] / length[0] == pytest.approx(1.2, abs=1e-9)
 
 
@@ -178,7 +237,16 @@ def test_masks_grow_and_shrink_by_whole_pixels_and_never_vanish() -> None:
     assert torch.equal(resized_mask(full, -2), full)  # the frame is no outline
 
 
-@pytest.mark.parametrize(("field", "value"), [("outliers", 1.5), ("noise_px", -1.0), ("focal_factor", 0.0), ("swap", "tail"), ("body_scale", 0.0)])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("outliers", 1.5),
+        ("noise_px", -1.0),
+        ("focal_factor", 0.0),
+        ("swap", "tail"),
+        ("body_scale", 0.0),
+    ],
+)
 def test_impossible_faults_are_refused_by_name(field: str, value: object) -> None:
     with pytest.raises(ConfigError, match=f"^{field} must"):
         FaultConfig(**{field: value})  # type: ignore[arg-type]

@@ -16,7 +16,11 @@ HW = (60, 80)
 
 
 def box(center: list[float], columns: list[list[float]], size: float = 1.0) -> Cuboid:
-    return Cuboid(torch.tensor(center, dtype=F64), torch.tensor(columns, dtype=F64).T.contiguous(), torch.full((3,), size, dtype=F64))
+    return Cuboid(
+        torch.tensor(center, dtype=F64),
+        torch.tensor(columns, dtype=F64).T.contiguous(),
+        torch.full((3,), size, dtype=F64),
+    )
 
 
 @pytest.mark.parametrize(
@@ -30,7 +34,9 @@ def box(center: list[float], columns: list[list[float]], size: float = 1.0) -> C
         ([1.0, 0, 0], [0.0, 1, 0], [0.0, 0, 1], "bottom"),
     ],
 )
-def test_a_box_seen_straight_on_shows_one_face(forward: list[float], left: list[float], up: list[float], seen: str) -> None:
+def test_a_box_seen_straight_on_shows_one_face(
+    forward: list[float], left: list[float], up: list[float], seen: str
+) -> None:
     shares = face_shares_by_rays(box([0, 0, 4], [forward, left, up]), intrinsics(60.0, HW), HW)
     assert shares.tolist() == [1.0 if name == seen else 0.0 for name in FACE_NAMES]
 
@@ -42,7 +48,9 @@ def test_no_ray_meets_a_box_beside_the_frame_behind_the_camera_or_around_it() ->
 
 
 def test_counted_shares_are_those_computed_from_the_areas_inside_the_frame() -> None:
-    config = WorldConfig(image_hw=(96, 128), focal_px=(100.0, 600.0), truncated=0.5, fill=(0.4, 0.95))
+    config = WorldConfig(
+        image_hw=(96, 128), focal_px=(100.0, 600.0), truncated=0.5, fill=(0.4, 0.95)
+    )
     worst = cut = 0.0
     for index in range(6):
         animal = synthetic_scene(8, index, config).animals[0]

@@ -7,7 +7,13 @@ from animal3dbox.datasets import SyntheticDataset, SyntheticSet
 from animal3dbox.datasets.bodies.sources import BREED, model_mobility
 from animal3dbox.datasets.synthetic.scenes import synthetic_animal, synthetic_scene
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
-from animal3dbox.datasets.synthetic.world.shading import Light, Surface, render, shade, vertex_normals
+from animal3dbox.datasets.synthetic.world.shading import (
+    Light,
+    Surface,
+    render,
+    shade,
+    vertex_normals,
+)
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics
 from animal3dbox.geometry.rigid import rigid, transform_points
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
@@ -18,7 +24,11 @@ SMALL = (120, 160)
 
 
 def test_the_same_seed_and_index_give_the_same_animal_and_others_another() -> None:
-    a, b, c = synthetic_animal(3, 1, SMALL), synthetic_animal(3, 1, SMALL), synthetic_animal(4, 1, SMALL)
+    a, b, c = (
+        synthetic_animal(3, 1, SMALL),
+        synthetic_animal(3, 1, SMALL),
+        synthetic_animal(4, 1, SMALL),
+    )
     assert torch.equal(a.image, b.image)
     assert torch.equal(a.keypoints_2d, b.keypoints_2d)
     assert not torch.equal(a.R, c.R)
@@ -33,7 +43,10 @@ def test_keypoints_are_the_projected_landmarks_and_lie_on_or_near_the_animal() -
         assert int(seen.sum()) == 26
         assert_close(animal.keypoints_2d[seen, :2], px[seen])
         columns, rows = px.round().long().unbind(1)
-        grown = torch.nn.functional.max_pool2d(animal.amodal_mask[None, None].double(), 5, 1, 2)[0, 0] > 0
+        grown = (
+            torch.nn.functional.max_pool2d(animal.amodal_mask[None, None].double(), 5, 1, 2)[0, 0]
+            > 0
+        )
         assert bool(grown[rows, columns].all())
 
 
@@ -52,14 +65,25 @@ def test_the_true_box_holds_the_body_tightly_along_the_trunk() -> None:
     inside = box.to_box(animal.vertices).abs().amax(0)
     assert_close(inside, box.size / 2, rtol=1e-5, atol=1e-5)
     M = animal.R_world_joint[:7].mean(0)
-    assert_close(animal.trunk.mT @ M, (animal.trunk.mT @ M).mT)  # the polar factor: the rest is symmetric, as for no other rotation
-    assert_close(animal.cuboid.corners(), transform_points(rigid(animal.R, animal.t), box.corners()))
+    assert_close(
+        animal.trunk.mT @ M, (animal.trunk.mT @ M).mT
+    )  # the polar factor: the rest is symmetric, as for no other rotation
+    assert_close(
+        animal.cuboid.corners(), transform_points(rigid(animal.R, animal.t), box.corners())
+    )
     assert_close(animal.faces_seen.share.sum(), torch.tensor(1.0, dtype=F64))
 
 
 def test_other_vocabularies_species_and_poses_can_be_asked_for() -> None:
-    animal = synthetic_animal(0, 0, SMALL, VOCABULARIES["stanfordextra24"], preset="cow", pose="graze")
-    assert (animal.preset, animal.pose, len(animal.keypoints_2d), len(animal.keypoint_visible)) == ("cow", "graze", 24, 24)
+    animal = synthetic_animal(
+        0, 0, SMALL, VOCABULARIES["stanfordextra24"], preset="cow", pose="graze"
+    )
+    assert (animal.preset, animal.pose, len(animal.keypoints_2d), len(animal.keypoint_visible)) == (
+        "cow",
+        "graze",
+        24,
+        24,
+    )
 
 
 def test_a_face_turned_to_the_light_is_brighter_than_one_turned_away() -> None:
@@ -81,8 +105,14 @@ def test_of_two_surfaces_the_nearer_is_seen_and_an_empty_scene_is_its_background
     square = torch.tensor([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=F64)
     faces, depth = torch.tensor([[0, 1, 2], [0, 2, 3]]), torch.tensor([0.0, 0, 1], dtype=F64)
     camera = PinholeCamera(intrinsics(10.0, (21, 21)), torch.eye(4, dtype=F64), (21, 21))
-    red, green = torch.tensor([[0.9, 0, 0]]).expand(4, 3).numpy(), torch.tensor([[0, 0.9, 0]]).expand(4, 3).numpy()
-    far, near = Surface(square + 4 * depth, faces, red, lambda c: c), Surface(0.5 * square + 3 * depth, faces, green, lambda c: c)
+    red, green = (
+        torch.tensor([[0.9, 0, 0]]).expand(4, 3).numpy(),
+        torch.tensor([[0, 0.9, 0]]).expand(4, 3).numpy(),
+    )
+    far, near = (
+        Surface(square + 4 * depth, faces, red, lambda c: c),
+        Surface(0.5 * square + 3 * depth, faces, green, lambda c: c),
+    )
     made = render([far, near], camera)
     assert made.owner[10, 10] == 1
     assert made.owner[10, 8] == 0
@@ -99,7 +129,13 @@ def test_of_two_surfaces_the_nearer_is_seen_and_an_empty_scene_is_its_background
 def test_the_trunk_strays_less_from_the_standing_body_than_paws_head_and_tail() -> None:
     vocabulary = VOCABULARIES["animal3d26"]
     mobility = dict(
-        zip(vocabulary.keypoints, model_mobility(load_quadruped(), tuple(preset_betas("dog").tolist()), vocabulary).tolist(), strict=True)
+        zip(
+            vocabulary.keypoints,
+            model_mobility(
+                load_quadruped(), tuple(preset_betas("dog").tolist()), vocabulary
+            ).tolist(),
+            strict=True,
+        )
     )
     assert mobility["tail_base"] < mobility["left_front_elbow"] < mobility["left_front_paw"]
     assert mobility["left_shoulder"] < mobility["neck"] < mobility["nose"]

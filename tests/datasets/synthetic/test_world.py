@@ -1,4 +1,7 @@
-"""The synthetic world: its renderer against rays, its truth, its ranges, and that it repeats itself."""
+"""The synthetic world.
+
+Its renderer against rays, its truth, its ranges, and that it repeats itself.
+"""
 
 import hashlib
 import subprocess
@@ -12,7 +15,12 @@ from rays import nearest_triangles
 from scipy.spatial.transform import Rotation
 
 from animal3dbox.datasets.synthetic.scenes import SyntheticScene, synthetic_scene
-from animal3dbox.datasets.synthetic.world.coats import KINDS, coat_colors, draw_coat, template_features
+from animal3dbox.datasets.synthetic.world.coats import (
+    KINDS,
+    coat_colors,
+    draw_coat,
+    template_features,
+)
 from animal3dbox.datasets.synthetic.world.config import CLEAR, WorldConfig, world_generator
 from animal3dbox.datasets.synthetic.world.scene import ScenePlan, plan_scene
 from animal3dbox.datasets.synthetic.world.shading import Light, Surface, render
@@ -41,14 +49,17 @@ def plans() -> list[ScenePlan]:
     return [plan_scene(4, index, WorldConfig()) for index in range(40)]
 
 
-# Against rays ---------------------------------------------------------------------------------------------------------
+# Against rays
+# ---------------------------------------------------------------------------------------------------------
 
 
 def test_the_picture_shows_what_rays_meet_first(crowded: list[SyntheticScene]) -> None:
     both = either = same = rays_hit = 0
     for scene in crowded[:3]:
         v, u = np.mgrid[1:96:4, 1:128:4].reshape(2, -1)
-        directions = np.stack((u, v, np.ones_like(u)), axis=1) @ torch.linalg.inv(scene.camera.K).numpy().T
+        directions = (
+            np.stack((u, v, np.ones_like(u)), axis=1) @ torch.linalg.inv(scene.camera.K).numpy().T
+        )
         mesh, count = scene.animals[0].scene, len(scene.plan.animals)
         triangle, _ = nearest_triangles(mesh.vertices_cam.numpy(), mesh.faces.numpy(), directions)
         number = np.where(triangle >= 0, triangle // len(load_quadruped().faces), -1)
@@ -63,30 +74,48 @@ def test_the_picture_shows_what_rays_meet_first(crowded: list[SyntheticScene]) -
     assert same / rays_hit >= 0.999
 
 
-def test_keypoints_are_visible_where_no_ray_to_them_is_blocked(crowded: list[SyntheticScene]) -> None:
+def test_keypoints_are_visible_where_no_ray_to_them_is_blocked(
+    crowded: list[SyntheticScene],
+) -> None:
     agree, hidden_by_others = [], 0
     for scene in crowded[:3]:
         for animal in scene.animals:
             vertices, faces = animal.scene.vertices_cam.numpy(), animal.scene.faces.numpy()
             start = animal.number * animal.model.vertex_count
-            own = faces[(faces >= start).all(1) & (faces < start + animal.model.vertex_count).all(1)]
-            places = animal.vocabulary.places(animal.model.landmark_groups, animal.model.vertex_count)
-            of = np.array([(keypoint, start + int(i)) for keypoint, place in enumerate(places) for i in (place if place is not None else ())])
+            own = faces[
+                (faces >= start).all(1) & (faces < start + animal.model.vertex_count).all(1)
+            ]
+            places = animal.vocabulary.places(
+                animal.model.landmark_groups, animal.model.vertex_count
+            )
+            of = np.array(
+                [
+                    (keypoint, start + int(i))
+                    for keypoint, place in enumerate(places)
+                    for i in (place if place is not None else ())
+                ]
+            )
             targets = vertices[of[:, 1]]
-            free, free_of_itself = (nearest_triangles(vertices, some, targets)[1] > 1 - 1e-6 for some in (faces, own))
+            free, free_of_itself = (
+                nearest_triangles(vertices, some, targets)[1] > 1 - 1e-6 for some in (faces, own)
+            )
             px = project(animal.K, torch.from_numpy(targets))[0].numpy()
             inside = ((px >= -0.5) & (px <= [127.5, 95.5])).all(1)
             for keypoint in range(len(places)):
                 mine, in_frame = of[:, 0] == keypoint, bool(animal.keypoints_2d[keypoint, 2] > 0)
                 expected = in_frame and bool((free & inside & mine).any())
-                hidden_by_others += in_frame and not expected and bool((free_of_itself & inside & mine).any())
+                hidden_by_others += (
+                    in_frame and not expected and bool((free_of_itself & inside & mine).any())
+                )
                 agree.append(bool(animal.keypoint_visible[keypoint]) == expected)
     assert len(agree) > 100
     assert np.mean(agree) >= 0.99
     assert hidden_by_others > 5  # or the test would not see whether occluders count
 
 
-def test_masks_are_parts_of_the_silhouettes_and_do_not_overlap(crowded: list[SyntheticScene]) -> None:
+def test_masks_are_parts_of_the_silhouettes_and_do_not_overlap(
+    crowded: list[SyntheticScene],
+) -> None:
     cut = 0
     for scene in crowded:
         total = torch.zeros(96, 128, dtype=torch.int64)
@@ -100,14 +129,15 @@ def test_masks_are_parts_of_the_silhouettes_and_do_not_overlap(crowded: list[Syn
     assert cut >= 2
 
 
-# The same again -------------------------------------------------------------------------------------------------------
+# The same again
+# -------------------------------------------------------------------------------------------------------
 
 
 def test_a_scene_depends_on_its_seed_and_index_alone() -> None:
     first = synthetic_scene(3, 5, SMALL)
     synthetic_scene(3, 4, SMALL)
     torch.manual_seed(1)
-    np.random.seed(1)  # noqa: NPY002 a global seed must change nothing
+    np.random.seed(1)  # noqa: NPY002  # a global seed must change nothing
     again = synthetic_scene(3, 5, SMALL)
     assert torch.equal(first.image, again.image)
     assert torch.equal(first.animals[0].vertices, again.animals[0].vertices)
@@ -117,26 +147,38 @@ def test_a_scene_depends_on_its_seed_and_index_alone() -> None:
 
 def test_another_process_draws_the_same_scene() -> None:
     code = (
-        "import hashlib; from animal3dbox.datasets.synthetic.scenes import synthetic_scene;"
-        "from animal3dbox.datasets.synthetic.world.config import WorldConfig;"
-        "print(hashlib.sha256(synthetic_scene(3, 5, WorldConfig(image_hw=(96, 128), focal_px=(100.0, 1000.0))).image.numpy().tobytes()).hexdigest())"
+        "import hashlib; from animal3dbox.datasets.synthetic.scenes import synthetic_scene;from"
+        " animal3dbox.datasets.synthetic.world.config import"
+        " WorldConfig;print(hashlib.sha256(synthetic_scene(3, 5, WorldConfig(image_hw=(96, 128),"
+        " focal_px=(100.0, 1000.0))).image.numpy().tobytes()).hexdigest())"
     )
-    theirs = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
-    assert theirs == hashlib.sha256(synthetic_scene(3, 5, SMALL).image.numpy().tobytes()).hexdigest()
+    theirs = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.strip()
+    assert (
+        theirs == hashlib.sha256(synthetic_scene(3, 5, SMALL).image.numpy().tobytes()).hexdigest()
+    )
 
 
 def test_seeds_and_indices_are_not_mixed_up_and_cannot_be_negative() -> None:
-    drawn = {float(world_generator(seed, index, part).random()) for seed in range(3) for index in range(3) for part in ("a", "b")}
+    drawn = {
+        float(world_generator(seed, index, part).random())
+        for seed in range(3)
+        for index in range(3)
+        for part in ("a", "b")
+    }
     assert len(drawn) == 18
     with pytest.raises(ConfigError, match="must not be negative"):
         synthetic_scene(-1, 0, SMALL)
 
 
-# What is drawn --------------------------------------------------------------------------------------------------------
+# What is drawn
+# --------------------------------------------------------------------------------------------------------
 
 
 def roll_deg(camera: PinholeCamera, target: torch.Tensor) -> float:
-    """How far the vertical through a point is turned in the picture of a camera that points straight at it."""
+    """How far the vertical through a point is turned in the picture of a camera that points
+    straight at it."""
     R, t = camera.T_cam_world[:3, :3].numpy(), camera.T_cam_world[:3, 3].numpy()
     ahead = R @ target.numpy() + t
     ahead /= np.linalg.norm(ahead)
@@ -192,7 +234,9 @@ def test_animals_stand_on_the_ground_and_apart(plans: list[ScenePlan]) -> None:
 
 
 def test_presets_come_in_turn_and_every_pose_comes(plans: list[ScenePlan]) -> None:
-    assert [plan.animals[0].preset for plan in plans[:10]] == [plan.animals[0].preset for plan in plans[10:20]]
+    assert [plan.animals[0].preset for plan in plans[:10]] == [
+        plan.animals[0].preset for plan in plans[10:20]
+    ]
     assert len({plan.animals[0].preset for plan in plans[:10]}) == 10
     assert len({animal.pose_name for plan in plans for animal in plan.animals}) >= 9
     one, other = plans[0].animals[0], plans[10].animals[0]
@@ -212,7 +256,11 @@ def test_a_camera_from_below_looks_up_at_an_animal_on_a_ledge() -> None:
 @pytest.mark.parametrize("kind", [*OCCLUDERS, "tree", "ledge"])
 def test_things_are_closed_point_outwards_and_keep_within_their_reach(kind: str) -> None:
     rng, place = np.random.default_rng(0), np.array([2.0, -1.0])
-    thing = make_ledge(rng, place, 0.5, -1.0, (0.5, 0.5, 0.5)) if kind == "ledge" else make_thing(rng, kind, place)
+    thing = (
+        make_ledge(rng, place, 0.5, -1.0, (0.5, 0.5, 0.5))
+        if kind == "ledge"
+        else make_thing(rng, kind, place)
+    )
     a, b, c = thing.vertices[thing.faces].unbind(1)
     vector_area = torch.linalg.cross(b - a, c - a).sum(0)
     assert float(vector_area.abs().amax()) < 1e-9  # of a closed surface it vanishes
@@ -225,21 +273,33 @@ def test_things_are_closed_point_outwards_and_keep_within_their_reach(kind: str)
 def test_a_coat_sticks_to_the_body_in_every_pose() -> None:
     model, coat = load_quadruped(), draw_coat(np.random.default_rng(3), "zebra")
     K, hw = intrinsics(700.0, (240, 320)), (240, 320)
-    T = look_at(*(torch.tensor(v, dtype=F64) for v in ([0.3, 3.0, 0.6], [0.0, 0.0, 0.4], [0.0, 0.0, 1.0])))
+    T = look_at(
+        *(torch.tensor(v, dtype=F64) for v in ([0.3, 3.0, 0.6], [0.0, 0.0, 0.4], [0.0, 0.0, 1.0]))
+    )
     shown = []
     for pose in ("stand", "run"):
-        body = model.posed(preset_betas("zebra")[None], named_pose(pose)[None], torch.zeros(1, 3, dtype=F64)).vertices[0]
-        surface = Surface(body, model.faces, template_features(), lambda features: coat_colors(coat, features))
-        made = render([surface], PinholeCamera(K, T, hw), np.zeros((*hw, 3), np.float32), Light(sunny=0.0))
+        body = model.posed(
+            preset_betas("zebra")[None], named_pose(pose)[None], torch.zeros(1, 3, dtype=F64)
+        ).vertices[0]
+        surface = Surface(
+            body, model.faces, template_features(), lambda features: coat_colors(coat, features)
+        )
+        made = render(
+            [surface], PinholeCamera(K, T, hw), np.zeros((*hw, 3), np.float32), Light(sunny=0.0)
+        )
         px, _ = project(K, transform_points(T, body))
         column, row = px.round().long().unbind(1)
         seen = visible_vertices(transform_points(T, body), model.faces, K, hw)
-        shown.append((seen, made.image[row.clamp(0, 239), column.clamp(0, 319)].double().mean(1), column))
+        shown.append(
+            (seen, made.image[row.clamp(0, 239), column.clamp(0, 319)].double().mean(1), column)
+        )
     both = shown[0][0] & shown[1][0]
     moved = both & ((shown[0][2] - shown[1][2]).abs() > 8)
     a, b = shown[0][1][moved], shown[1][1][moved]
     assert int(moved.sum()) > 100
-    assert float(torch.corrcoef(torch.stack((a, b)))[0, 1]) > 0.8  # stripes have moved with the skin; pixels and shade differ a little
+    assert (
+        float(torch.corrcoef(torch.stack((a, b)))[0, 1]) > 0.8
+    )  # stripes have moved with the skin; pixels and shade differ a little
 
 
 def test_coats_are_colours_and_differ_by_kind() -> None:
@@ -278,7 +338,9 @@ def test_no_animal_stands_on_its_tail() -> None:
     model = load_quadruped()
     is_tail = torch.zeros(model.vertex_count, dtype=torch.bool)
     is_tail[model.tail_vertices] = True
-    config = replace(SMALL, poses=("lie", "sit", "curl"), animals=(1, 1), pose_spread=0.0, shape_spread=0.0)
+    config = replace(
+        SMALL, poses=("lie", "sit", "curl"), animals=(1, 1), pose_spread=0.0, shape_spread=0.0
+    )
     for index in range(20):
         z = plan_scene(1, index, config).animals[0].vertices[:, 2]
         assert float(z[~is_tail].amin()) < 0.01

@@ -28,7 +28,9 @@ ALL_VISIBLE = dict.fromkeys(ANIMAL3D_26, True)
 
 @settings(max_examples=1000)
 @given(rotations(), vector(-0.1, 0.1, 78), vector(-9, 9))
-def test_every_rule_gives_a_rotation_that_turns_with_the_body(R: Tensor, wobble: Tensor, t: Tensor) -> None:
+def test_every_rule_gives_a_rotation_that_turns_with_the_body(
+    R: Tensor, wobble: Tensor, t: Tensor
+) -> None:
     points = toy_landmarks() + wobble.reshape(26, 3)
     moved = points @ R.mT + t
     papers = landmark_axes(named(points), ALL_VISIBLE), landmark_axes(named(moved), ALL_VISIBLE)
@@ -54,8 +56,12 @@ def test_principal_axes_are_a_rotation_with_falling_spread(values: Tensor) -> No
 def test_the_papers_first_rule_is_tail_base_to_neck_and_right_to_left_shoulder() -> None:
     axes = landmark_axes(named(toy_landmarks()), ALL_VISIBLE)
     assert axes is not None
-    assert axes.rule == "landmarks (visible): x tail_base to neck; y right_shoulder to left_shoulder"
-    forward = torch.tensor([0.92, 0, 0.04], dtype=F64)  # neck (0.44, 0, 0.64) - tail base (-0.48, 0, 0.60)
+    assert (
+        axes.rule == "landmarks (visible): x tail_base to neck; y right_shoulder to left_shoulder"
+    )
+    forward = torch.tensor(
+        [0.92, 0, 0.04], dtype=F64
+    )  # neck (0.44, 0, 0.64) - tail base (-0.48, 0, 0.60)
     assert_close(axes.R_box[:, 0], forward / forward.norm())
     assert_close(axes.R_box[:, 1], torch.tensor([0.0, 1, 0], dtype=F64))
 
@@ -87,14 +93,35 @@ def test_one_landmark_alone_gives_no_axes() -> None:
 
 
 def test_parallel_directions_give_no_axes() -> None:
-    assert axes_from_directions(torch.tensor([1.0, 0, 0], dtype=F64), torch.tensor([2.0, 0, 0], dtype=F64)) is None
+    assert (
+        axes_from_directions(
+            torch.tensor([1.0, 0, 0], dtype=F64), torch.tensor([2.0, 0, 0], dtype=F64)
+        )
+        is None
+    )
 
 
-def test_the_default_axes_do_not_depend_on_what_the_image_shows_or_where_legs_and_head_are() -> None:
+def test_the_default_axes_do_not_depend_on_what_the_image_shows_or_where_legs_and_head_are() -> (
+    None
+):
     points = toy_landmarks()
     moved = points.clone()
     for i, name in enumerate(ANIMAL3D_26):
-        if any(part in name for part in ("paw", "wrist", "hock", "knee", "elbow", "nose", "eye", "ear", "tail_tip", "neck")):
+        if any(
+            part in name
+            for part in (
+                "paw",
+                "wrist",
+                "hock",
+                "knee",
+                "elbow",
+                "nose",
+                "eye",
+                "ear",
+                "tail_tip",
+                "neck",
+            )
+        ):
             moved[i] += torch.tensor([0.3, 0.2, 0.1], dtype=F64)
     here, there = trunk_axes(named(points)), trunk_axes(named(moved))
     assert here is not None
@@ -109,11 +136,18 @@ def errors_deg() -> dict[str, Tensor]:
     found: dict[str, list[float]] = {"torso": [], "trunk": [], "trunk of the 26": [], "pca": []}
     for preset in presets:
         poses = torch.stack([named_pose(pose) for pose in POSES])
-        body = model.posed(preset_betas(preset).expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=F64))
+        body = model.posed(
+            preset_betas(preset).expand(len(poses), -1),
+            poses,
+            torch.zeros(len(poses), 3, dtype=F64),
+        )
         for vertices, truth in zip(body.vertices, trunk_rotation(body.R_world_joint), strict=True):
             every = {name: vertices[list(ids)].mean(0) for name, ids in groups.items()}
             rules = {"torso": torso_axes(vertices, model), "pca": pca_axes(vertices)}
-            for key, names in (("trunk", every), ("trunk of the 26", {name: every[name] for name in ANIMAL3D_26})):
+            for key, names in (
+                ("trunk", every),
+                ("trunk of the 26", {name: every[name] for name in ANIMAL3D_26}),
+            ):
                 axes = trunk_axes(names)
                 assert axes is not None
                 rules[key] = axes.R_box

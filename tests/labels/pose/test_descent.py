@@ -23,10 +23,13 @@ STEPS = 1e-6 * np.eye(6)
 
 
 def problem(noise_px: float = 3.0, wild: int = 0) -> PoseProblem:
-    """The toy animal, about its landmarks' mean and in units of their spread, with a mask box that does not quite fit."""
+    """The toy animal, about its landmarks' mean and in units of their spread, with a mask box that
+    does not quite fit."""
     R, t = camera_round(40, 20)
     generator = torch.Generator().manual_seed(0)
-    keypoints = keypoints_seen(R, t)[:, :2] + noise_px * torch.randn(26, 2, generator=generator, dtype=F64)
+    keypoints = keypoints_seen(R, t)[:, :2] + noise_px * torch.randn(
+        26, 2, generator=generator, dtype=F64
+    )
     keypoints[:wild] = torch.rand(wild, 2, generator=generator, dtype=F64) * 400
     landmarks, (vertices, _) = toy_landmarks(), toy_mesh()
     px, _ = project(K, vertices @ R.mT + t)
@@ -34,7 +37,16 @@ def problem(noise_px: float = 3.0, wild: int = 0) -> PoseProblem:
     middle = landmarks.mean(0)
     unit = (landmarks - middle).pow(2).sum(-1).mean().sqrt()
     points = (landmarks - middle) / unit
-    return PoseProblem(points, keypoints, torch.full((26,), 2.0, dtype=F64), K, IMAGE_HW, torch.eye(3, dtype=F64), (vertices - middle) / unit, box)
+    return PoseProblem(
+        points,
+        keypoints,
+        torch.full((26,), 2.0, dtype=F64),
+        K,
+        IMAGE_HW,
+        torch.eye(3, dtype=F64),
+        (vertices - middle) / unit,
+        box,
+    )
 
 
 def poses(count: int = 3) -> tuple[Array, Array]:
@@ -55,7 +67,9 @@ def test_the_slopes_of_projected_points_are_those_of_finite_differences(skew: fl
     points = np.random.default_rng(1).standard_normal((3, 10, 3))
     _, slopes, _ = project_with_slopes(points, linear, R, t)
     for k, step in enumerate(STEPS):
-        ahead, back = (project_with_slopes(points, linear, *moved(R, t, s))[0] for s in (step, -step))
+        ahead, back = (
+            project_with_slopes(points, linear, *moved(R, t, s))[0] for s in (step, -step)
+        )
         assert np.abs((ahead - back) / 2e-6 - slopes[:, k]).max() < 1e-5 * np.abs(slopes).max()
 
 
@@ -63,7 +77,9 @@ def costs() -> list[Sight | Joint]:
     given = problem(wild=5)
     assert given.mask_box is not None
     pixels = given.points_px.numpy().T - K[:2, 2:].numpy()
-    sight = Sight(given.points_world.numpy(), pixels, given.sigma_px.numpy(), K[:2, :2].numpy(), 5.0)
+    sight = Sight(
+        given.points_world.numpy(), pixels, given.sigma_px.numpy(), K[:2, :2].numpy(), 5.0
+    )
     joint = joint_of(given, 1.5, LabelConfig()).watching(*poses())
     return [sight, joint, joint_of(replace(given, mask_box=None), 1.5, LabelConfig())]
 
@@ -73,7 +89,9 @@ def test_the_slope_of_each_cost_is_that_of_finite_differences(which: int) -> Non
     cost, (R, t) = costs()[which], poses()
     b = cost.local(R, t).b
     for k, step in enumerate(STEPS):
-        numeric = (cost.local(*moved(R, t, step)).cost - cost.local(*moved(R, t, -step)).cost) / 2e-6
+        numeric = (
+            cost.local(*moved(R, t, step)).cost - cost.local(*moved(R, t, -step)).cost
+        ) / 2e-6
         assert np.abs(numeric - b[:, k]).max() < 1e-5 * np.abs(b).max()
 
 
@@ -113,7 +131,11 @@ def test_the_joint_cost_is_brought_as_low_as_by_scipy(wild: int) -> None:
     given = problem(wild=wild)
     assert given.vertices_world is not None
     assert given.mask_box is not None
-    t, vertices, mask_box = t + np.array([0, 0, 3.0]), given.vertices_world.numpy(), given.mask_box.numpy()
+    t, vertices, mask_box = (
+        t + np.array([0, 0, 3.0]),
+        given.vertices_world.numpy(),
+        given.mask_box.numpy(),
+    )
     joint = joint_of(given, 1.0, LabelConfig())
     joint = replace(joint, watched=joint.cloud[None])
 
@@ -125,21 +147,29 @@ def test_the_joint_cost_is_brought_as_low_as_by_scipy(wild: int) -> None:
         body = vertices @ R_here.T + t_here
         body_px = (body @ K.numpy().T)[:, :2] / body[:, 2:]
         beyond = np.concatenate((body_px.min(0), body_px.max(0))) - mask_box
-        return np.concatenate((off.ravel(), (beyond - beyond.clip(-MASK_SLACK_PX, MASK_SLACK_PX)) * joint.by[0, -2]))
+        return np.concatenate(
+            (off.ravel(), (beyond - beyond.clip(-MASK_SLACK_PX, MASK_SLACK_PX)) * joint.by[0, -2])
+        )
 
-    expected = least_squares(residuals, np.zeros(6), loss="cauchy", f_scale=CAUCHY_95, xtol=1e-12, ftol=1e-12, gtol=1e-12).cost
+    expected = least_squares(
+        residuals, np.zeros(6), loss="cauchy", f_scale=CAUCHY_95, xtol=1e-12, ftol=1e-12, gtol=1e-12
+    ).cost
     *_, cost, _ = descend(joint.local, R, t, 60)
     assert cost[0] <= expected * (1 + 1e-6)
 
 
 @pytest.mark.parametrize(("off_px", "costs"), [(0.4, False), (0.9, False), (1.5, True)])
-def test_bounds_that_differ_by_less_than_a_mask_can_tell_cost_nothing(off_px: float, costs: bool) -> None:
+def test_bounds_that_differ_by_less_than_a_mask_can_tell_cost_nothing(
+    off_px: float, costs: bool
+) -> None:
     R, t = poses(1)
     given = problem()
     assert given.vertices_world is not None
     px, _ = project(K, given.vertices_world @ torch.from_numpy(R[0]).mT + torch.from_numpy(t[0]))
     box = torch.cat((px.amin(0), px.amax(0))) + off_px * torch.tensor([1.0, -1, 1, -1], dtype=F64)
-    off, by_step, _ = joint_of(replace(given, mask_box=box), 1.0, LabelConfig()).watching(R, t).residuals(R, t)
+    off, by_step, _ = (
+        joint_of(replace(given, mask_box=box), 1.0, LabelConfig()).watching(R, t).residuals(R, t)
+    )
     beyond, slopes = (x.reshape(-1, 2, 30)[:, SIDES, 26 + np.arange(4)] for x in (off, by_step[0]))
     assert (bool(beyond.all()), bool(slopes.any())) == (costs, costs)
     assert bool(beyond.any()) == costs
@@ -151,7 +181,9 @@ def test_small_turns_are_rotations_and_those_by_their_vectors_to_first_order() -
     assert np.abs(turns @ turns.swapaxes(-1, -2) - np.eye(3)).max() < 1e-14
     assert np.allclose(np.linalg.det(turns), 1, atol=1e-14)
     axis = w / np.linalg.norm(w, axis=-1, keepdims=True)
-    by_angle = rotation_from_axis_angle(axis * 2 * np.arctan(np.linalg.norm(w, axis=-1, keepdims=True) / 2))
+    by_angle = rotation_from_axis_angle(
+        axis * 2 * np.arctan(np.linalg.norm(w, axis=-1, keepdims=True) / 2)
+    )
     assert np.abs(turns - by_angle).max() < 1e-14
     assert np.abs(small_turns(1e-5 * w) - rotation_from_axis_angle(1e-5 * w)).max() < 1e-14
 
@@ -162,7 +194,11 @@ def test_keypoints_that_are_exact_but_for_rounding_are_settled_at_once(off_px: f
     given = problem()
     noise = torch.from_numpy(np.random.default_rng(0).normal(size=given.points_px.shape))
     px, _ = project(K, given.points_world @ torch.from_numpy(R[0]).mT + torch.from_numpy(t[0]))
-    joint = joint_of(replace(given, points_px=px + off_px * noise, vertices_world=None, mask_box=None), 1.0, LabelConfig())
+    joint = joint_of(
+        replace(given, points_px=px + off_px * noise, vertices_world=None, mask_box=None),
+        1.0,
+        LabelConfig(),
+    )
     *_, cost, settled = descend(joint.local, R, t, 6)
     assert settled
     assert 0 < cost[0] < 26 * off_px**2

@@ -16,7 +16,12 @@ from animal3dbox.labels.pose.epnp_ransac import basic_pose, checked_pose
 from animal3dbox.labels.pose.estimate import estimate_pose
 from animal3dbox.labels.pose.paper_joint_cost import joint_cost
 from animal3dbox.labels.pose.paper_refinement import literal_energy, refined_pose
-from animal3dbox.labels.pose.problem import PoseEstimate, PoseFailure, PoseProblem, reprojection_errors
+from animal3dbox.labels.pose.problem import (
+    PoseEstimate,
+    PoseFailure,
+    PoseProblem,
+    reprojection_errors,
+)
 
 F64 = torch.float64
 EYE = torch.eye(3, dtype=F64)
@@ -24,9 +29,20 @@ VIEWS = [(a, e) for a in range(0, 360, 45) for e in (-10, 25, 70)]
 METHODS: tuple[Method, ...] = ("basic", "paper", "default")
 
 
-def problem_of(R: Tensor, t: Tensor, keypoints: Tensor | None = None, mask_box: Tensor | None = None) -> PoseProblem:
+def problem_of(
+    R: Tensor, t: Tensor, keypoints: Tensor | None = None, mask_box: Tensor | None = None
+) -> PoseProblem:
     keypoints = keypoints_seen(R, t) if keypoints is None else keypoints
-    return PoseProblem(toy_landmarks(), keypoints[:, :2], torch.full((26,), 2.0, dtype=F64), K, IMAGE_HW, EYE, toy_mesh()[0], mask_box)
+    return PoseProblem(
+        toy_landmarks(),
+        keypoints[:, :2],
+        torch.full((26,), 2.0, dtype=F64),
+        K,
+        IMAGE_HW,
+        EYE,
+        toy_mesh()[0],
+        mask_box,
+    )
 
 
 def found(problem: PoseProblem, config: LabelConfig) -> PoseEstimate:
@@ -37,7 +53,9 @@ def found(problem: PoseProblem, config: LabelConfig) -> PoseEstimate:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("view", VIEWS)
-def test_without_noise_every_method_finds_the_true_camera(method: Method, view: tuple[int, int]) -> None:
+def test_without_noise_every_method_finds_the_true_camera(
+    method: Method, view: tuple[int, int]
+) -> None:
     R, t = camera_round(*view)
     estimate = found(problem_of(R, t), LabelConfig(method=method))
     assert float(rotation_angle(estimate.R, R)) < 1e-5
@@ -51,11 +69,21 @@ def test_the_pose_does_not_depend_on_the_meshs_unit_or_frame(method: Method) -> 
     keypoints = keypoints_seen(R, t)
     keypoints[:, :2] += torch.randn(26, 2, generator=generator, dtype=F64)
     plain = found(problem_of(R, t, keypoints), LabelConfig(method=method))
-    turn, shift, unit = rotation_from_axis_angle(torch.tensor([0.3, -2.0, 0.9], dtype=F64)), torch.tensor([5.0, -700, 3], dtype=F64), 1000.0
-    landmarks, vertices = (unit * points @ turn.mT + shift for points in (toy_landmarks(), toy_mesh()[0]))
-    moved = replace(problem_of(R, t, keypoints), points_world=landmarks, vertices_world=vertices, R_box=turn)
+    turn, shift, unit = (
+        rotation_from_axis_angle(torch.tensor([0.3, -2.0, 0.9], dtype=F64)),
+        torch.tensor([5.0, -700, 3], dtype=F64),
+        1000.0,
+    )
+    landmarks, vertices = (
+        unit * points @ turn.mT + shift for points in (toy_landmarks(), toy_mesh()[0])
+    )
+    moved = replace(
+        problem_of(R, t, keypoints), points_world=landmarks, vertices_world=vertices, R_box=turn
+    )
     other = found(moved, LabelConfig(method=method))
-    loose = 100 if method == "basic" else 1  # on noisy points EPnP's own answer depends a little on the frame
+    loose = (
+        100 if method == "basic" else 1
+    )  # on noisy points EPnP's own answer depends a little on the frame
     assert_close(other.R @ turn, plain.R, atol=1e-5 * loose, rtol=0)
     assert_close((other.t + other.R @ shift) / unit, plain.t, atol=1e-4 * loose, rtol=0)
 
@@ -70,7 +98,13 @@ def test_the_default_survives_a_third_of_wild_keypoints() -> None:
         wild = torch.randperm(26, generator=generator)[:8]
         keypoints[wild, 0] = torch.rand(8, generator=generator, dtype=F64) * 640
         keypoints[wild, 1] = torch.rand(8, generator=generator, dtype=F64) * 480
-        angles.append(float(torch.rad2deg(rotation_angle(found(problem_of(R, t, keypoints), LabelConfig()).R, R))))
+        angles.append(
+            float(
+                torch.rad2deg(
+                    rotation_angle(found(problem_of(R, t, keypoints), LabelConfig()).R, R)
+                )
+            )
+        )
     assert np.median(angles) < 2
     assert max(angles) < 8
 
@@ -90,13 +124,18 @@ def test_a_given_hypothesis_is_tried() -> None:
     R, t = camera_round(10, 5)
     noisy = keypoints_seen(R, t)
     noisy[:, :2] += 2 * torch.randn(26, 2, generator=torch.Generator().manual_seed(1), dtype=F64)
-    estimate = estimate_pose(problem_of(R, t, noisy), LabelConfig(), (PoseEstimate(R, t, "hypothesis_0"),))
+    estimate = estimate_pose(
+        problem_of(R, t, noisy), LabelConfig(), (PoseEstimate(R, t, "hypothesis_0"),)
+    )
     assert isinstance(estimate, PoseEstimate)
     assert float(torch.rad2deg(rotation_angle(estimate.R, R))) < 3
 
 
 def test_the_same_problem_gives_the_same_pose_whatever_ran_before() -> None:
-    generator, config = torch.Generator().manual_seed(5), LabelConfig(method="basic", ransac_iterations=60)
+    generator, config = (
+        torch.Generator().manual_seed(5),
+        LabelConfig(method="basic", ransac_iterations=60),
+    )
     for view in range(20):
         R, t = camera_round(18 * view, 30)
         keypoints = keypoints_seen(R, t)
@@ -113,17 +152,31 @@ def test_the_same_problem_gives_the_same_pose_whatever_ran_before() -> None:
             assert first == again
 
 
-@pytest.mark.parametrize(("depth", "reason"), [(-4.0, "behind_camera"), (1e13, "no_pose"), (float("nan"), "no_pose")])
+@pytest.mark.parametrize(
+    ("depth", "reason"), [(-4.0, "behind_camera"), (1e13, "no_pose"), (float("nan"), "no_pose")]
+)
 def test_a_pose_behind_the_camera_or_beyond_belief_is_no_answer(depth: float, reason: str) -> None:
-    failure = checked_pose(problem_of(*camera_round(0, 0)), PoseEstimate(EYE, torch.tensor([0, 0, depth], dtype=F64), "epnp_ransac"))
+    failure = checked_pose(
+        problem_of(*camera_round(0, 0)),
+        PoseEstimate(EYE, torch.tensor([0, 0, depth], dtype=F64), "epnp_ransac"),
+    )
     assert isinstance(failure, PoseFailure)
     assert failure.reason == reason
 
 
 def test_a_failed_ransac_does_not_return_the_pose_of_an_earlier_call() -> None:
     found(problem_of(*camera_round(5, 5)), LabelConfig(method="basic"))
-    nonsense = torch.cat((torch.rand(26, 2, generator=torch.Generator().manual_seed(2), dtype=F64) * 5000, torch.ones(26, 1, dtype=F64)), dim=1)
-    failure = basic_pose(problem_of(*camera_round(5, 5), keypoints=nonsense), LabelConfig(ransac_threshold_px=0.5, ransac_iterations=50))
+    nonsense = torch.cat(
+        (
+            torch.rand(26, 2, generator=torch.Generator().manual_seed(2), dtype=F64) * 5000,
+            torch.ones(26, 1, dtype=F64),
+        ),
+        dim=1,
+    )
+    failure = basic_pose(
+        problem_of(*camera_round(5, 5), keypoints=nonsense),
+        LabelConfig(ransac_threshold_px=0.5, ransac_iterations=50),
+    )
     assert isinstance(failure, PoseFailure)
     assert failure.reason in ("no_pose", "behind_camera")
 
@@ -131,7 +184,10 @@ def test_a_failed_ransac_does_not_return_the_pose_of_an_earlier_call() -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_keypoints_all_at_one_pixel_are_rejected(method: Method) -> None:
     R, t = camera_round(5, 5)
-    failure = estimate_pose(replace(problem_of(R, t), points_px=torch.zeros(26, 2, dtype=F64)), LabelConfig(method=method))
+    failure = estimate_pose(
+        replace(problem_of(R, t), points_px=torch.zeros(26, 2, dtype=F64)),
+        LabelConfig(method=method),
+    )
     assert isinstance(failure, PoseFailure)
     assert failure.reason == "coplanar_keypoints"
 
@@ -156,19 +212,36 @@ def test_coinciding_landmarks_count_once() -> None:
 
 def test_five_keypoints_are_too_few() -> None:
     problem = problem_of(*camera_round(5, 5))
-    few = replace(problem, points_world=problem.points_world[:5], points_px=problem.points_px[:5], sigma_px=problem.sigma_px[:5])
+    few = replace(
+        problem,
+        points_world=problem.points_world[:5],
+        points_px=problem.points_px[:5],
+        sigma_px=problem.sigma_px[:5],
+    )
     failure = estimate_pose(few, LabelConfig())
     assert isinstance(failure, PoseFailure)
-    assert (failure.reason, failure.detail) == ("too_few_keypoints", "5 visible keypoints, but min_keypoints is 6")
+    assert (failure.reason, failure.detail) == (
+        "too_few_keypoints",
+        "5 visible keypoints, but min_keypoints is 6",
+    )
 
 
 def test_the_derivatives_of_the_joint_cost_are_those_of_finite_differences() -> None:
     R, t = camera_round(30, 20)
     box = torch.tensor([100.0, 90, 500, 400], dtype=F64)
     cost = joint_cost(problem_of(R, t, mask_box=box), R.numpy(), "mesh")
-    for pose in (np.concatenate(([0.0, 0, 0], t.numpy())), np.concatenate(([0.2, -0.4, 0.3], t.numpy() + 0.1))):
-        steps = [np.concatenate((c.keypoints(x)[0].ravel(), c.box(x)[0])) for c, x in ((cost, pose + 1e-6 * axis) for axis in np.eye(6))]
-        back = [np.concatenate((c.keypoints(x)[0].ravel(), c.box(x)[0])) for c, x in ((cost, pose - 1e-6 * axis) for axis in np.eye(6))]
+    for pose in (
+        np.concatenate(([0.0, 0, 0], t.numpy())),
+        np.concatenate(([0.2, -0.4, 0.3], t.numpy() + 0.1)),
+    ):
+        steps = [
+            np.concatenate((c.keypoints(x)[0].ravel(), c.box(x)[0]))
+            for c, x in ((cost, pose + 1e-6 * axis) for axis in np.eye(6))
+        ]
+        back = [
+            np.concatenate((c.keypoints(x)[0].ravel(), c.box(x)[0]))
+            for c, x in ((cost, pose - 1e-6 * axis) for axis in np.eye(6))
+        ]
         numeric = (np.stack(steps, 1) - np.stack(back, 1)) / 2e-6
         analytic = np.concatenate((cost.keypoints(pose)[1].reshape(-1, 6), cost.box(pose)[1]))
         assert np.abs(numeric - analytic).max() < 1e-3 * np.abs(analytic).max()
@@ -177,7 +250,9 @@ def test_the_derivatives_of_the_joint_cost_are_those_of_finite_differences() -> 
 def test_the_bbox_term_is_the_difference_of_the_boxes_coordinate_by_coordinate() -> None:
     R, t = camera_round(30, 20)
     problem = problem_of(R, t, mask_box=torch.zeros(4, dtype=F64))
-    off, _ = joint_cost(problem, R.numpy(), "keypoints").box(np.concatenate(([0.0, 0, 0], t.numpy())))
+    off, _ = joint_cost(problem, R.numpy(), "keypoints").box(
+        np.concatenate(([0.0, 0, 0], t.numpy()))
+    )
     px = problem.points_px
     assert_close(torch.from_numpy(off), torch.cat((px.amin(0), px.amax(0))), atol=1e-9, rtol=0)
 
@@ -185,7 +260,9 @@ def test_the_bbox_term_is_the_difference_of_the_boxes_coordinate_by_coordinate()
 def test_the_literal_reading_has_the_least_unsquared_energy() -> None:
     R, t = camera_round(75, 20)
     keypoints = keypoints_seen(R, t)
-    keypoints[:, :2] += 2 * torch.randn(26, 2, generator=torch.Generator().manual_seed(4), dtype=F64)
+    keypoints[:, :2] += 2 * torch.randn(
+        26, 2, generator=torch.Generator().manual_seed(4), dtype=F64
+    )
     keypoints[3, :2] += 120
     px = keypoints_seen(R, t)[:, :2]
     problem = problem_of(R, t, keypoints, mask_box=torch.cat((px.amin(0) - 6, px.amax(0) + 6)))
@@ -197,12 +274,19 @@ def test_the_literal_reading_has_the_least_unsquared_energy() -> None:
         refined = refined_pose(problem, start, config)
         assert isinstance(refined, PoseEstimate)
         cost = joint_cost(problem, refined.R.numpy(), "keypoints")
-        energies[reading] = literal_energy(cost, np.concatenate((np.zeros(3), refined.t.numpy())), config)
+        energies[reading] = literal_energy(
+            cost, np.concatenate((np.zeros(3), refined.t.numpy())), config
+        )
         generator = np.random.default_rng(0)
         if reading == "literal":
             for _ in range(200):
                 nudge = generator.normal(size=6) * 1e-3
-                assert literal_energy(cost, np.concatenate((np.zeros(3), refined.t.numpy())) + nudge, config) >= energies["literal"] - 1e-3
+                assert (
+                    literal_energy(
+                        cost, np.concatenate((np.zeros(3), refined.t.numpy())) + nudge, config
+                    )
+                    >= energies["literal"] - 1e-3
+                )
     assert energies["literal"] < energies["vector"]
 
 

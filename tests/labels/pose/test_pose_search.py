@@ -16,14 +16,28 @@ from animal3dbox.labels.pose.problem import PoseEstimate, PoseProblem
 F64 = torch.float64
 
 
-def problem(azimuth: float, noise_px: float = 1.0, sigma_px: float = 2.0) -> tuple[PoseProblem, torch.Tensor]:
+def problem(
+    azimuth: float, noise_px: float = 1.0, sigma_px: float = 2.0
+) -> tuple[PoseProblem, torch.Tensor]:
     """The toy animal, about its mean and in units of its spread, and its true R."""
     points = toy_landmarks()
     points = (points - points.mean(0)) / (points - points.mean(0)).pow(2).sum(-1).mean().sqrt()
     R, _ = camera_round(azimuth, 15.0, 6.0)
-    noise = torch.from_numpy(np.random.default_rng(int(azimuth)).normal(size=(len(points), 2))) * noise_px
+    noise = (
+        torch.from_numpy(np.random.default_rng(int(azimuth)).normal(size=(len(points), 2)))
+        * noise_px
+    )
     pixels = project(K, points @ R.mT + torch.tensor([0.1, 0.0, 6.0], dtype=F64))[0] + noise
-    return PoseProblem(points, pixels, torch.full((len(points),), sigma_px, dtype=F64), K, IMAGE_HW, torch.eye(3, dtype=F64), None, None), R
+    return PoseProblem(
+        points,
+        pixels,
+        torch.full((len(points),), sigma_px, dtype=F64),
+        K,
+        IMAGE_HW,
+        torch.eye(3, dtype=F64),
+        None,
+        None,
+    ), R
 
 
 def start_of(seen: PoseProblem) -> list[PoseEstimate]:
@@ -33,19 +47,25 @@ def start_of(seen: PoseProblem) -> list[PoseEstimate]:
 
 
 @pytest.mark.parametrize("azimuth", [10.0, 75.0, 160.0, 250.0, 340.0])
-def test_a_start_that_explains_everything_is_what_the_views_find_too(azimuth: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_start_that_explains_everything_is_what_the_views_find_too(
+    azimuth: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     seen, R = problem(azimuth)
     sure = search_poses(seen, start_of(seen))
     monkeypatch.setattr(pose_search, "SURE_KEYPOINTS", 1000)
     searched = search_poses(seen, start_of(seen))
     assert sure.names == ("sqpnp",)
     assert len(searched.names) >= 1
-    assert float(rotation_angle(torch.from_numpy(sure.R[0]), torch.from_numpy(searched.R[0]))) < 1e-3
+    assert (
+        float(rotation_angle(torch.from_numpy(sure.R[0]), torch.from_numpy(searched.R[0]))) < 1e-3
+    )
     assert float(rotation_angle(torch.from_numpy(sure.R[0]), R)) < 0.1
 
 
 @pytest.mark.parametrize("wild_px", [0.0, 90.0])
-def test_views_are_tried_where_one_keypoint_is_wild_or_the_animal_is_small(wild_px: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_views_are_tried_where_one_keypoint_is_wild_or_the_animal_is_small(
+    wild_px: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     seen, R = problem(40.0)
     starts, tried = start_of(seen), list[int]()
     wild = seen.points_px.clone()
@@ -57,7 +77,10 @@ def test_views_are_tried_where_one_keypoint_is_wild_or_the_animal_is_small(wild_
         return place(sight, R_views)
 
     monkeypatch.setattr(pose_search, "weak_perspective_translation", noted)
-    found = search_poses(replace(seen, points_px=wild, sigma_px=seen.sigma_px if wild_px else 20 * seen.sigma_px), starts)
+    found = search_poses(
+        replace(seen, points_px=wild, sigma_px=seen.sigma_px if wild_px else 20 * seen.sigma_px),
+        starts,
+    )
     assert tried
     assert float(rotation_angle(torch.from_numpy(found.R[0]), R)) < 0.1
 

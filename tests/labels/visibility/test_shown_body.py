@@ -17,14 +17,28 @@ MESH, FACES = toy_mesh()
 QUICK = LabelConfig(surface_share=False, mask_iou=False)
 
 
-def label_of(R: Tensor, t: Tensor, mask: Tensor | None = None, config: LabelConfig = QUICK) -> CuboidLabel:
-    label = label_animal(IMAGE_HW, keypoints_seen(R, t), toy_landmarks(), MESH, FACES, K=K, pose=(R, t), mask=mask, config=config)
+def label_of(
+    R: Tensor, t: Tensor, mask: Tensor | None = None, config: LabelConfig = QUICK
+) -> CuboidLabel:
+    label = label_animal(
+        IMAGE_HW,
+        keypoints_seen(R, t),
+        toy_landmarks(),
+        MESH,
+        FACES,
+        K=K,
+        pose=(R, t),
+        mask=mask,
+        config=config,
+    )
     assert isinstance(label, CuboidLabel)
     return label
 
 
 @pytest.mark.parametrize("masked", [True, False])
-def test_a_label_without_measured_surface_and_overlap_draws_nothing_and_is_else_the_same(masked: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_label_without_measured_surface_and_overlap_draws_nothing_and_is_else_the_same(
+    masked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     R, t = camera_round(50, 15)
     mask = silhouette(MESH @ R.mT + t, FACES, K, IMAGE_HW) if masked else None
     full = label_of(R, t, mask, LabelConfig())
@@ -35,7 +49,15 @@ def test_a_label_without_measured_surface_and_overlap_draws_nothing_and_is_else_
     assert (full.quality.mask_iou is None) == (not masked)
     assert quick.surface_share is None
     assert quick.quality.mask_iou is None
-    for field in ("corners_3d", "corners_2d", "face_area", "face_share", "face_share_in_image", "box", "keypoints"):
+    for field in (
+        "corners_3d",
+        "corners_2d",
+        "face_area",
+        "face_share",
+        "face_share_in_image",
+        "box",
+        "keypoints",
+    ):
         assert torch.equal(getattr(quick, field), getattr(full, field))
 
 
@@ -43,7 +65,10 @@ def test_a_label_without_measured_surface_and_overlap_draws_nothing_and_is_else_
 def test_surface_and_overlap_are_switched_apart(config: LabelConfig) -> None:
     R, t = camera_round(50, 15)
     label = label_of(R, t, silhouette(MESH @ R.mT + t, FACES, K, IMAGE_HW), config)
-    assert (label.surface_share is not None, label.quality.mask_iou is not None) == (config.surface_share, config.mask_iou)
+    assert (label.surface_share is not None, label.quality.mask_iou is not None) == (
+        config.surface_share,
+        config.mask_iou,
+    )
 
 
 def test_the_box_without_a_mask_bounds_the_mesh_exactly() -> None:
@@ -53,10 +78,14 @@ def test_the_box_without_a_mask_bounds_the_mesh_exactly() -> None:
 
 
 @pytest.mark.parametrize("shift", [(0.0, 1.2), (1.0, 0.8), (-1.6, 0.0), (0.0, -1.0)])
-def test_the_box_of_a_mesh_that_the_frame_cuts_bounds_what_is_left_of_it(shift: tuple[float, float]) -> None:
+def test_the_box_of_a_mesh_that_the_frame_cuts_bounds_what_is_left_of_it(
+    shift: tuple[float, float],
+) -> None:
     R, t = camera_round(50, 15, distance=3)
     t = t + torch.tensor([*shift, 0])
-    fine = torch.tensor([[8.0, 0, 3.5], [0, 8, 3.5], [0, 0, 1]], dtype=torch.float64) @ K  # eight pixels for one
+    fine = (
+        torch.tensor([[8.0, 0, 3.5], [0, 8, 3.5], [0, 0, 1]], dtype=torch.float64) @ K
+    )  # eight pixels for one
     drawn = mask_box(silhouette(MESH @ R.mT + t, FACES, fine, (8 * IMAGE_HW[0], 8 * IMAGE_HW[1])))
     px, _ = project(K, MESH @ R.mT + t)
     box = label_of(R, t).box
@@ -67,6 +96,8 @@ def test_the_box_of_a_mesh_that_the_frame_cuts_bounds_what_is_left_of_it(shift: 
 def test_the_box_of_a_mesh_around_the_camera_is_drawn() -> None:
     R, t = camera_round(50, 15, distance=0.3)
     assert float((MESH @ R.mT + t)[:, 2].amin()) < 0
-    label = label_animal(IMAGE_HW, None, toy_landmarks(), MESH, FACES, K=K, pose=(R, t), config=QUICK)
+    label = label_animal(
+        IMAGE_HW, None, toy_landmarks(), MESH, FACES, K=K, pose=(R, t), config=QUICK
+    )
     assert isinstance(label, CuboidLabel)
     assert torch.equal(label.box, mask_box(silhouette(MESH @ R.mT + t, FACES, K, IMAGE_HW)))

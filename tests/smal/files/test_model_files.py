@@ -7,13 +7,28 @@ import pytest
 import torch
 from hostile_pickles import FLAG, named, within
 from safetensors.torch import load_file, save_file
-from smal_pickles import ROOT_PARENT, Arrays, Chumpy, python2_pickle, python3_pickle, random_content, smal_content, written
+from smal_pickles import (
+    ROOT_PARENT,
+    Arrays,
+    Chumpy,
+    python2_pickle,
+    python3_pickle,
+    random_content,
+    smal_content,
+    written,
+)
 
 from animal3dbox.cli.convert import convert_model
 from animal3dbox.errors import ConfigError, ModelFileError
 from animal3dbox.smal.files.model_files import load_family, load_model, load_smal, load_symmetry
 from animal3dbox.smal.files.safetensors_file import load_safetensors, save_safetensors
-from animal3dbox.smal.keypoints.smal_landmarks import SMAL_EXTRA_LANDMARKS, SMAL_JOINTS, SMAL_LANDMARKS, SMAL_PARENTS, misplaced_sides
+from animal3dbox.smal.keypoints.smal_landmarks import (
+    SMAL_EXTRA_LANDMARKS,
+    SMAL_JOINTS,
+    SMAL_LANDMARKS,
+    SMAL_PARENTS,
+    misplaced_sides,
+)
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
@@ -22,7 +37,9 @@ TENSORS = ("v_template", "faces", "shapedirs", "posedirs", "J_regressor", "weigh
 
 
 def store(path: Path, content: Any, protocol: int = 2) -> Path:
-    path.write_bytes(python2_pickle(content, protocol) if protocol <= 2 else python3_pickle(content, protocol))
+    path.write_bytes(
+        python2_pickle(content, protocol) if protocol <= 2 else python3_pickle(content, protocol)
+    )
     return path
 
 
@@ -40,7 +57,9 @@ def assert_same(one: SmalModel, other: SmalModel) -> None:
 
 @pytest.mark.parametrize("protocol", range(6))
 @pytest.mark.parametrize("chumpy", [False, True])
-def test_a_smal_file_gives_the_numbers_it_holds(tmp_path: Path, protocol: int, chumpy: bool) -> None:
+def test_a_smal_file_gives_the_numbers_it_holds(
+    tmp_path: Path, protocol: int, chumpy: bool
+) -> None:
     content = random_content(chumpy=chumpy)
     model = load_smal(store(tmp_path / "smal.pkl", content, protocol))
     arrays = unwrapped(content)
@@ -64,9 +83,15 @@ def test_the_quadruped_survives_a_smal_file_bit_by_bit(tmp_path: Path, protocol:
 
 
 @pytest.mark.parametrize(("joints", "betas"), [(35, 41), (33, 41), (35, 145), (25, 10)])
-def test_relatives_with_other_joints_and_betas_are_read(tmp_path: Path, joints: int, betas: int) -> None:
+def test_relatives_with_other_joints_and_betas_are_read(
+    tmp_path: Path, joints: int, betas: int
+) -> None:
     model = load_smal(store(tmp_path / "smal.pkl", random_content(joints=joints, betas=betas)))
-    assert (model.joint_count, model.beta_count, model.posedirs.shape[2]) == (joints, betas, 9 * (joints - 1))
+    assert (model.joint_count, model.beta_count, model.posedirs.shape[2]) == (
+        joints,
+        betas,
+        9 * (joints - 1),
+    )
     expected = SMAL_JOINTS[:joints] if joints >= 33 else tuple(f"joint{j}" for j in range(joints))
     assert model.joint_names == expected
 
@@ -86,7 +111,9 @@ def test_smals_own_landmarks_are_used_for_its_vertex_count_alone(tmp_path: Path)
     assert (model.landmarks, model.extra_landmarks) == (SMAL_LANDMARKS, SMAL_EXTRA_LANDMARKS)
     assert misplaced_sides(model.v_template, model.landmarks) == ()
     mirrored = model.v_template * torch.tensor([1.0, -1.0, 1.0])
-    assert set(misplaced_sides(mirrored, model.landmarks)) == {name for name in SMAL_LANDMARKS if name.startswith("left_")}
+    assert set(misplaced_sides(mirrored, model.landmarks)) == {
+        name for name in SMAL_LANDMARKS if name.startswith("left_")
+    }
     assert load_smal(path, landmarks={"nose": [7]}).landmarks == {"nose": (7,)}
     assert load_smal(store(tmp_path / "other.pkl", random_content(3890, 50))).landmarks == {}
 
@@ -108,7 +135,9 @@ def test_parents_are_read_from_the_ids_of_kintree_table_and_not_assumed(tmp_path
         ([[ROOT_PARENT, 0, 1]], r"kintree_table must have shape \(2, J\), got \(1, 3\)"),
     ],
 )
-def test_a_tree_that_is_none_is_refused(tmp_path: Path, table: list[list[int]], message: str) -> None:
+def test_a_tree_that_is_none_is_refused(
+    tmp_path: Path, table: list[list[int]], message: str
+) -> None:
     content = {**random_content(joints=3), "kintree_table": np.array(table, dtype=np.uint32)}
     with pytest.raises(ModelFileError, match=message):
         load_smal(store(tmp_path / "smal.pkl", content))
@@ -118,21 +147,51 @@ def test_a_tree_that_is_none_is_refused(tmp_path: Path, table: list[list[int]], 
     ("key", "value", "message"),
     [
         ("v_template", np.zeros((12, 4)), r"v_template must have shape \(V, 3\), got \(12, 4\)"),
-        ("v_template", np.full((12, 3), np.nan), r"v_template must be finite, but 36 of its 36 values"),
-        ("f", np.full((4, 3), 12, np.uint32), r"f must hold vertex numbers from 0 to 11, got 12 to 12"),
-        ("f", np.full((4, 3), -1, np.int32), r"f must hold vertex numbers from 0 to 11, got -1 to -1"),
+        (
+            "v_template",
+            np.full((12, 3), np.nan),
+            r"v_template must be finite, but 36 of its 36 values",
+        ),
+        (
+            "f",
+            np.full((4, 3), 12, np.uint32),
+            r"f must hold vertex numbers from 0 to 11, got 12 to 12",
+        ),
+        (
+            "f",
+            np.full((4, 3), -1, np.int32),
+            r"f must hold vertex numbers from 0 to 11, got -1 to -1",
+        ),
         ("f", np.zeros((4, 3)), r"f must hold whole numbers, got float64"),
         ("f", np.zeros((0, 3), np.uint32), r"f must have shape \(F, 3\), got \(0, 3\)"),
-        ("shapedirs", np.zeros((11, 3, 41)), r"shapedirs must have shape \(12, 3, S\), got \(11, 3, 41\)"),
-        ("posedirs", np.zeros((12, 3, 288)), r"posedirs must have shape \(12, 3, 306\), got \(12, 3, 288\)"),
-        ("weights", np.zeros((12, 35)), r"weights must be shares whose rows sum to 1, got sums from 0 to 0"),
+        (
+            "shapedirs",
+            np.zeros((11, 3, 41)),
+            r"shapedirs must have shape \(12, 3, S\), got \(11, 3, 41\)",
+        ),
+        (
+            "posedirs",
+            np.zeros((12, 3, 288)),
+            r"posedirs must have shape \(12, 3, 306\), got \(12, 3, 288\)",
+        ),
+        (
+            "weights",
+            np.zeros((12, 35)),
+            r"weights must be shares whose rows sum to 1, got sums from 0 to 0",
+        ),
         ("weights", np.zeros((12, 33)), r"weights must have shape \(12, 35\), got \(12, 33\)"),
         ("weights", np.full((12, 35), True), r"weights must hold numbers, got bool"),
-        ("J_regressor", np.zeros((33, 12)), r"J_regressor must have shape \(35, 12\), got \(33, 12\)"),
+        (
+            "J_regressor",
+            np.zeros((33, 12)),
+            r"J_regressor must have shape \(35, 12\), got \(33, 12\)",
+        ),
         ("J_regressor", "none", r"J_regressor: expected an array, got a str of length 4"),
     ],
 )
-def test_a_key_that_does_not_fit_is_named_with_what_was_expected(tmp_path: Path, key: str, value: object, message: str) -> None:
+def test_a_key_that_does_not_fit_is_named_with_what_was_expected(
+    tmp_path: Path, key: str, value: object, message: str
+) -> None:
     path = store(tmp_path / "smal.pkl", {**random_content(), key: value})
     with pytest.raises(ModelFileError, match=rf"^{path}: {message}.*; "):
         load_smal(path)
@@ -141,14 +200,20 @@ def test_a_key_that_does_not_fit_is_named_with_what_was_expected(tmp_path: Path,
 def test_missing_keys_and_other_contents_are_named(tmp_path: Path) -> None:
     content = random_content()
     del content["posedirs"]
-    with pytest.raises(ModelFileError, match=r"the key posedirs is missing; there are J_regressor, bs_style,"):
+    with pytest.raises(
+        ModelFileError, match=r"the key posedirs is missing; there are J_regressor, bs_style,"
+    ):
         load_smal(store(tmp_path / "smal.pkl", content))
-    with pytest.raises(ModelFileError, match=r"expected a dictionary with v_template, .*got a list of length 2"):
+    with pytest.raises(
+        ModelFileError, match=r"expected a dictionary with v_template, .*got a list of length 2"
+    ):
         load_smal(store(tmp_path / "list.pkl", [1, 2]))
 
 
 def test_a_landmark_outside_the_model_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ModelFileError, match=r"landmarks\['nose'\] must hold vertex ids in 0\.\.11"):
+    with pytest.raises(
+        ModelFileError, match=r"landmarks\['nose'\] must hold vertex ids in 0\.\.11"
+    ):
         load_smal(store(tmp_path / "smal.pkl", random_content()), landmarks={"nose": [12]})
 
 
@@ -156,7 +221,12 @@ def test_a_symmetry_that_does_not_fit_the_model_is_refused(tmp_path: Path) -> No
     path = store(tmp_path / "smal.pkl", random_content())
     with pytest.raises(ModelFileError, match=r"symmetry must have shape \(12\), got \(11,\)"):
         load_smal(path, symmetry=torch.arange(11))
-    with pytest.raises(ModelFileError, match=r"symmetry must be its own inverse, but 12 of 12 vertices do not come back: 0 -> 1 -> 2"):
+    with pytest.raises(
+        ModelFileError,
+        match=(
+            r"symmetry must be its own inverse, but 12 of 12 vertices do not come back: 0 -> 1 -> 2"
+        ),
+    ):
         load_smal(path, symmetry=torch.arange(12).roll(-1))
 
 
@@ -169,7 +239,11 @@ def test_the_shape_families_are_read(tmp_path: Path, protocol: int, form: str) -
     objects[:] = list(members)
     stored = {"list": list(members), "array": members, "objects": objects}[form]
     path = tmp_path / "family.pkl"
-    path.write_bytes(python3_pickle({"cluster_means": means, "cluster_cov": stored, "eigs": np.zeros(3)}, protocol))
+    path.write_bytes(
+        python3_pickle(
+            {"cluster_means": means, "cluster_cov": stored, "eigs": np.zeros(3)}, protocol
+        )
+    )
     family = load_family(path)
     np.testing.assert_array_equal(family.means.numpy(), means)
     np.testing.assert_array_equal(family.covariances.numpy(), members)
@@ -178,8 +252,14 @@ def test_the_shape_families_are_read(tmp_path: Path, protocol: int, form: str) -
 def test_shape_families_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     means = np.zeros((5, 41))
     for covariances, message in (
-        (np.zeros((4, 41, 41)), r"cluster_cov: expected an array of shape \(5, 41, 41\), got \(4, 41, 41\)"),
-        ([np.zeros((41, 40))] * 5, r"cluster_cov: expected an array of shape \(41, 41\), got \(41, 40\)"),
+        (
+            np.zeros((4, 41, 41)),
+            r"cluster_cov: expected an array of shape \(5, 41, 41\), got \(4, 41, 41\)",
+        ),
+        (
+            [np.zeros((41, 40))] * 5,
+            r"cluster_cov: expected an array of shape \(41, 41\), got \(41, 40\)",
+        ),
         ([], r"cluster_cov: expected 5 arrays of shape \(41, 41\), got 0"),
         (np.full((5, 41, 41), np.inf), "must be finite"),
         (np.full((5, 41, 41), True), "cluster_cov must hold numbers, got bool"),
@@ -187,13 +267,20 @@ def test_shape_families_that_do_not_fit_are_refused(tmp_path: Path) -> None:
         (None, "cluster_cov: expected an array, got None"),
     ):
         with pytest.raises(ModelFileError, match=message):
-            load_family(store(tmp_path / "family.pkl", {"cluster_means": means, "cluster_cov": covariances}))
+            load_family(
+                store(tmp_path / "family.pkl", {"cluster_means": means, "cluster_cov": covariances})
+            )
 
 
 @pytest.mark.parametrize("form", ["array", "float", "list", "dictionary"])
 def test_symmetry_is_read_and_must_be_an_involution(tmp_path: Path, form: str) -> None:
     swap = np.array([1, 0, 2, 4, 3])
-    value = {"array": swap, "float": swap.astype(float), "list": swap.tolist(), "dictionary": {"symIdx": swap}}[form]
+    value = {
+        "array": swap,
+        "float": swap.astype(float),
+        "list": swap.tolist(),
+        "dictionary": {"symIdx": swap},
+    }[form]
     symmetry = load_symmetry(store(tmp_path / "symIdx.pkl", value), vertex_count=5)
     assert symmetry.dtype == torch.int64
     assert symmetry.tolist() == swap.tolist()
@@ -202,7 +289,10 @@ def test_symmetry_is_read_and_must_be_an_involution(tmp_path: Path, form: str) -
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (np.array([1, 2, 0]), "symIdx must be its own inverse, but 3 of 3 vertices do not come back: 0 -> 1 -> 2"),
+        (
+            np.array([1, 2, 0]),
+            "symIdx must be its own inverse, but 3 of 3 vertices do not come back: 0 -> 1 -> 2",
+        ),
         (np.array([0, 1, 3]), "symIdx must hold 3 vertex numbers from 0 to 2"),
         (np.array([0, -1, 1]), "symIdx must hold 3 vertex numbers from 0 to 2"),
         (np.array([0, 1.5, 2]), "symIdx must hold whole numbers"),
@@ -223,7 +313,10 @@ def test_a_safetensors_file_gives_back_the_model_bit_by_bit(tmp_path: Path) -> N
     first = path.read_bytes()
     model = load_safetensors(path)
     assert_same(model, quadruped)
-    assert (list(model.landmarks.items()), model.extra_landmarks) == (list(quadruped.landmarks.items()), quadruped.extra_landmarks)
+    assert (list(model.landmarks.items()), model.extra_landmarks) == (
+        list(quadruped.landmarks.items()),
+        quadruped.extra_landmarks,
+    )
     assert model.symmetry is not None
     assert quadruped.symmetry is not None
     assert torch.equal(model.symmetry, quadruped.symmetry)
@@ -233,12 +326,19 @@ def test_a_safetensors_file_gives_back_the_model_bit_by_bit(tmp_path: Path) -> N
 
 
 def changed(
-    tmp_path: Path, tensors: dict[str, Any] | None = None, names: dict[str, Any] | None = None, metadata: dict[str, str] | None = None
+    tmp_path: Path,
+    tensors: dict[str, Any] | None = None,
+    names: dict[str, Any] | None = None,
+    metadata: dict[str, str] | None = None,
 ) -> Path:
     """A model's safetensors file with some parts replaced, or left out if they are None."""
     path = tmp_path / "model.safetensors"
     save_safetensors(load_smal(store(tmp_path / "smal.pkl", random_content(joints=3))), path)
-    parts = {key: value for key, value in {**load_file(path), **(tensors or {})}.items() if value is not None}
+    parts = {
+        key: value
+        for key, value in {**load_file(path), **(tensors or {})}.items()
+        if value is not None
+    }
     text = {
         "schema": "animal3dbox.smal_model",
         "version": 1,
@@ -248,7 +348,9 @@ def changed(
         "extra_landmarks": {},
     }
     text = {key: value for key, value in {**text, **(names or {})}.items() if value is not None}
-    save_file(parts, path, metadata={"smal_model": json.dumps(text)} if metadata is None else metadata)
+    save_file(
+        parts, path, metadata={"smal_model": json.dumps(text)} if metadata is None else metadata
+    )
     return path
 
 
@@ -263,12 +365,32 @@ def test_an_unchanged_safetensors_file_of_the_tests_is_read(tmp_path: Path) -> N
         ({"weights": None}, {}, r"missing \['weights'\], unknown \[\]"),
         ({"payload": torch.zeros(1)}, {}, r"missing \[\], unknown \['payload'\]"),
         ({"faces": torch.zeros(4, 3)}, {}, "faces must be int64, got torch.float32"),
-        ({"faces": torch.full((4, 3), 12)}, {}, "faces must hold vertex numbers from 0 to 11, got 12 to 12"),
+        (
+            {"faces": torch.full((4, 3), 12)},
+            {},
+            "faces must hold vertex numbers from 0 to 11, got 12 to 12",
+        ),
         ({"faces": torch.zeros((0, 3), dtype=torch.int64)}, {}, "got no faces"),
-        ({"weights": torch.zeros(12, 3)}, {}, r"must all be float64 or all float32, got \['torch.float32', 'torch.float64'\]"),
-        ({"weights": torch.zeros(12, 3, dtype=torch.float64)}, {}, "weights must be shares whose rows sum to 1"),
-        ({"v_template": torch.full((12, 3), torch.inf, dtype=torch.float64)}, {}, "v_template must be finite"),
-        ({"posedirs": torch.zeros((12, 3, 9), dtype=torch.float64)}, {}, r"posedirs must have shape \(12, 3, 18\), got \(12, 3, 9\)"),
+        (
+            {"weights": torch.zeros(12, 3)},
+            {},
+            r"must all be float64 or all float32, got \['torch.float32', 'torch.float64'\]",
+        ),
+        (
+            {"weights": torch.zeros(12, 3, dtype=torch.float64)},
+            {},
+            "weights must be shares whose rows sum to 1",
+        ),
+        (
+            {"v_template": torch.full((12, 3), torch.inf, dtype=torch.float64)},
+            {},
+            "v_template must be finite",
+        ),
+        (
+            {"posedirs": torch.zeros((12, 3, 9), dtype=torch.float64)},
+            {},
+            r"posedirs must have shape \(12, 3, 18\), got \(12, 3, 9\)",
+        ),
         ({"symmetry": torch.arange(12).roll(1)}, {}, "symmetry must be its own inverse"),
         ({}, {"parents": [-1, 2, 0]}, "parents must be -1 and then an earlier joint"),
         ({}, {"parents": []}, "parents must name at least the root"),
@@ -281,7 +403,9 @@ def test_an_unchanged_safetensors_file_of_the_tests_is_read(tmp_path: Path) -> N
         ({}, {"more": 1}, "breaks the schema: .*unknown field `more`"),
     ],
 )
-def test_a_safetensors_file_that_breaks_the_schema_is_refused(tmp_path: Path, tensors: dict[str, Any], names: dict[str, Any], message: str) -> None:
+def test_a_safetensors_file_that_breaks_the_schema_is_refused(
+    tmp_path: Path, tensors: dict[str, Any], names: dict[str, Any], message: str
+) -> None:
     path = changed(tmp_path, tensors, names)
     with pytest.raises(ModelFileError, match=message) as caught:
         load_safetensors(path)
@@ -289,7 +413,9 @@ def test_a_safetensors_file_that_breaks_the_schema_is_refused(tmp_path: Path, te
 
 
 def test_files_that_are_no_model_in_safetensors_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ModelFileError, match="its metadata has no 'smal_model'; convert the SMAL file again"):
+    with pytest.raises(
+        ModelFileError, match="its metadata has no 'smal_model'; convert the SMAL file again"
+    ):
         load_safetensors(changed(tmp_path, metadata={}))
     with pytest.raises(ModelFileError, match="breaks the schema"):
         load_safetensors(changed(tmp_path, metadata={"smal_model": "[" * 100_000}))
@@ -304,8 +430,13 @@ def test_files_that_are_no_model_in_safetensors_are_refused(tmp_path: Path) -> N
             load_safetensors(path)
 
 
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    model, path = load_smal(store(tmp_path / "smal.pkl", random_content(joints=3))), tmp_path / "model.safetensors"
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, path = (
+        load_smal(store(tmp_path / "smal.pkl", random_content(joints=3))),
+        tmp_path / "model.safetensors",
+    )
     path.write_bytes(b"old")
 
     def full(descriptor: int) -> None:
@@ -319,7 +450,10 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, mon
 
 
 def test_a_new_file_takes_the_place_of_the_old_at_once(tmp_path: Path) -> None:
-    model, path = load_smal(store(tmp_path / "smal.pkl", random_content(joints=3))), tmp_path / "model.safetensors"
+    model, path = (
+        load_smal(store(tmp_path / "smal.pkl", random_content(joints=3))),
+        tmp_path / "model.safetensors",
+    )
     path.write_bytes(b"old")
     with path.open("rb") as old:  # who reads the old file meanwhile reads it to its end
         save_safetensors(model, path)
@@ -328,26 +462,41 @@ def test_a_new_file_takes_the_place_of_the_old_at_once(tmp_path: Path) -> None:
 
 
 def test_the_suffix_chooses_the_reader(tmp_path: Path) -> None:
-    pickled, converted = store(tmp_path / "smal.PKL", random_content(joints=3)), tmp_path / "smal.safetensors"
+    pickled, converted = (
+        store(tmp_path / "smal.PKL", random_content(joints=3)),
+        tmp_path / "smal.safetensors",
+    )
     save_safetensors(load_model(pickled, landmarks={"nose": [3]}), converted)
     assert_same(load_model(converted), load_model(pickled))
     assert load_model(converted).landmarks == {"nose": (3,)}
     with pytest.raises(ConfigError, match="holds its own"):
         load_model(converted, landmarks={})
-    with pytest.raises(ConfigError, match=r"must end in \.safetensors, \.pkl, \.pickle, got .*model\.npz"):
+    with pytest.raises(
+        ConfigError, match=r"must end in \.safetensors, \.pkl, \.pickle, got .*model\.npz"
+    ):
         load_model(tmp_path / "model.npz")
 
 
-def test_convert_model_says_in_a_line_what_it_wrote(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source, target = store(tmp_path / "smal.pkl", random_content(3889, 50, joints=3, betas=2)), tmp_path / "smal.safetensors"
+def test_convert_model_says_in_a_line_what_it_wrote(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, target = (
+        store(tmp_path / "smal.pkl", random_content(3889, 50, joints=3, betas=2)),
+        tmp_path / "smal.safetensors",
+    )
     assert convert_model(source, target) == 0
     out, err = capsys.readouterr()
-    assert out == f"{source} -> {target}: 3889 vertices, 50 faces, 3 joints, 2 betas, 26 landmarks, {target.stat().st_size / 1e6:.1f} MB\n"
+    assert (
+        out == f"{source} -> {target}: 3889 vertices, 50 faces, 3 joints, 2 betas, 26 landmarks,"
+        f" {target.stat().st_size / 1e6:.1f} MB\n"
+    )
     assert err == ""
     assert_same(load_model(target), load_model(source))
 
 
-def test_convert_model_warns_of_a_template_that_is_not_smals(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_convert_model_warns_of_a_template_that_is_not_smals(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     content = random_content(3889, 50, joints=3, betas=2, chumpy=False)
     content["v_template"] = np.asarray(content["v_template"]) * [1.0, -1.0, 1.0]
     assert convert_model(store(tmp_path / "smal.pkl", content), tmp_path / "smal.safetensors") == 0
@@ -359,6 +508,9 @@ def test_convert_model_refuses_other_suffixes_and_hostile_files(tmp_path: Path) 
         convert_model(tmp_path / "smal.pkl", tmp_path / "smal.npz")
     hostile = tmp_path / "smal.pkl"
     hostile.write_bytes(within(named(*FLAG) + b")R"))
-    with pytest.raises(ModelFileError, match=r"v_template: expected an array, got an object of hostile_target\.fire"):
+    with pytest.raises(
+        ModelFileError,
+        match=r"v_template: expected an array, got an object of hostile_target\.fire",
+    ):
         convert_model(hostile, tmp_path / "smal.safetensors")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["smal.pkl"]

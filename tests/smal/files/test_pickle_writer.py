@@ -37,4 +37,7 @@ with open({str(path)!r}, "rb") as file:
 print(content["v_template"].x.shape, content["f"].dtype, content["J_regressor"].shape, content["kintree_table"][0, 0], content["bs_type"])
 """
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ran.stdout.split("\n")[0] == f"({model.vertex_count}, 3) uint32 (35, {model.vertex_count}) 4294967295 lrotmin"
+    assert (
+        ran.stdout.split("\n")[0]
+        == f"({model.vertex_count}, 3) uint32 (35, {model.vertex_count}) 4294967295 lrotmin"
+    )

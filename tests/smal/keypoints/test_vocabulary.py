@@ -7,12 +7,64 @@ from torch.testing import assert_close
 
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES, find_vocabulary
-from animal3dbox.smal.keypoints.vocabulary import Vocabulary, load_vocabulary, side_of, swap_sides, vocabulary_from_names
+from animal3dbox.smal.keypoints.vocabulary import (
+    Vocabulary,
+    load_vocabulary,
+    side_of,
+    swap_sides,
+    vocabulary_from_names,
+)
 from animal3dbox.smal.quadruped.poses import named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
 
-ANIMAL3D_FLIP = (1, 0, 2, 4, 3, 6, 5, 7, 9, 8, 11, 10, 13, 12, 15, 14, 17, 16, 18, 19, 21, 20, 23, 22, 24, 25)
-STANFORD_TO_ANIMAL3D = {0: 3, 1: 14, 2: 8, 3: 5, 4: 16, 5: 10, 6: 4, 7: 15, 8: 9, 9: 6, 10: 17, 11: 11, 12: 7, 13: 19, 16: 24, 17: 2, 20: 0, 21: 1}
+ANIMAL3D_FLIP = (
+    1,
+    0,
+    2,
+    4,
+    3,
+    6,
+    5,
+    7,
+    9,
+    8,
+    11,
+    10,
+    13,
+    12,
+    15,
+    14,
+    17,
+    16,
+    18,
+    19,
+    21,
+    20,
+    23,
+    22,
+    24,
+    25,
+)
+STANFORD_TO_ANIMAL3D = {
+    0: 3,
+    1: 14,
+    2: 8,
+    3: 5,
+    4: 16,
+    5: 10,
+    6: 4,
+    7: 15,
+    8: 9,
+    9: 6,
+    10: 17,
+    11: 11,
+    12: 7,
+    13: 19,
+    16: 24,
+    17: 2,
+    20: 0,
+    21: 1,
+}
 
 
 def test_the_flip_of_animal3d_is_the_published_one() -> None:
@@ -34,14 +86,20 @@ def test_sides_are_right_by_geometry_and_flips_are_mirror_images(name: str) -> N
     assert float((mirror - points)[known].abs().amax()) < 1e-12
     for row in known.nonzero()[:, 0].tolist():
         y, side = float(points[row, 1]), vocabulary.sides[row]
-        assert {"left": y > 0.001, "right": y < -0.001, None: abs(y) < 1e-9}[side], vocabulary.keypoints[row]
+        assert {"left": y > 0.001, "right": y < -0.001, None: abs(y) < 1e-9}[side], (
+            vocabulary.keypoints[row]
+        )
         assert (vocabulary.flip[row] == row) == (side is None)
 
 
 @pytest.mark.parametrize("name", sorted(VOCABULARIES))
 def test_mapping_a_mirrored_animal_is_mirroring_the_mapped_one(name: str) -> None:
     model, vocabulary = load_quadruped(), VOCABULARIES[name]
-    vertices = model.posed(preset_betas("horse")[None], named_pose("walk")[None], torch.zeros(1, 3, dtype=torch.float64)).vertices[0]
+    vertices = model.posed(
+        preset_betas("horse")[None],
+        named_pose("walk")[None],
+        torch.zeros(1, 3, dtype=torch.float64),
+    ).vertices[0]
     S = torch.diag(torch.tensor([1.0, -1, 1], dtype=torch.float64))
     assert model.symmetry is not None
     of_mirrored = vocabulary.on_body(model.landmark_groups, (vertices @ S)[model.symmetry])
@@ -51,9 +109,17 @@ def test_mapping_a_mirrored_animal_is_mirroring_the_mapped_one(name: str) -> Non
 
 @pytest.mark.parametrize(
     ("name", "length", "unknown"),
-    [("animal3d26", 26, 0), ("stanfordextra24", 24, 0), ("animalpose20", 20, 0), ("ap10k17", 17, 0), ("superanimal39", 39, 17)],
+    [
+        ("animal3d26", 26, 0),
+        ("stanfordextra24", 24, 0),
+        ("animalpose20", 20, 0),
+        ("ap10k17", 17, 0),
+        ("superanimal39", 39, 17),
+    ],
 )
-def test_each_vocabulary_has_its_length_and_leaves_out_what_the_body_lacks(name: str, length: int, unknown: int) -> None:
+def test_each_vocabulary_has_its_length_and_leaves_out_what_the_body_lacks(
+    name: str, length: int, unknown: int
+) -> None:
     model, vocabulary = load_quadruped(), VOCABULARIES[name]
     points = vocabulary.on_body(model.landmark_groups, model.v_template)
     assert len(vocabulary) == length
@@ -61,7 +127,34 @@ def test_each_vocabulary_has_its_length_and_leaves_out_what_the_body_lacks(name:
 
 
 def test_superanimal_stands_in_the_published_order() -> None:
-    published = (10, 5, None, 26, 29, 30, 35, 22, 24, 27, 31, 32, None, None, 25, 28, 33, 34, 15, 23, 11, 6, 4, 3, 0, None)
+    published = (
+        10,
+        5,
+        None,
+        26,
+        29,
+        30,
+        35,
+        22,
+        24,
+        27,
+        31,
+        32,
+        None,
+        None,
+        25,
+        28,
+        33,
+        34,
+        15,
+        23,
+        11,
+        6,
+        4,
+        3,
+        0,
+        None,
+    )
     vocabulary = VOCABULARIES["superanimal39"]
     for landmark, index in zip(VOCABULARIES["animal3d26"].keypoints, published, strict=True):
         assert vocabulary.index_of(landmark) == index, landmark
@@ -98,8 +191,12 @@ def test_a_side_without_its_twin_is_refused() -> None:
 
 
 def test_a_left_keypoint_on_a_right_landmark_is_refused() -> None:
-    with pytest.raises(ConfigError, match="'left paw' is left, but its landmark 'right_front_paw' is not"):
-        vocabulary_from_names("mine", {"left paw": "right_front_paw", "right paw": "left_front_paw"})
+    with pytest.raises(
+        ConfigError, match="'left paw' is left, but its landmark 'right_front_paw' is not"
+    ):
+        vocabulary_from_names(
+            "mine", {"left paw": "right_front_paw", "right paw": "left_front_paw"}
+        )
 
 
 TOML = """
@@ -140,7 +237,9 @@ def test_a_users_vocabulary_is_read_from_toml(tmp_path: Path) -> None:
         ('name = "x"\n[keypoints]\nA = "nose"\n[flip]\nA = "B"', "no twin 'B'"),
     ],
 )
-def test_a_file_that_is_no_vocabulary_is_refused_by_name(tmp_path: Path, text: str, says: str) -> None:
+def test_a_file_that_is_no_vocabulary_is_refused_by_name(
+    tmp_path: Path, text: str, says: str
+) -> None:
     (tmp_path / "mine.toml").write_text(text)
     with pytest.raises(ConfigError, match=says):
         load_vocabulary(tmp_path / "mine.toml")

@@ -13,7 +13,12 @@ from torch import Tensor
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.quadruped.poses import random_pose
-from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, measure_betas, preset_betas, quadruped_names
+from animal3dbox.smal.quadruped.preset_bodies import (
+    load_quadruped,
+    measure_betas,
+    preset_betas,
+    quadruped_names,
+)
 
 KEYPOINTS = [
     "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw", "right_back_paw", "tail_base",
@@ -22,8 +27,71 @@ KEYPOINTS = [
     "nose", "tail_middle",
 ]  # fmt: skip
 PRESETS = ("dog", "cat", "horse", "cow", "bear", "deer", "zebra", "pig", "hippo", "lion")
-FLIP = [1, 0, 2, 4, 3, 6, 5, 7, 9, 8, 11, 10, 13, 12, 15, 14, 17, 16, 18, 19, 21, 20, 23, 22, 24, 25]
-PARENTS = (-1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 6, 11, 12, 13, 6, 15, 0, 17, 18, 19, 0, 21, 22, 23, 0, 25, 26, 27, 28, 29, 30, 16, 16, 16)
+FLIP = [
+    1,
+    0,
+    2,
+    4,
+    3,
+    6,
+    5,
+    7,
+    9,
+    8,
+    11,
+    10,
+    13,
+    12,
+    15,
+    14,
+    17,
+    16,
+    18,
+    19,
+    21,
+    20,
+    23,
+    22,
+    24,
+    25,
+]
+PARENTS = (
+    -1,
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    6,
+    11,
+    12,
+    13,
+    6,
+    15,
+    0,
+    17,
+    18,
+    19,
+    0,
+    21,
+    22,
+    23,
+    0,
+    25,
+    26,
+    27,
+    28,
+    29,
+    30,
+    16,
+    16,
+    16,
+)
 JOINTS = [
     "pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3", "LLeg1", "LLeg2", "LLeg3", "LFoot", "RLeg1", "RLeg2", "RLeg3",
     "RFoot", "Neck", "Head", "LLegBack1", "LLegBack2", "LLegBack3", "LFootBack", "RLegBack1", "RLegBack2", "RLegBack3", "RFootBack",
@@ -64,7 +132,10 @@ def joint(model: SmalModel, vertices: Tensor, name: str) -> Tensor:
 
 
 def winding_number(corners: Tensor, place: Tensor) -> float:
-    """How often faces (F, 3, 3) go round a place: 1 inside a closed surface, 0 outside (van Oosterom and Strackee)."""
+    """How often faces (F, 3, 3) go round a place.
+
+    1 inside a closed surface, 0 outside (van Oosterom and Strackee).
+    """
     a, b, c = (corners - place).unbind(dim=1)
     la, lb, lc = a.norm(dim=1), b.norm(dim=1), c.norm(dim=1)
     flat = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
@@ -109,7 +180,9 @@ def test_it_is_one_closed_outward_surface(model: SmalModel, preset: str | None) 
     assert mesh.body_count == 1
     assert mesh.volume > 0.01
     assert mesh.area_faces.min() > 0
-    assert (mesh.face_adjacency_angles > 2.8).mean() < 0.01  # hardly an edge is folded back on itself
+    assert (
+        mesh.face_adjacency_angles > 2.8
+    ).mean() < 0.01  # hardly an edge is folded back on itself
 
 
 def test_the_mirror_is_an_exact_involution_of_everything(model: SmalModel) -> None:
@@ -136,9 +209,16 @@ def test_a_mirrored_pose_gives_the_mirrored_body(model: SmalModel) -> None:
 
 def test_weights_are_sparse_shares(model: SmalModel) -> None:
     assert float(model.weights.min()) >= 0
-    torch.testing.assert_close(model.weights.sum(dim=1), torch.ones(model.vertex_count, dtype=torch.float64), atol=1e-12, rtol=0)
+    torch.testing.assert_close(
+        model.weights.sum(dim=1),
+        torch.ones(model.vertex_count, dtype=torch.float64),
+        atol=1e-12,
+        rtol=0,
+    )
     assert int((model.weights > 0).sum(dim=1).max()) <= 4
-    torch.testing.assert_close(model.J_regressor.sum(dim=1), torch.ones(35, dtype=torch.float64), atol=1e-12, rtol=0)
+    torch.testing.assert_close(
+        model.J_regressor.sum(dim=1), torch.ones(35, dtype=torch.float64), atol=1e-12, rtol=0
+    )
 
 
 def test_every_joint_moves_some_vertices_nearly_alone(model: SmalModel) -> None:
@@ -153,7 +233,9 @@ def test_every_joint_moves_some_vertices_nearly_alone(model: SmalModel) -> None:
 @pytest.mark.parametrize("preset", [None, *PRESETS])
 def test_joints_lie_inside_the_body(model: SmalModel, preset: str | None) -> None:
     vertices = shape(model, **({preset: 1.0} if preset else {}))
-    inside = [winding_number(vertices[model.faces], place) > 0.5 for place in model.J_regressor @ vertices]
+    inside = [
+        winding_number(vertices[model.faces], place) > 0.5 for place in model.J_regressor @ vertices
+    ]
     outside = [name for name, yes in zip(JOINTS, inside, strict=True) if not yes]
     assert not [name for name in outside if "Ear" not in name and name != "Tail1"]
 
@@ -166,12 +248,16 @@ def test_left_is_left_and_the_pairs_are_mirror_images(model: SmalModel, preset: 
         y = vertices[list(ids), 1]
         if name.startswith("left_"):
             assert bool((y > 0).all()), name
-            assert sorted(symmetry(model)[list(ids)].tolist()) == sorted(groups[name.replace("left_", "right_")])
+            assert sorted(symmetry(model)[list(ids)].tolist()) == sorted(
+                groups[name.replace("left_", "right_")]
+            )
         elif not name.startswith("right_"):
             assert abs(float(y.mean())) < 1e-12, name
     for name in JOINTS:
         side = float(joint(model, vertices, name)[1])
-        assert side > 0.01 if name[0] == "L" else side < -0.01 if name[0] == "R" else abs(side) < 1e-12, name
+        assert (
+            side > 0.01 if name[0] == "L" else side < -0.01 if name[0] == "R" else abs(side) < 1e-12
+        ), name
 
 
 def test_the_mirror_permutes_keypoints_by_the_flip(model: SmalModel) -> None:
@@ -184,9 +270,23 @@ def test_the_frame_is_nose_ahead_back_up_soles_down(model: SmalModel, preset: st
     v = shape(model, **({preset: 1.0} if preset else {}))
     x = {name: float(point(model, v, name)[0]) for name in KEYPOINTS}
     z = {name: float(point(model, v, name)[2]) for name in (*KEYPOINTS, "withers")}
-    assert x["nose"] > x["left_eye"] > x["left_shoulder"] > x["left_front_elbow"] > x["left_back_knee"] > x["left_back_hock"] > x["tail_tip"]
+    assert (
+        x["nose"]
+        > x["left_eye"]
+        > x["left_shoulder"]
+        > x["left_front_elbow"]
+        > x["left_back_knee"]
+        > x["left_back_hock"]
+        > x["tail_tip"]
+    )
     assert x["tail_base"] > x["tail_middle"]
-    assert z["withers"] > z["left_shoulder"] > z["left_front_elbow"] > z["left_front_wrist"] > z["left_front_paw"]
+    assert (
+        z["withers"]
+        > z["left_shoulder"]
+        > z["left_front_elbow"]
+        > z["left_front_wrist"]
+        > z["left_front_paw"]
+    )
     assert z["left_back_knee"] > z["left_back_hock"] > z["left_back_paw"]
     assert abs(float(v[:, 2].min())) < 0.02
     assert 0.8 < float(v[:, 0].max() - v[:, 0].min()) < 1.4
@@ -195,8 +295,12 @@ def test_the_frame_is_nose_ahead_back_up_soles_down(model: SmalModel, preset: st
 MEASURED = {
     "size": lambda m, v: float(v[:, 2].max() - v[:, 2].min()),
     "leg_length": lambda m, v: apart(m, v, "left_front_elbow", "left_front_paw"),
-    "leg_thickness": lambda m, v: float(np.ptp(v[m.weights[:, JOINTS.index("LLeg3")] > 0.7][:, 1].numpy())),
-    "foot_size": lambda m, v: float(np.ptp(v[m.weights[:, JOINTS.index("LFoot")] > 0.7][:, 1].numpy())),
+    "leg_thickness": lambda m, v: float(
+        np.ptp(v[m.weights[:, JOINTS.index("LLeg3")] > 0.7][:, 1].numpy())
+    ),
+    "foot_size": lambda m, v: float(
+        np.ptp(v[m.weights[:, JOINTS.index("LFoot")] > 0.7][:, 1].numpy())
+    ),
     "trunk_length": lambda m, v: float(joint(m, v, "LLeg1")[0] - joint(m, v, "LLegBack1")[0]),
     "trunk_width": lambda m, v: float(v[m.torso_vertices, 1].max()),
     "chest_depth": lambda m, v: float(point(m, v, "withers")[2] - v[under(m, 0.2, 0.25), 2].min()),
@@ -220,7 +324,10 @@ def under(model: SmalModel, low: float, high: float) -> Tensor:
 
 @pytest.mark.parametrize("measure", quadruped_names().measures)
 def test_a_measure_column_changes_its_measure_steadily(model: SmalModel, measure: str) -> None:
-    values = [MEASURED[measure](model, shape(model, **{measure: amount})) for amount in (-2.0, -1.0, 0.0, 1.0, 2.0)]
+    values = [
+        MEASURED[measure](model, shape(model, **{measure: amount}))
+        for amount in (-2.0, -1.0, 0.0, 1.0, 2.0)
+    ]
     steps = np.diff(values) / values[2]
     assert (steps > 0.01).all(), (measure, values)
 
@@ -240,7 +347,9 @@ def proportions(model: SmalModel, preset: str) -> dict[str, float]:
 
 
 def test_the_presets_differ_as_the_animals_do(model: SmalModel) -> None:
-    dog, cat, horse, cow, bear, deer, zebra, pig, hippo, lion = (proportions(model, name) for name in PRESETS)
+    dog, cat, horse, cow, bear, deer, zebra, pig, hippo, lion = (
+        proportions(model, name) for name in PRESETS
+    )
     assert horse["leg"] > dog["leg"] > cow["leg"]
     assert horse["leg"] > cat["leg"]
     assert horse["neck"] > dog["neck"] > cow["neck"]
@@ -249,7 +358,12 @@ def test_the_presets_differ_as_the_animals_do(model: SmalModel) -> None:
     assert dog["leg"] > bear["leg"]
     assert bear["depth"] > dog["depth"]
     assert cat["tail_end"] < dog["tail_end"] < horse["tail_end"]
-    assert min(deer["leg"], horse["leg"], zebra["leg"]) > max(dog["leg"], cow["leg"], bear["leg"]) > pig["leg"] > hippo["leg"]
+    assert (
+        min(deer["leg"], horse["leg"], zebra["leg"])
+        > max(dog["leg"], cow["leg"], bear["leg"])
+        > pig["leg"]
+        > hippo["leg"]
+    )
     assert min(bear["depth"], zebra["depth"], hippo["depth"]) > deer["depth"] > cat["depth"]
     assert zebra["neck"] < horse["neck"]
     assert deer["head"] < horse["head"] < hippo["head"]
@@ -278,4 +392,10 @@ def test_the_asset_is_what_the_tables_give(tmp_path: Path) -> None:
                 assert str(fresh[key]) == str(old[key])
             else:  # rounding may differ by a step or two of the 16-bit numbers between machines
                 steps = 2.0 if key in ("vertices", "columns", "weight_values") else 1e-6
-                np.testing.assert_allclose(fresh[key].astype(float), old[key].astype(float), rtol=0, atol=steps, err_msg=key)
+                np.testing.assert_allclose(
+                    fresh[key].astype(float),
+                    old[key].astype(float),
+                    rtol=0,
+                    atol=steps,
+                    err_msg=key,
+                )

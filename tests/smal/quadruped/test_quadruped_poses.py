@@ -22,7 +22,9 @@ def model() -> SmalModel:
 
 def posed(model: SmalModel, preset: str, poses: Tensor) -> Tensor:
     """Vertices (B, V, 3) of a preset in poses (B, J, 3), each with its lowest point on z = 0."""
-    body = model.posed(preset_betas(preset).expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=F64))
+    body = model.posed(
+        preset_betas(preset).expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=F64)
+    )
     return body.vertices + ground_trans(body.vertices)[:, None]
 
 
@@ -35,7 +37,18 @@ def volume(model: SmalModel, vertices: Tensor) -> float:
 
 
 def test_the_poses_are_the_documented_ones() -> None:
-    assert set(POSES) == {"stand", "walk", "trot", "run", "graze", "sit", "lie", "rear", "curl", "head_turned"}
+    assert set(POSES) == {
+        "stand",
+        "walk",
+        "trot",
+        "run",
+        "graze",
+        "sit",
+        "lie",
+        "rear",
+        "curl",
+        "head_turned",
+    }
 
 
 def test_every_joint_has_limits_about_three_axes_that_mirror(model: SmalModel) -> None:
@@ -63,7 +76,9 @@ def test_a_named_pose_is_within_the_limits(pose: str) -> None:
 
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_a_named_pose_is_finite_and_keeps_most_of_the_volume(model: SmalModel, pose: str, preset: str) -> None:
+def test_a_named_pose_is_finite_and_keeps_most_of_the_volume(
+    model: SmalModel, pose: str, preset: str
+) -> None:
     vertices = posed(model, preset, torch.stack([named_pose(pose), named_pose("stand")]))
     assert bool(torch.isfinite(vertices).all())
     assert 0.85 < volume(model, vertices[0]) / volume(model, vertices[1]) < 1.15
@@ -72,29 +87,62 @@ def test_a_named_pose_is_finite_and_keeps_most_of_the_volume(model: SmalModel, p
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_standing_gaits_keep_feet_near_the_ground(model: SmalModel, preset: str) -> None:
-    names = ("stand", "walk", "trot", "head_turned") + (("graze",) if preset not in ("pig", "hippo") else ())  # their heads reach below
-    poses, betas = torch.stack([named_pose(pose) for pose in names]), preset_betas(preset).expand(len(names), -1)
-    lowest = model.posed(betas, poses, torch.zeros(len(names), 3, dtype=F64)).vertices[..., 2].amin(dim=1)
+    names = ("stand", "walk", "trot", "head_turned") + (
+        ("graze",) if preset not in ("pig", "hippo") else ()
+    )  # their heads reach below
+    poses, betas = (
+        torch.stack([named_pose(pose) for pose in names]),
+        preset_betas(preset).expand(len(names), -1),
+    )
+    lowest = (
+        model.posed(betas, poses, torch.zeros(len(names), 3, dtype=F64))
+        .vertices[..., 2]
+        .amin(dim=1)
+    )
     assert bool(((lowest > -0.05) & (lowest < 0.08)).all())
 
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_poses_are_what_their_names_say(model: SmalModel, preset: str) -> None:
     names = list(POSES)
-    vertices = dict(zip(names, posed(model, preset, torch.stack([named_pose(name) for name in names])), strict=True))
+    vertices = dict(
+        zip(
+            names,
+            posed(model, preset, torch.stack([named_pose(name) for name in names])),
+            strict=True,
+        )
+    )
     z = {
-        name: {p: float(point(model, v, p)[2]) for p in ("withers", "tail_base", "nose", "left_front_paw", "left_back_paw")}
+        name: {
+            p: float(point(model, v, p)[2])
+            for p in ("withers", "tail_base", "nose", "left_front_paw", "left_back_paw")
+        }
         for name, v in vertices.items()
     }
     assert z["graze"]["nose"] < z["stand"]["nose"] - 0.03
-    assert z["sit"]["withers"] - z["sit"]["tail_base"] > z["stand"]["withers"] - z["stand"]["tail_base"] + 0.2
+    assert (
+        z["sit"]["withers"] - z["sit"]["tail_base"]
+        > z["stand"]["withers"] - z["stand"]["tail_base"] + 0.2
+    )
     assert z["lie"]["withers"] < 0.9 * z["stand"]["withers"]
     assert z["rear"]["left_front_paw"] > z["rear"]["left_back_paw"] + 0.2
     assert z["rear"]["withers"] > z["stand"]["withers"]
     nose, tail = point(model, vertices["curl"], "nose"), point(model, vertices["curl"], "tail_tip")
-    stood = float((point(model, vertices["stand"], "nose") - point(model, vertices["stand"], "tail_tip")).norm())
+    stood = float(
+        (
+            point(model, vertices["stand"], "nose") - point(model, vertices["stand"], "tail_tip")
+        ).norm()
+    )
     assert float((nose - tail).norm()) < 0.75 * stood
-    strides = {name: float((point(model, vertices[name], "left_front_paw") - point(model, vertices[name], "left_back_paw"))[0]) for name in names}
+    strides = {
+        name: float(
+            (
+                point(model, vertices[name], "left_front_paw")
+                - point(model, vertices[name], "left_back_paw")
+            )[0]
+        )
+        for name in names
+    }
     assert strides["run"] > strides["trot"] > strides["stand"]
 
 
@@ -105,9 +153,13 @@ def test_random_poses_are_seeded_plausible_and_do_not_turn_the_trunk_far(model: 
     assert float(poses[:, 0].abs().max()) == 0.0
     assert torch.equal(poses[3], random_pose(torch.Generator().manual_seed(3)))
     assert float((poses[0] - poses[1]).abs().max()) > 0.05
-    body = model.posed(preset_betas("dog")[None].expand(50, -1), poses, torch.zeros(50, 3, dtype=F64))
+    body = model.posed(
+        preset_betas("dog")[None].expand(50, -1), poses, torch.zeros(50, 3, dtype=F64)
+    )
     assert bool(torch.isfinite(body.vertices).all())
-    assert float(trunk_rotation(body.R_world_joint)[:, 0, 0].min()) > 0.9  # forward is still forward
+    assert (
+        float(trunk_rotation(body.R_world_joint)[:, 0, 0].min()) > 0.9
+    )  # forward is still forward
 
 
 def test_an_unknown_pose_is_refused_with_the_known_ones() -> None:

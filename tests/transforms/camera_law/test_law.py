@@ -1,4 +1,5 @@
-"""The law over random scenes and chains of transforms, in float64, against recomputation from scratch."""
+"""The law over random scenes and chains of transforms, in float64, against recomputation from
+scratch."""
 
 import math
 from typing import Any
@@ -55,10 +56,17 @@ EXACT: list[Transform] = [
     RandomVirtualCamera(8, 8, 20, (0.8, 1.3)),
 ]
 SKEWED = [RandomPerspective(0.3, p=1.0, allow_skew=True), RandomAffine(10, shear=15)]
-AFFINE = [transform for transform in (*EXACT, SKEWED[1]) if not isinstance(transform, RandomVirtualCamera)]
+AFFINE = [
+    transform for transform in (*EXACT, SKEWED[1]) if not isinstance(transform, RandomVirtualCamera)
+]
 
 
-def mapped(compose: Compose, target: dict[str, Any], image_hw: tuple[int, int], key: tuple[int, ...] = (0, 0)) -> tuple[dict[str, Any], Plan]:
+def mapped(
+    compose: Compose,
+    target: dict[str, Any],
+    image_hw: tuple[int, int],
+    key: tuple[int, ...] = (0, 0),
+) -> tuple[dict[str, Any], Plan]:
     """The target after a pipeline, without any image."""
     plan = compose.sample_params(image_hw, target, key)
     return write_target(compose.map_target(read_target(target, image_hw), plan)), plan
@@ -71,8 +79,11 @@ def final_hw(plan: Plan) -> tuple[int, int]:
     return hw
 
 
-def check_from_scratch(before: dict[str, Any], after: dict[str, Any], plan: Plan, *, skew: bool = False) -> None:
-    """Everything that follows from the cuboids and the new camera, computed anew, and the pixels mapped by H."""
+def check_from_scratch(
+    before: dict[str, Any], after: dict[str, Any], plan: Plan, *, skew: bool = False
+) -> None:
+    """Everything that follows from the cuboids and the new camera, computed anew, and the pixels
+    mapped by H."""
     H, mirrored = after["H_out_in"], after["mirrored"]
     K, image_hw = after["K"], final_hw(plan)
     assert mirrored == (float(torch.linalg.det(H)) < 0)
@@ -82,7 +93,9 @@ def check_from_scratch(before: dict[str, Any], after: dict[str, Any], plan: Plan
     box = Cuboid(after["center"], after["rotation"], after["size"])  # raises unless det R = +1
     scale = 1 + float(after["corners_3d"].abs().amax()) if len(box.center) else 1.0
     assert_close(box.corners(), after["corners_3d"], atol=1e-9 * scale, rtol=0)
-    w = (before["corners_2d"] @ H[2, :2] + H[2, 2]) * torch.sign(torch.tensor(float(H[2, 2]), dtype=F64))
+    w = (before["corners_2d"] @ H[2, :2] + H[2, 2]) * torch.sign(
+        torch.tensor(float(H[2, 2]), dtype=F64)
+    )
     usable = (w > 0.05) & before["corner_in_front"]
     aimed = apply_homography(H, before["corners_2d"])[:, corner_order]
     usable = usable[:, corner_order] & (aimed.abs() < 1e5).all(-1)
@@ -91,8 +104,15 @@ def check_from_scratch(before: dict[str, Any], after: dict[str, Any], plan: Plan
     assert_close(after["corners_2d"], px, atol=1e-9, rtol=1e-12)
     seen = face_visibility(box, K, image_hw)
     face_order = list(MIRRORED_FACES) if mirrored else list(range(6))
-    assert (after["face_visible"] == before["face_visible"][:, face_order]).all()  # never changes but for the swap
-    assert_close(after["R"] @ after["R"].mT, torch.eye(3, dtype=F64).expand_as(after["R"]), atol=1e-10, rtol=0)
+    assert (
+        after["face_visible"] == before["face_visible"][:, face_order]
+    ).all()  # never changes but for the swap
+    assert_close(
+        after["R"] @ after["R"].mT,
+        torch.eye(3, dtype=F64).expand_as(after["R"]),
+        atol=1e-10,
+        rtol=0,
+    )
     assert (torch.linalg.det(after["R"]) > 0).all()
     vertices_cam = after["vertices"] @ after["R"].mT + after["t"][:, None]
     assert_close(vertices_cam[:, corner_order], after["corners_3d"], atol=1e-9 * scale, rtol=0)
@@ -114,15 +134,23 @@ def check_from_scratch(before: dict[str, Any], after: dict[str, Any], plan: Plan
 
 @thorough(1000)
 @given(scenes(), st.lists(st.sampled_from(EXACT), min_size=5, max_size=5), st.integers(0, 10**6))
-def test_any_chain_of_five_transforms_keeps_the_camera_true(given_scene: Scene, chain: list[Transform], index: int) -> None:
+def test_any_chain_of_five_transforms_keeps_the_camera_true(
+    given_scene: Scene, chain: list[Transform], index: int
+) -> None:
     target, image_hw = given_scene
     after, plan = mapped(Compose(chain), target, image_hw, (0, index))
     check_from_scratch(target, after, plan)
 
 
 @thorough(1000)
-@given(scenes(anywhere=True), st.lists(st.sampled_from([*EXACT, *SKEWED]), min_size=1, max_size=3), st.integers(0, 10**6))
-def test_boxes_behind_and_around_the_camera_follow_skewed_maps_too(given_scene: Scene, chain: list[Transform], index: int) -> None:
+@given(
+    scenes(anywhere=True),
+    st.lists(st.sampled_from([*EXACT, *SKEWED]), min_size=1, max_size=3),
+    st.integers(0, 10**6),
+)
+def test_boxes_behind_and_around_the_camera_follow_skewed_maps_too(
+    given_scene: Scene, chain: list[Transform], index: int
+) -> None:
     target, image_hw = given_scene
     after, plan = mapped(Compose(chain, allow_skew=True), target, image_hw, (0, index))
     check_from_scratch(target, after, plan, skew=True)
@@ -130,7 +158,9 @@ def test_boxes_behind_and_around_the_camera_follow_skewed_maps_too(given_scene: 
 
 @thorough(1000)
 @given(scenes(), st.sampled_from(AFFINE), st.integers(0, 10**6))
-def test_shares_stay_and_areas_scale_under_affine_maps(given_scene: Scene, transform: Transform, index: int) -> None:
+def test_shares_stay_and_areas_scale_under_affine_maps(
+    given_scene: Scene, transform: Transform, index: int
+) -> None:
     target, image_hw = given_scene
     after, plan = mapped(Compose([transform], allow_skew=True), target, image_hw, (0, index))
     order = list(MIRRORED_FACES) if after["mirrored"] else list(range(6))
@@ -154,20 +184,49 @@ def test_two_flips_are_none(given_scene: Scene, flip: Transform) -> None:
 
 
 @thorough(1000)
-@given(scenes(), st.lists(st.sampled_from([*EXACT, *SKEWED]), min_size=1, max_size=3), st.integers(0, 10**6))
-def test_a_map_and_its_inverse_are_none(given_scene: Scene, chain: list[Transform], index: int) -> None:
+@given(
+    scenes(),
+    st.lists(st.sampled_from([*EXACT, *SKEWED]), min_size=1, max_size=3),
+    st.integers(0, 10**6),
+)
+def test_a_map_and_its_inverse_are_none(
+    given_scene: Scene, chain: list[Transform], index: int
+) -> None:
     target, image_hw = given_scene
     compose = Compose(chain, allow_skew=True)
     after, plan = mapped(compose, target, image_hw, (0, index))
-    back = map_fields(read_target(after, final_hw(plan)), np.linalg.inv(after["H_out_in"].numpy()), image_hw, allow_skew=True)
-    for name in ("K", "R", "t", "corners_3d", "center", "rotation", "vertices", "keypoints_3d", "face_visible"):
-        assert_close(torch.from_numpy(back.values[name]), target[name], atol=1e-7, rtol=1e-7, msg=f"{name} differs")
+    back = map_fields(
+        read_target(after, final_hw(plan)),
+        np.linalg.inv(after["H_out_in"].numpy()),
+        image_hw,
+        allow_skew=True,
+    )
+    for name in (
+        "K",
+        "R",
+        "t",
+        "corners_3d",
+        "center",
+        "rotation",
+        "vertices",
+        "keypoints_3d",
+        "face_visible",
+    ):
+        assert_close(
+            torch.from_numpy(back.values[name]),
+            target[name],
+            atol=1e-7,
+            rtol=1e-7,
+            msg=f"{name} differs",
+        )
     assert back.others["mirrored"] is False
 
 
 def test_depth_changes_by_the_law() -> None:
     target = scene()
-    _, plan = mapped(Compose([RandomVirtualCamera((9, 9), (-6, -6), (30, 30), (1.2, 1.2))]), target, (120, 160))
+    _, plan = mapped(
+        Compose([RandomVirtualCamera((9, 9), (-6, -6), (30, 30), (1.2, 1.2))]), target, (120, 160)
+    )
     H = torch.from_numpy(plan.H_out_in)
     update = update_camera(H, target["K"])
     corners = target["corners_3d"]
@@ -179,15 +238,22 @@ def test_depth_changes_by_the_law() -> None:
 def test_a_camera_that_turns_right_moves_the_picture_left_and_up_moves_it_down() -> None:
     target = scene(1)
     middle = target["corners_2d"].mean((0, 1))
-    for options, axis, sign in (({"yaw": (3, 3), "pitch": 0.0}, 0, -1), ({"yaw": 0.0, "pitch": (3, 3)}, 1, 1)):
+    for options, axis, sign in (
+        ({"yaw": (3, 3), "pitch": 0.0}, 0, -1),
+        ({"yaw": 0.0, "pitch": (3, 3)}, 1, 1),
+    ):
         after, _ = mapped(Compose([RandomVirtualCamera(roll=0.0, **options)]), target, (120, 160))  # type: ignore[arg-type]
         assert sign * float(after["corners_2d"].mean((0, 1))[axis] - middle[axis]) > 5
 
 
-def test_a_turned_picture_turns_clockwise_and_stays_free_of_skew_for_unequal_focal_lengths() -> None:
+def test_a_turned_picture_turns_clockwise_and_stays_free_of_skew_for_unequal_focal_lengths() -> (
+    None
+):
     target = scene(1)
     after, plan = mapped(Compose([RandomRotation((90, 90))]), target, (120, 160))
-    right_of_the_middle = apply_homography(torch.from_numpy(plan.H_out_in), torch.tensor([[100.0, 59.5]], dtype=F64))[0]
+    right_of_the_middle = apply_homography(
+        torch.from_numpy(plan.H_out_in), torch.tensor([[100.0, 59.5]], dtype=F64)
+    )[0]
     assert abs(float(right_of_the_middle[0]) - 79.5) < 1e-9
     assert float(right_of_the_middle[1]) > 59.5  # v points down
     assert float(after["K"][0, 1]) == pytest.approx(0, abs=1e-9)
@@ -197,10 +263,21 @@ def test_a_turned_picture_turns_clockwise_and_stays_free_of_skew_for_unequal_foc
 def test_a_plain_turn_of_a_camera_with_unequal_focal_lengths_is_refused_for_its_skew() -> None:
     target = scene(1)
     angle = math.radians(20)
-    H = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
+    H = np.array(
+        [[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]]
+    )
     with pytest.raises(SampleError, match=r"scene: K: .*skew .* RandomRotation"):
         map_fields(read_target(target, (120, 160)), H, (120, 160))
-    assert abs(float(map_fields(read_target(target, (120, 160)), H, (120, 160), allow_skew=True).values["K"][0, 1])) > 1
+    assert (
+        abs(
+            float(
+                map_fields(read_target(target, (120, 160)), H, (120, 160), allow_skew=True).values[
+                    "K"
+                ][0, 1]
+            )
+        )
+        > 1
+    )
 
 
 def test_a_perspective_crop_looks_at_the_box_and_fills_the_picture() -> None:
@@ -225,7 +302,16 @@ def test_a_perspective_crop_of_several_keeps_the_one_it_looks_at_and_those_that_
         looked_at = int(after["center"][:, :2].norm(dim=-1).argmin())
         assert float(after["truncation"][looked_at]) == pytest.approx(0, abs=1e-12)
         assert (
-            float(torch.cat((after["truncation"][:looked_at], after["truncation"][looked_at + 1 :], torch.zeros(1, dtype=F64))).amax()) <= 0.1 + 1e-9
+            float(
+                torch.cat(
+                    (
+                        after["truncation"][:looked_at],
+                        after["truncation"][looked_at + 1 :],
+                        torch.zeros(1, dtype=F64),
+                    )
+                ).amax()
+            )
+            <= 0.1 + 1e-9
         )
 
 
@@ -239,7 +325,12 @@ def test_random_crops_keep_the_asked_part_of_an_animal_and_drop_the_rest() -> No
     target = scene(6, seed=1)
     dropped = 0
     for index in range(100):
-        after, plan = mapped(Compose([RandomResizedCrop(64, (0.05, 0.3), keep_part=0.8, min_visible=0.5)]), target, (120, 160), (0, index))
+        after, plan = mapped(
+            Compose([RandomResizedCrop(64, (0.05, 0.3), keep_part=0.8, min_visible=0.5)]),
+            target,
+            (120, 160),
+            (0, index),
+        )
         keep = tuple(range(6)) if plan.keep is None else plan.keep
         before = target["truncation"][list(keep)]
         part = (1 - after["truncation"]) / (1 - before)
@@ -257,7 +348,9 @@ def test_a_crop_keeps_the_aspect_unless_asked_otherwise() -> None:
         assert float(after["K"][0, 0] / after["K"][1, 1]) == pytest.approx(float(square))
     ratios = []
     for index in range(20):
-        after, _ = mapped(Compose([RandomResizedCrop((50, 90), ratio=(0.5, 2))]), target, (120, 160), (0, index))
+        after, _ = mapped(
+            Compose([RandomResizedCrop((50, 90), ratio=(0.5, 2))]), target, (120, 160), (0, index)
+        )
         ratios.append(float(after["K"][0, 0] / after["K"][1, 1] / square))
     assert max(ratios) > 1.2
     assert min(ratios) < 0.8
@@ -272,12 +365,18 @@ def test_a_crop_keeps_the_aspect_unless_asked_otherwise() -> None:
         (PadTo((130, 200)), (130, 200), [[200, 0, 100], [0, 100, 55], [0, 0, 1]]),
         (PadTo((130, 200), "top_left"), (130, 200), [[200, 0, 80], [0, 100, 50], [0, 0, 1]]),
         (LetterBox((120, 80)), (120, 80), [[100, 0, 39.75], [0, 50, 54.75], [0, 0, 1]]),
-        (LetterBox((240, 240), enlarge=False), (240, 240), [[200, 0, 120], [0, 100, 110], [0, 0, 1]]),
+        (
+            LetterBox((240, 240), enlarge=False),
+            (240, 240),
+            [[200, 0, 120], [0, 100, 110], [0, 0, 1]],
+        ),
         (RandomHorizontalFlip(p=1), (120, 160), [[200, 0, 79], [0, 100, 50], [0, 0, 1]]),
         (RandomVerticalFlip(p=1), (120, 160), [[200, 0, 80], [0, 100, 69], [0, 0, 1]]),
     ],
 )
-def test_intrinsics_change_as_a_person_computes(transform: Transform, image_hw: tuple[int, int], expected: list[list[float]]) -> None:
+def test_intrinsics_change_as_a_person_computes(
+    transform: Transform, image_hw: tuple[int, int], expected: list[list[float]]
+) -> None:
     K = torch.tensor([[200.0, 0, 80], [0, 100, 50], [0, 0, 1]], dtype=F64)
     after, plan = mapped(Compose([transform]), {"K": K}, (120, 160))
     assert_close(after["K"], torch.tensor(expected, dtype=F64))
@@ -285,7 +384,14 @@ def test_intrinsics_change_as_a_person_computes(transform: Transform, image_hw: 
 
 
 def test_an_empty_picture_and_thirty_boxes_go_through_alike() -> None:
-    chain = Compose([RandomHorizontalFlip(1), RandomAffine(10, scale=(0.9, 1.1)), RandomResizedCrop(64), RandomVirtualCamera(2, 2, 2)])
+    chain = Compose(
+        [
+            RandomHorizontalFlip(1),
+            RandomAffine(10, scale=(0.9, 1.1)),
+            RandomResizedCrop(64),
+            RandomVirtualCamera(2, 2, 2),
+        ]
+    )
     for count in (0, 30):
         target = scene(count)
         after, plan = mapped(chain, target, (120, 160))
@@ -303,13 +409,24 @@ def test_names_form_a_group_of_two() -> None:
     corners = torch.arange(48.0).reshape(2, 8, 3)
     assert both.corners(corners)[1, :, 0].tolist() == corners[1, list(MIRRORED_CORNERS), 0].tolist()
     keypoints = torch.arange(30.0).reshape(2, 5, 3)
-    assert both.keypoints(keypoints, KEYPOINT_MIRROR)[:, :, 0].tolist() == [[0, 3, 6, 9, 12], [18, 15, 21, 27, 24]]
+    assert both.keypoints(keypoints, KEYPOINT_MIRROR)[:, :, 0].tolist() == [
+        [0, 3, 6, 9, 12],
+        [18, 15, 21, 27, 24],
+    ]
 
 
 def test_the_law_is_differentiable_in_the_camera_and_batched() -> None:
     K = scene(1)["K"].expand(2, 3, 3).clone().requires_grad_()
-    H = torch.tensor([[1.1, 0.1, 3], [0, 0.9, -2], [1e-4, 0, 1]], dtype=F64).expand(2, 3, 3).clone().requires_grad_()
+    H = (
+        torch.tensor([[1.1, 0.1, 3], [0, 0.9, -2], [1e-4, 0, 1]], dtype=F64)
+        .expand(2, 3, 3)
+        .clone()
+        .requires_grad_()
+    )
     R, t = torch.eye(3, dtype=F64).expand(2, 3, 3), torch.ones(2, 3, dtype=F64)
     assert torch.autograd.gradcheck(
-        lambda K, H: tuple(x for x in (update_camera(H, K, R, t).K, update_camera(H, K, R, t).R) if x is not None), (K, H)
+        lambda K, H: tuple(
+            x for x in (update_camera(H, K, R, t).K, update_camera(H, K, R, t).R) if x is not None
+        ),
+        (K, H),
     )

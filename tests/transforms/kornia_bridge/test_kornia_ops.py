@@ -1,4 +1,7 @@
-"""Every 2D operation of the installed kornia: its pixels are where its matrix says and our warp puts them there, or it is refused."""
+"""Every 2D operation of the installed kornia.
+
+Its pixels are where its matrix says and our warp puts them there, or it is refused.
+"""
 
 import inspect
 import subprocess
@@ -43,16 +46,26 @@ SMOOTH = [case for case in GEOMETRIC if case[2].get("resample") != "nearest"]
 
 def test_every_augmentation_of_the_installed_kornia_is_verified_or_refused() -> None:
     bases = {"AugmentationBase2D", "AugmentationBase3D", "MixAugmentationBaseV2"} | {
-        f"{kind}AugmentationBase{dim}D" for kind in ("Geometric", "Intensity", "RigidAffine") for dim in (2, 3)
+        f"{kind}AugmentationBase{dim}D"
+        for kind in ("Geometric", "Intensity", "RigidAffine")
+        for dim in (2, 3)
     }
     namespace = {name for name in kornia.__all__ if inspect.isclass(getattr(kornia, name))} - bases
     geometric = {name.split()[0] for name in (*SAMPLED, *CROPS, *WHOLE)}
-    known = geometric | set(COLOURS) | (set(REFUSED) - {"AutoAugment", "RandAugment", "TrivialAugment"}) | ELSEWHERE | NEEDS_A_DOWNLOAD
+    known = (
+        geometric
+        | set(COLOURS)
+        | (set(REFUSED) - {"AutoAugment", "RandAugment", "TrivialAugment"})
+        | ELSEWHERE
+        | NEEDS_A_DOWNLOAD
+    )
     assert namespace == known
 
 
 @pytest.mark.parametrize(("name", "make", "options"), GEOMETRIC, ids=ids(GEOMETRIC))
-def test_kornias_pixels_are_where_its_matrix_says(name: str, make: Make, options: dict[str, Any]) -> None:
+def test_kornias_pixels_are_where_its_matrix_says(
+    name: str, make: Make, options: dict[str, Any]
+) -> None:
     allowed = RAMP_PX[options.get("resample", "bilinear")]
     for image_hw in (HW, (131, 90)):
         if name.startswith("PadTo reflects"):
@@ -65,21 +78,30 @@ def test_kornias_pixels_are_where_its_matrix_says(name: str, make: Make, options
 
 
 @pytest.mark.parametrize(("name", "make", "options"), SMOOTH, ids=ids(SMOOTH))
-def test_our_warp_puts_every_pixel_where_kornia_puts_it(name: str, make: Make, options: dict[str, Any]) -> None:
+def test_our_warp_puts_every_pixel_where_kornia_puts_it(
+    name: str, make: Make, options: dict[str, Any]
+) -> None:
     op = make(**options)
     draws = recorded(op)
     image = ramps(HW)
-    ours, _ = Compose([op], interpolation=options.get("resample", "bilinear"), allow_skew=True)(image, {}, key=(3, 1))
+    ours, _ = Compose([op], interpolation=options.get("resample", "bilinear"), allow_skew=True)(
+        image, {}, key=(3, 1)
+    )
     theirs = op(image[None], params=draws[0])[0]
     assert ours.shape == theirs.shape
-    painted = ((theirs[2] - 0.5).abs() < 1e-5) & ((torch.as_tensor(ours)[2] - 0.5).abs() < 1e-5)  # borders differ
+    painted = ((theirs[2] - 0.5).abs() < 1e-5) & (
+        (torch.as_tensor(ours)[2] - 0.5).abs() < 1e-5
+    )  # borders differ
     x, y = theirs[0] * 256, theirs[1] * 256
     inner = painted & (x > 3) & (x < HW[1] - 4) & (y > 3) & (y < HW[0] - 4)
     down, across = (int(0.15 * side) + 1 for side in theirs.shape[1:])
     inner[:down], inner[-down:], inner[:, :across], inner[:, -across:] = False, False, False, False
     assert int(inner.sum()) > 300
     off_px = (torch.as_tensor(ours) - theirs).abs()[:2].amax(0) * 256
-    assert float(off_px[inner].max()) < {"bilinear": READ_PX, "bicubic": 0.2 + READ_PX}[options.get("resample", "bilinear")]
+    assert (
+        float(off_px[inner].max())
+        < {"bilinear": READ_PX, "bicubic": 0.2 + READ_PX}[options.get("resample", "bilinear")]
+    )
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -102,14 +124,17 @@ def test_modules_that_are_not_kornias_are_refused() -> None:
 
 def test_kornia_is_imported_only_for_those_who_use_it() -> None:
     program = (
-        "import sys; from animal3dbox.transforms import Compose, RandomAffine; Compose([RandomAffine(3)]); "
-        "assert not any(name.split('.')[0] == 'kornia' for name in sys.modules)"
+        "import sys; from animal3dbox.transforms import Compose, RandomAffine;"
+        " Compose([RandomAffine(3)]); assert not any(name.split('.')[0] == 'kornia' for name in"
+        " sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
 def test_draws_depend_on_the_key_alone_and_leave_torchs_generator_as_it_was() -> None:
-    compose = Compose([kornia.RandomAffine(20.0, (0.1, 0.1), p=0.7), kornia.RandomGaussianNoise(std=0.1, p=0.7)])
+    compose = Compose(
+        [kornia.RandomAffine(20.0, (0.1, 0.1), p=0.7), kornia.RandomGaussianNoise(std=0.1, p=0.7)]
+    )
     image = photo()
     torch.manual_seed(1)
     before = torch.random.get_rng_state()
@@ -138,24 +163,40 @@ def test_skipped_operations_leave_everything_as_it_is() -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.lists(st.sampled_from(sorted({*SAMPLED, *CROPS, *WHOLE} - {"PadTo reflects"})), min_size=1, max_size=5), st.integers(0, 10**6))
-def test_corners_stay_where_any_chain_of_kornia_operations_puts_them(names: list[str], index: int) -> None:
+@given(
+    st.lists(
+        st.sampled_from(sorted({*SAMPLED, *CROPS, *WHOLE} - {"PadTo reflects"})),
+        min_size=1,
+        max_size=5,
+    ),
+    st.integers(0, 10**6),
+)
+def test_corners_stay_where_any_chain_of_kornia_operations_puts_them(
+    names: list[str], index: int
+) -> None:
     target = scene(image_hw=(160, 170), seed=index % 7)
-    compose = Compose([{**SAMPLED, **CROPS, **WHOLE}[name]() for name in names if name != "CenterCrop"], allow_skew=True)
+    compose = Compose(
+        [{**SAMPLED, **CROPS, **WHOLE}[name]() for name in names if name != "CenterCrop"],
+        allow_skew=True,
+    )
     _, after = compose(torch.zeros(3, 160, 170), target, key=(0, index))
     H = after["H_out_in"]
     w = target["corners_2d"] @ H[2, :2] + H[2, 2]
     order = list(MIRRORED_CORNERS) if after["mirrored"] else list(range(8))
     expected = apply_homography(H, target["corners_2d"])[:, order]
     seen = (w > 0.05)[:, order]
-    assert_close(project(after["K"], after["corners_3d"])[0][seen], expected[seen], atol=1e-6, rtol=0)
+    assert_close(
+        project(after["K"], after["corners_3d"])[0][seen], expected[seen], atol=1e-6, rtol=0
+    )
     assert_close(after["corners_2d"][seen], expected[seen], atol=1e-6, rtol=0)
     assert_close(torch.linalg.det(after["rotation"]), torch.ones(2, dtype=torch.float64))
 
 
 def test_affine_operations_stay_affine() -> None:
     for name in ("Resize", "RandomResizedCrop", "RandomAffine"):
-        _, target = Compose([{**SAMPLED, **CROPS}[name]()], allow_skew=True)(photo(), {}, key=(0, 2))
+        _, target = Compose([{**SAMPLED, **CROPS}[name]()], allow_skew=True)(
+            photo(), {}, key=(0, 2)
+        )
         assert target["H_out_in"][2].tolist() == [0, 0, 1]
     _, target = Compose([kornia.RandomRotation90((1, 1), p=1.0)])(photo(), {}, key=(0, 2))
     assert target["H_out_in"][[0, 1], [0, 1]].tolist() == [0, 0]  # upright boxes stay upright boxes
@@ -165,7 +206,14 @@ def test_mirror_forbid_refuses_kornias_flips() -> None:
     for op in (kornia.RandomHorizontalFlip(), kornia.RandomVerticalFlip(p=0.1)):
         with pytest.raises(ConfigError, match="may mirror"):
             Compose([op], mirror="forbid")
-    Compose([kornia.RandomHorizontalFlip(p=0.0), kornia.RandomRotation(3.0), kornia.RandomRotation90((0, 3))], mirror="forbid")
+    Compose(
+        [
+            kornia.RandomHorizontalFlip(p=0.0),
+            kornia.RandomRotation(3.0),
+            kornia.RandomRotation90((0, 3)),
+        ],
+        mirror="forbid",
+    )
 
 
 def test_rotation_with_unequal_focal_lengths_says_that_it_gives_skew() -> None:

@@ -1,4 +1,7 @@
-"""Operations that users derive from kornia's: accepted if their pixels follow their matrix, refused otherwise."""
+"""Operations that users derive from kornia's.
+
+Accepted if their pixels follow their matrix, refused otherwise.
+"""
 
 from typing import Any
 
@@ -25,7 +28,9 @@ class Shifted(kornia.GeometricAugmentationBase2D):
         H[:, 0, 2] = self.said
         return H
 
-    def apply_transform(self, input: Tensor, params: Any, flags: Any, transform: Any = None) -> Tensor:
+    def apply_transform(
+        self, input: Tensor, params: Any, flags: Any, transform: Any = None
+    ) -> Tensor:
         whole = int(self.pixels)
         moved = torch.roll(input, whole, dims=-1)
         part = self.pixels - whole
@@ -41,12 +46,16 @@ class Mirror(Shifted):
         H[:, 0, 0], H[:, 0, 2] = -1, input.shape[-1] - 1
         return H
 
-    def apply_transform(self, input: Tensor, params: Any, flags: Any, transform: Any = None) -> Tensor:
+    def apply_transform(
+        self, input: Tensor, params: Any, flags: Any, transform: Any = None
+    ) -> Tensor:
         return input.flip(-1)
 
 
 class Halved(Shifted):
-    def apply_transform(self, input: Tensor, params: Any, flags: Any, transform: Any = None) -> Tensor:
+    def apply_transform(
+        self, input: Tensor, params: Any, flags: Any, transform: Any = None
+    ) -> Tensor:
         return input[..., : input.shape[-2] // 2, :]
 
 

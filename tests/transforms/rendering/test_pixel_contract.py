@@ -1,4 +1,7 @@
-"""The pixel contract: what the matrices say is where the pixels are. For every transform, both executors, every interpolation."""
+"""The pixel contract: what the matrices say is where the pixels are.
+
+For every transform, both executors, every interpolation.
+"""
 
 from typing import Any
 
@@ -53,7 +56,12 @@ TRANSFORMS: list[Transform] = [
     PerspectiveCrop((240, 240)),
     RandomPerspective(0.2, p=1, allow_skew=True),
 ]
-CHAIN = [RandomHorizontalFlip(p=1), RandomAffine(20, (0.05, 0.05), (0.8, 1.2)), RandomVirtualCamera(4, 4, 10), RandomResizedCrop(224, (0.6, 1))]
+CHAIN = [
+    RandomHorizontalFlip(p=1),
+    RandomAffine(20, (0.05, 0.05), (0.8, 1.2)),
+    RandomVirtualCamera(4, 4, 10),
+    RandomResizedCrop(224, (0.6, 1)),
+]
 PIPELINES = [*([transform] for transform in TRANSFORMS), CHAIN]
 NAMES = [repr(pipeline[0]) if len(pipeline) == 1 else "chain" for pipeline in PIPELINES]
 
@@ -64,7 +72,16 @@ def box_target(dtype: torch.dtype = F64) -> dict[str, Any]:
     K[0, 2] += 21.3
     K[1, 2] -= 17.8
     turn = rotation_from_axis_angle(torch.tensor([[1.2, 0.5, -0.4]], dtype=F64))
-    return target_of(Cuboid(torch.tensor([[-0.15, 0.1, 3.0]], dtype=F64), turn, torch.tensor([[1.3, 1.0, 1.1]], dtype=F64)), K, HW, dtype)
+    return target_of(
+        Cuboid(
+            torch.tensor([[-0.15, 0.1, 3.0]], dtype=F64),
+            turn,
+            torch.tensor([[1.3, 1.0, 1.1]], dtype=F64),
+        ),
+        K,
+        HW,
+        dtype,
+    )
 
 
 def blobs(points_px: Tensor, sigma: float = 6.0) -> np.ndarray:
@@ -89,14 +106,21 @@ def found(picture: np.ndarray, near: tuple[float, float], reach: int) -> np.ndar
 
 
 def run(
-    pipeline: list[Any], picture: np.ndarray, target: dict[str, Any], interpolation: str, executor: str, kind: str
+    pipeline: list[Any],
+    picture: np.ndarray,
+    target: dict[str, Any],
+    interpolation: str,
+    executor: str,
+    kind: str,
 ) -> tuple[np.ndarray, dict[str, Any]]:
     """The augmented picture as (H, W, C) in [0, 1] and its target."""
     compose = Compose(pipeline, interpolation=interpolation, allow_skew=True)
     image = torch.from_numpy(np.ascontiguousarray(picture.transpose(2, 0, 1)))
     image = (image * 255).round().to(torch.uint8) if kind == "uint8" else image.float()
     if executor == "torch":
-        images, targets = compose.batch((image[None].expand(2, -1, -1, -1), [target, target]), keys=[(0, 3), (0, 3)])
+        images, targets = compose.batch(
+            (image[None].expand(2, -1, -1, -1), [target, target]), keys=[(0, 3), (0, 3)]
+        )
         result, after = images[1], targets[1]
     else:
         result, after = compose(image, target, key=(0, 3))
@@ -106,21 +130,29 @@ def run(
 @pytest.mark.parametrize("executor", ["opencv", "torch"])
 @pytest.mark.parametrize("interpolation", ["bilinear", "bicubic", "nearest"])
 @pytest.mark.parametrize("pipeline", PIPELINES, ids=NAMES)
-def test_blobs_at_projected_corners_are_found_at_the_updated_corners(pipeline: list[Any], interpolation: str, executor: str) -> None:
+def test_blobs_at_projected_corners_are_found_at_the_updated_corners(
+    pipeline: list[Any], interpolation: str, executor: str
+) -> None:
     target = box_target()
     # One blob a picture: neighbours would pull at each other's centres.
     misses = []
     for number in range(8) if interpolation == "nearest" else range(0, 8, 3):
-        picture = np.repeat(blobs(target["corners_2d"][0, number : number + 1])[..., None], 3, axis=2)
+        picture = np.repeat(
+            blobs(target["corners_2d"][0, number : number + 1])[..., None], 3, axis=2
+        )
         result, after = run(pipeline, picture, target, interpolation, executor, "uint8")
         order = [3, 2, 1, 0, 7, 6, 5, 4] if after["mirrored"] else list(range(8))
         expected = after["corners_2d"][0, order.index(number)].tolist()
         zoom = abs(float(np.linalg.det(after["H_out_in"].numpy()))) ** 0.5
-        center = found(result[..., 0], (expected[0], expected[1]), int(np.ceil(20 * max(1.0, zoom))))
+        center = found(
+            result[..., 0], (expected[0], expected[1]), int(np.ceil(20 * max(1.0, zoom)))
+        )
         if center is not None:
             misses.append(center - expected)
     assert misses
-    if interpolation == "nearest":  # whole rows and columns are read up to half a pixel off, which a single blob shows
+    if (
+        interpolation == "nearest"
+    ):  # whole rows and columns are read up to half a pixel off, which a single blob shows
         assert np.abs(misses).max() < 0.5 * max(1.0, zoom)
         misses = [np.mean(misses, axis=0)]
     assert np.abs(misses).max() < 0.1, f"off by {misses} px"
@@ -130,7 +162,9 @@ def where_read(H_out_in: Tensor, image_hw: tuple[int, int]) -> np.ndarray:
     """The pixel (x, y) of the picture that each pixel of the result shows, (H, W, 2)."""
     v, u = np.mgrid[: image_hw[0], : image_hw[1]]
     made = torch.from_numpy(np.stack((u, v), axis=-1).reshape(-1, 2).astype(float))
-    read: np.ndarray = apply_homography(torch.linalg.inv(H_out_in), made).reshape(*image_hw, 2).numpy()
+    read: np.ndarray = (
+        apply_homography(torch.linalg.inv(H_out_in), made).reshape(*image_hw, 2).numpy()
+    )
     return read
 
 
@@ -151,9 +185,13 @@ def test_ramps_are_read_where_the_matrix_says(pipeline: list[Any], executor: str
 @pytest.mark.parametrize("kind", ["uint8", "float"])
 @pytest.mark.parametrize("interpolation", ["bilinear", "bicubic", "nearest"])
 @pytest.mark.parametrize("pipeline", PIPELINES, ids=NAMES)
-def test_both_executors_agree_within_a_grey_level_away_from_borders(pipeline: list[Any], interpolation: str, kind: str) -> None:
+def test_both_executors_agree_within_a_grey_level_away_from_borders(
+    pipeline: list[Any], interpolation: str, kind: str
+) -> None:
     noise = np.random.default_rng(0).random((*HW, 3))
-    picture = noise if interpolation == "nearest" else np.asarray(cv2.GaussianBlur(noise, (0, 0), 0.7))
+    picture = (
+        noise if interpolation == "nearest" else np.asarray(cv2.GaussianBlur(noise, (0, 0), 0.7))
+    )
     one, after = run(pipeline, picture, box_target(), interpolation, "opencv", kind)
     other, again = run(pipeline, picture, box_target(), interpolation, "torch", kind)
     assert after["H_out_in"].tolist() == again["H_out_in"].tolist()
