@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.arrays import as_numpy
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, like
 from animal3dbox.geometry.checks import check_finite, check_rotation, check_shape
 
 CORNER_SIGNS = (
@@ -51,6 +51,35 @@ EDGES = (
 MIRRORED_CORNERS = (3, 2, 1, 0, 7, 6, 5, 4)
 """corners' = (Q corners)[MIRRORED_CORNERS] under a mirror Q."""
 MIRRORED_FACES = (0, 1, 3, 2, 4, 5)
+
+
+def corners_of(center: AnyArray, rotation: AnyArray, size: AnyArray) -> AnyArray:
+    """The eight corners of boxes, in the frame of their centres (section 2.1.2, corners_world).
+
+    corner_k = center + rotation (sign_k * size / 2), with sign_k of CORNER_SIGNS::
+
+            7 -------- 6
+           /|         /|        z (back up)
+          4 -------- 5 |        |  y (its left)
+          | 3 -------|- 2       | /
+          |/         |/         |/
+          0 -------- 1          +---- x (nose)
+
+    Args:
+        center: (..., 3).
+        rotation: (..., 3, 3) columns forward, left, up.
+        size: (..., 3) full length, width, height along these columns.
+
+    Returns:
+        (..., 8, 3), arrays or tensors as they came.
+
+    Example:
+        >>> import numpy as np
+        >>> corners_of(np.zeros(3), np.eye(3), np.array([4.0, 2.0, 2.0]))[1].tolist()
+        [2.0, -1.0, -1.0]
+    """
+    offsets = like(size, CORNER_SIGNS) * size[..., None, :] / 2
+    return center[..., None, :] + offsets @ rotation.mT
 
 
 @dataclass(frozen=True)
@@ -101,9 +130,8 @@ class Cuboid:
         return length
 
     def corners(self) -> Tensor:
-        """The corners (..., 8, 3) in CORNER_SIGNS' order (section 2.1.2, corners_world)."""
-        signs = torch.tensor(CORNER_SIGNS, dtype=self.size.dtype, device=self.size.device)
-        return self.center[..., None, :] + (signs * self.size[..., None, :] / 2) @ self.rotation.mT
+        """The corners (..., 8, 3) in CORNER_SIGNS' order, see corners_of."""
+        return corners_of(self.center, self.rotation, self.size)
 
     def to_box(self, points: Tensor) -> Tensor:
         """Points (..., N, 3) of the box's surroundings in its own frame, about its centre."""
