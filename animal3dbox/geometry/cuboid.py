@@ -79,7 +79,8 @@ def corners_of(center: AnyArray, rotation: AnyArray, size: AnyArray) -> AnyArray
         [2.0, -1.0, -1.0]
     """
     offsets = like(size, CORNER_SIGNS) * size[..., None, :] / 2
-    return center[..., None, :] + offsets @ rotation.mT
+    corners: AnyArray = center[..., None, :] + offsets @ rotation.mT
+    return corners
 
 
 @dataclass(frozen=True)

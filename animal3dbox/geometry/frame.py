@@ -1,5 +1,7 @@
 """The frame of an image, and the one rule for what lies inside it."""
 
+from typing import Any
+
 from animal3dbox.geometry.arrays import AnyArray, like
 
 
@@ -22,5 +24,6 @@ def in_frame(px: AnyArray, image_hw: tuple[int, int]) -> AnyArray:
         [True, False]
     """
     far_corner = like(px, [image_hw[1] - 0.5, image_hw[0] - 0.5])
-    inside: AnyArray = ((px >= -0.5) & (px <= far_corner)).all(-1)
+    comparison: Any = (px >= -0.5) & (px <= far_corner)
+    inside: AnyArray = comparison.all(-1)
     return inside
