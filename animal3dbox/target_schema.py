@@ -37,6 +37,9 @@ class Field:
         label_name: its name in a CuboidLabel, in cached rows and in labels.json; None: not there.
         named_faces: whether it speaks of faces by their names, and so is absent where the heading
             is unknown.
+        in_labels_json: whether each row of labels.json has it: "always", "optional" (files of this
+            version exist without it), or "never".
+        made_by: whether a "dataset" gives it, "transforms" leave it, or it is the "user"'s own.
         meaning: one phrase for the docs.
 
     Example:
@@ -54,6 +57,8 @@ class Field:
     is_length: bool = False
     label_name: str | None = None
     named_faces: bool = False
+    in_labels_json: Literal["always", "optional", "never"] = "always"
+    made_by: Literal["dataset", "transforms", "user"] = "dataset"
     meaning: str = ""
 
     @cached_property
@@ -85,6 +90,7 @@ FIELDS: tuple[Field, ...] = (
     Field(name="size", shape="3", under_map="unmoved", is_length=True, label_name="size",
           meaning="length, width, height"),
     Field(name="distance", shape="", under_map="unmoved", is_length=True, label_name="distance",
+          in_labels_json="optional",
           meaning="from the camera's centre to the cuboid's"),
     Field(name="corners_2d", shape="8 2", label_name="corners_2d",
           meaning="projected corners, px; without meaning where corner_in_front is false"),
@@ -104,7 +110,7 @@ FIELDS: tuple[Field, ...] = (
           meaning="part of the projected cuboid outside the frame"),
     Field(name="surface_share", shape="6", label_name="surface_share",
           meaning="part of the animal's own visible surface by the side it faces"),
-    Field(name="corner_in_front", shape="8", kind="flag", dtype="bool", label_name="corner_in_front",
+    Field(name="corner_in_front", shape="8", kind="flag", dtype="bool", label_name="corner_in_front", in_labels_json="never",
           meaning="which corners are in front of the camera"),
     Field(name="face_visible", shape="6", kind="flag", dtype="bool", named_faces=True,
           label_name="face_visible", meaning="which faces the camera sees"),
@@ -121,16 +127,16 @@ FIELDS: tuple[Field, ...] = (
     Field(name="scale_m_per_unit", shape="", meaning="by which factor they were made so"),
     Field(name="distortion", shape="D", per="image", meaning="coefficients of OpenCV's lens"),
     Field(name="H_out_in", shape="3 3", per="image",
-          meaning="all maps of pixels since the image was read; left by transforms"),
-    Field(name="depth", shape="H W", per="image", meaning="z of each pixel; the user's own"),
-    Field(name="occlusion", shape="", under_map="unmoved", meaning="hidden part; the user's own"),
-    Field(name="scores", shape="", under_map="unmoved", meaning="of detections"),
+          made_by="transforms", meaning="all maps of pixels since the image was read; left by transforms"),
+    Field(name="depth", shape="H W", per="image", made_by="user", meaning="z of each pixel"),
+    Field(name="occlusion", shape="", under_map="unmoved", made_by="user", meaning="hidden part"),
+    Field(name="scores", shape="", under_map="unmoved", made_by="user", meaning="of detections"),
     Field(name="iscrowd", shape="", kind="whole", dtype="int64", under_map="unmoved",
-          meaning="COCO's flag"),
+          made_by="user", meaning="COCO's flag"),
     Field(name="track_ids", shape="", kind="whole", dtype="int64", under_map="unmoved",
-          meaning="which individual"),
-    Field(name="keypoints_3d", shape="J 3", meaning="landmarks in the bodies' frames"),
-    Field(name="vertices", shape="V 3", meaning="meshes in the bodies' frames"),
+          made_by="user", meaning="which individual"),
+    Field(name="keypoints_3d", shape="J 3", made_by="user", meaning="landmarks in the bodies' frames"),
+    Field(name="vertices", shape="V 3", made_by="user", meaning="meshes in the bodies' frames"),
 )  # fmt: skip
 """Every field that the package knows, those of a label first and in the order of its row."""
 
@@ -143,6 +149,8 @@ META_PER_IMAGE = ("sample_key", "K_source")
 _BY_NAME = {field.name: field for field in FIELDS}
 LABEL_FIELDS: tuple[Field, ...] = tuple(field for field in FIELDS if field.label_name is not None)
 """The fields that a label holds as numbers, the flags last."""
+FILE_FIELDS = tuple(field for field in LABEL_FIELDS if field.in_labels_json != "never")
+"""The fields of a row of labels.json."""
 
 
 def field_of(name: str) -> Field:
@@ -166,3 +174,13 @@ def names_of(
         and kind in (None, field.kind)
         and under_map in (None, field.under_map)
     )
+
+
+def target_table() -> str:
+    """The fields of a Dataset's target as a Markdown table: that of docs/datasets.md."""
+    rows = ["| key | shape | dtype | |", "| --- | --- | --- | --- |"]
+    for field in FIELDS:
+        if field.made_by == "dataset":
+            shape = " x ".join(("N " * (field.per != "image") + field.shape).split())
+            rows.append(f"| `{field.name}` | {shape} | {field.dtype} | {field.meaning} |")
+    return "\n".join(rows) + "\n"

@@ -28,11 +28,12 @@ def main() -> None:
             torch.zeros(len(poses), 3, dtype=torch.float64),
         )
         for vertices, truth in zip(body.vertices, trunk_rotation(body.R_world_joint), strict=True):
-            every = {name: vertices[list(ids)].mean(0) for name, ids in groups.items()}
+            mesh = vertices.numpy()
+            every = {name: mesh[list(ids)].mean(0) for name, ids in groups.items()}
             of_26 = {name: every[name] for name in ANIMAL3D_26}
             rules = {
-                "torso vertices on the template": torso_axes(vertices, model),
-                "pca": pca_axes(vertices),
+                "torso vertices on the template": torso_axes(mesh, model),
+                "pca": pca_axes(mesh),
             }
             named = {
                 "trunk landmarks with hips": trunk_axes(every),
@@ -41,11 +42,10 @@ def main() -> None:
             named["landmarks (the paper's first rule)"] = landmark_axes(
                 of_26, dict.fromkeys(of_26, True)
             )
-            rules |= {name: axes.R_box for name, axes in named.items() if axes is not None}
+            rules |= {name: axes[0] for name, axes in named.items() if axes is not None}
             for name, R_box in rules.items():
-                angles.setdefault(name, []).append(
-                    float(torch.rad2deg(rotation_angle(R_box, truth)))
-                )
+                angle = rotation_angle(torch.from_numpy(R_box), truth)
+                angles.setdefault(name, []).append(float(torch.rad2deg(angle)))
     for name, found in angles.items():
         values = torch.tensor(found)
         print(

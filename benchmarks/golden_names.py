@@ -53,7 +53,7 @@ def in_old_words(text: str) -> str:
     for old, new in OPTIONS.items():
         text = text.replace(new, old)
     for old, new in KEYWORDS.items():
-        text = text.replace(f"{new}=", f"{old}=")
+        text = text.replace(f"{new}=", f"{old}=").replace(f"{new} '", f"{old} '")
     return text
 
 

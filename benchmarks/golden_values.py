@@ -134,6 +134,15 @@ class GoldenValues:
         path.write_text(json.dumps(told, indent=0))
 
 
+LABEL_PARTS = (
+    "sample_id", "image_hw", "corners_3d", "center", "rotation", "size", "corners_2d",
+    "corner_in_front", "face_visible", "face_area", "face_share", "face_share_in_image", "K", "R",
+    "t", "box", "surface_share", "truncation", "behind_camera", "keypoints", "cuboid_mesh",
+    "quality", "distortion", "scale_m_per_unit", "scale_source",
+)  # fmt: skip
+"""The parts of a CuboidLabel: fields of the old class, properties of the new one."""
+
+
 def _is_taken_apart(value: Any) -> bool:
     """Whether something is no plain value: a list that holds it gets a name for each element."""
     if isinstance(value, list):
@@ -142,7 +151,11 @@ def _is_taken_apart(value: Any) -> bool:
 
 
 def _fields(value: Any) -> tuple[str, ...]:
-    """The fields of a dataclass or of a msgspec struct; none of anything else."""
+    """The names of a value's parts: those of LABEL_PARTS for a label, whatever holds them now."""
+    if isinstance(value, type):
+        return ()
+    if type(value).__name__ == "CuboidLabel":
+        return LABEL_PARTS
     if dataclasses.is_dataclass(value):
         return tuple(field.name for field in dataclasses.fields(value))
     return tuple(getattr(type(value), "__struct_fields__", ()))

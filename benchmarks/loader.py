@@ -92,16 +92,18 @@ def seconds_an_image(dataset: Dataset[Any], workers: int) -> float:
 def kinds(root: Path, model: Path, cache: Path) -> dict[str, Dataset[Any]]:
     """What is compared; the first is the floor."""
     augment = Compose([RandomHorizontalFlip(), RandomResizedCrop(512), ColorJitter(0.2)])
-    exact = Animal3DDataset(root, model, pose="exact")
+    exact = Animal3DDataset(root, model, stored_cameras="exact")
     return {
         "decode only": Decoded(exact),
-        "cached labels": Animal3DDataset(root, model, pose="exact", cache=cache),
+        "cached labels": Animal3DDataset(root, model, stored_cameras="exact", cache=cache),
         "labels, known pose": exact,
         "labels, pose searched": Animal3DDataset(root, model, on_bad="skip"),
         "cached labels, transforms": Animal3DDataset(
-            root, model, pose="exact", cache=cache, transform=augment
+            root, model, stored_cameras="exact", cache=cache, transform=augment
         ),
-        "known pose, transforms": Animal3DDataset(root, model, pose="exact", transform=augment),
+        "known pose, transforms": Animal3DDataset(
+            root, model, stored_cameras="exact", transform=augment
+        ),
     }
 
 
@@ -134,20 +136,18 @@ def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
     """
     exact, searched, stored = (
         Animal3DDataset(root, model, **more)
-        for more in ({"pose": "exact"}, {}, {"pose": "exact", "cache": cache})
+        for more in ({"stored_cameras": "exact"}, {}, {"stored_cameras": "exact", "cache": cache})
     )
     pictures = [exact.source.sample(i).records[0].image_path for i in range(len(exact))]
     masks = [exact.source.sample(i).mask(0) for i in range(len(exact))]
 
     def labelled(dataset: LabelDataset, batch: list[int]) -> Any:
-        return dataset._rows.rows(
-            [
-                dataset._rows.asked(dataset.source.sample(i), 0, PhotoFacts())._replace(
-                    mask=masks[i]
-                )
-                for i in batch
-            ]
-        )
+        requests = []
+        for i in batch:
+            request = dataset._store.request(dataset.source.sample(i), 0, PhotoFacts())
+            request.__dict__["mask"] = masks[i]  # its cached property: decoded already
+            requests.append(request)
+        return dataset._store.labels(requests)
 
     parts: dict[str, tuple[int, Callable[[list[int]], Any]]] = {
         "JPEG": (BATCH, lambda batch: [read_photo(pictures[i], "x") for i in batch]),  # type: ignore[arg-type]

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal, synthetic_animal
 from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.pixel_boxes import mask_box
 from animal3dbox.geometry.rasterizer import rasterize
-from animal3dbox.labels.assemble import mask_box
-from animal3dbox.labels.visibility.visible_surface import visible_vertices
+from animal3dbox.geometry.visible_surface import visible_vertices
 
 ANIMALS = 25
 SIZES = ((480, 640), (120, 160))
@@ -22,9 +22,8 @@ WINDOW = 256
 def bounds_off(animal: SyntheticAnimal, vertices_cam: Tensor) -> Tensor:
     """How far (4,) px each side of the mask's box is inside the exact bounds."""
     px, _ = project(animal.K, vertices_cam)
-    return (mask_box(animal.mask) - torch.cat((px.amin(0), px.amax(0)))) * torch.tensor(
-        [1, 1, -1, -1]
-    )
+    bounds = torch.cat((px.amin(0), px.amax(0)))
+    return (torch.from_numpy(mask_box(animal.mask)) - bounds) * torch.tensor([1, 1, -1, -1])
 
 
 def seen_in_zbuffer(animal: SyntheticAnimal, vertices_cam: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ from animal3dbox.datasets.bodies.sources import BodySource, ParametersBody
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset, OnBad, TransformCall
 from animal3dbox.datasets.labelling.filters import LabelFilter
-from animal3dbox.datasets.labelling.label_records import PosePolicy
+from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.labelling.synthetic_source import SyntheticSource
@@ -39,7 +39,7 @@ class Options(TypedDict, total=False):
     classes: Sequence[str] | None
     transform: TransformCall | None
     scale: ScaleSource | None
-    pose: PosePolicy
+    stored_cameras: CameraPolicy
     cache: Path | str | None
     masks: bool
     report_to: Path | str | None
@@ -277,5 +277,5 @@ class SyntheticDataset(LabelDataset):
     """
 
     def __init__(self, made: SyntheticSet, **options: Unpack[Options]) -> None:
-        options.setdefault("pose", "exact")
+        options.setdefault("stored_cameras", "exact")
         super().__init__(SyntheticSource(made), **options)

@@ -1,7 +1,7 @@
 """The shared Dataset: annotated images in, images and targets out, labels made on the way."""
 
 import operator
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -14,17 +14,14 @@ from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
 from animal3dbox.datasets.labelling.filters import LabelFilter
-from animal3dbox.datasets.labelling.label_records import PosePolicy, check_pose_policy
-from animal3dbox.datasets.labelling.label_rows import LabelRow
-from animal3dbox.datasets.labelling.label_store import (
-    Answer,
-    Asked,
-    RowMaker,
-    fault_case,
-    rejected_case,
+from animal3dbox.datasets.labelling.label_records import (
+    CameraPolicy,
+    Outcome,
+    check_camera_policy,
 )
+from animal3dbox.datasets.labelling.label_store import LabelStore, fault_case, rejected_case
 from animal3dbox.datasets.labelling.load_report import Case, Ledger, LoadReport
-from animal3dbox.datasets.labelling.open_samples import OpenedSample, opened_samples
+from animal3dbox.datasets.labelling.open_samples import OpenSample, mask_of, open_samples
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.sources import ImageSample, SampleSource, images_of
 from animal3dbox.datasets.labelling.targets import (
@@ -37,14 +34,12 @@ from animal3dbox.datasets.labelling.targets import (
 from animal3dbox.datasets.labelling.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.types import Rejection
-from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.labels.types import CuboidLabel, Rejection
 
 OnBad = Literal["error", "skip"]
 Target = dict[str, Any]
 TransformCall = Callable[[Tensor, Target], tuple[Any, Target]]
 SampleIndex = int | tuple[int, int]
-Made = tuple[LabelRow, int, NDArray[np.bool_] | None]
 
 
 @dataclass(frozen=True)
@@ -77,7 +72,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
     Args:
         source: of the samples, see the Datasets named after formats.
-        config: how labels are made; None: default_config(pose, filters).
+        config: how labels are made; None: default_config(stored_cameras, filters).
         on_bad: what to do with an animal that cannot be labelled: "error" raises, "skip" leaves it
             out and writes it down (report()); an image of which no animal is left comes back as
             Skipped.
@@ -90,7 +85,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         transform: ``transform(image, target) -> (image, target)``, such as
             animal3dbox.transforms.Compose.
         scale: what makes labels metric (scale.py); None: only what the dataset itself says.
-        pose: whether a camera that a dataset stores for its bodies is one "hypothesis" among
+        stored_cameras: whether a camera that a dataset stores for its bodies is one "hypothesis" among
             others, or "exact"; animals without a stored one get theirs estimated all the same, and
             ``quality`` says so.
         cache: folder of the label cache; None: none.
@@ -115,7 +110,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         classes: Sequence[str] | None = None,
         transform: TransformCall | None = None,
         scale: ScaleSource | None = None,
-        pose: PosePolicy = "hypothesis",
+        stored_cameras: CameraPolicy = "hypothesis",
         cache: Path | str | None = None,
         masks: bool = True,
         report_to: Path | str | None = None,
@@ -134,7 +129,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                 " out and reports them)"
             )
             raise SampleError(first.sample_id, first.field, problem)
-        check_pose_policy(pose, source.has_cameras or not len(source), source.notes)
+        check_camera_policy(stored_cameras, source.has_cameras or not len(source), source.notes)
         self.source, self.on_bad, self.partial, self.masks = source, on_bad, partial, masks
         self.filters, self.transform = filters or LabelFilter(), transform
         self.classes = tuple(source.categories if classes is None else classes)
@@ -147,13 +142,13 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                 f" (datasets.labelling.scale), got {scale!r}"
             )
         self.ledger = Ledger(report_to)
-        self._rows = RowMaker(
+        self._store = LabelStore(
             source.fingerprint,
-            config or default_config(pose, self.filters),
-            scale,
-            pose,
-            cache,
-            reuse,
+            config or default_config(stored_cameras, self.filters),
+            scale=scale,
+            stored_cameras=stored_cameras,
+            cache=cache,
+            reuse=reuse,
         )
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         for fault in source.faults:
@@ -207,17 +202,21 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
     def _samples(self, indices: Sequence[SampleIndex]) -> list[tuple[Tensor, Target] | Skipped]:
         keys = [self._key(index) for index in indices]
         with one_thread():
-            opened = opened_samples(
-                self.source, [place for _, place in keys], self._numbers, self._rows
-            )
-            answers = self._rows.rows(
-                [asked for one in opened if isinstance(one, OpenedSample) for asked in one.asked]
-            )
-            self._note(
-                case for answer in answers for case in answer.cases
-            )  # told once: it must not be lost if a sample raises
-            left = iter(answers)
-            return [self._sample(key, one, left) for key, one in zip(keys, opened, strict=True)]
+            places = [place for _, place in keys]
+            samples = open_samples(self.source, places, self._numbers, self._store)
+            requests = [
+                request
+                for sample in samples
+                if not isinstance(sample, SampleError)
+                for request in sample[2]
+            ]
+            outcomes, cases = self._store.labels(requests)
+            self._note(cases)  # told once: it must not be lost if a sample raises
+            remaining = iter(outcomes)
+            return [
+                self._finished(key, sample, cases, remaining)
+                for key, sample in zip(keys, samples, strict=True)
+            ]
 
     def _key(self, index: Any) -> tuple[int, int]:
         """Epoch and place of an index; raises IndexError or TypeError."""
@@ -245,14 +244,19 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         self._note(cases)
         return Skipped(place, self.image_id(place), tuple(cases))
 
-    def _sample(
-        self, key: tuple[int, int], opened: OpenedSample | SampleError, answers: Iterator[Answer]
+    def _finished(
+        self,
+        key: tuple[int, int],
+        sample: OpenSample | SampleError,
+        cache_cases: Sequence[Case],
+        outcomes: Iterator[Outcome],
     ) -> tuple[Tensor, Target] | Skipped:
-        """An opened sample with its target; of the answers, it takes those to its animals."""
+        """An open sample with its target; of the outcomes, it takes those of its animals."""
         try:
-            if isinstance(opened, SampleError):
-                raise opened
-            return self._labelled(key, opened, list(islice(answers, len(opened.asked))))
+            if isinstance(sample, SampleError):
+                raise sample
+            own = list(islice(outcomes, len(sample[2])))
+            return self._with_target(key, sample, cache_cases, own)
         except SampleError as error:
             if self.on_bad == "error":
                 if get_worker_info() is not None:
@@ -260,106 +264,119 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                 raise
             return self._skipped(key[1], [fault_case(error)])
 
-    def _labelled(
-        self, key: tuple[int, int], opened: OpenedSample, answers: Sequence[Answer]
+    def _with_target(
+        self,
+        key: tuple[int, int],
+        opened: OpenSample,
+        cache_cases: Sequence[Case],
+        outcomes: Sequence[Outcome],
     ) -> tuple[Tensor, Target] | Skipped:
-        sample, image = opened.sample, image_tensor(opened.photo.pixels)
-        if (
-            sample.image is not None and sample.head.unread
-        ):  # it shows animals, of which none can be read
-            return self._skipped(
-                key[1],
-                [
-                    fault_case(fault)
-                    for fault in self.source.faults
-                    if sample.image_id in images_of(fault.sample_id or "")
-                ],
+        """An image with the target of its labelled animals; raises SampleError."""
+        sample, photo, requests = opened
+        image = image_tensor(photo.pixels)
+        if sample.listed is not None and sample.has_unread:
+            # It shows animals, of which none can be read.
+            faults = [
+                fault_case(fault)
+                for fault in self.source.faults
+                if sample.image_id in images_of(fault.sample_id or "")
+            ]
+            return self._skipped(key[1], faults)
+        if sample.listed is not None:
+            empty = empty_target(
+                sample.image_id, sample.listed.K, named_faces=self.source.named_faces
             )
-        if sample.image is not None:
-            return self._transformed(
-                image, empty_target(sample.image_id, sample.image.K, self.source.named_faces), key
-            )
-        made, cases = self._chosen(opened, answers)
-        partly = len(made) < len(sample.animals) or sample.head.unread
-        if made and partly and self.partial == "skip":
-            cases += [_left_out_too(row.sample_id) for row, _, _ in made]
-            made = []
-        if not made:
+            return self._transformed(image, empty, key)
+        labels, cases = self._chosen(sample, outcomes)
+        names = {entry.sample_id for entry in sample.animals}
+        cases = [*(case for case in cache_cases if case.sample_id in names), *cases]
+        is_partial = len(labels) < len(sample.animals) or sample.has_unread
+        if labels and is_partial and self.partial == "skip":
+            cases += [_left_out_too(sample.animals[place].sample_id) for place in labels]
+            labels = {}
+        if not labels:
             return self._skipped(key[1], cases)
         self._note(cases)
-        rows, numbers = [row for row, _, _ in made], [number for _, number, _ in made]
-        check_one_camera(sample.image_id, rows)
-        masks = [mask for _, _, mask in made if mask is not None]
-        whole = masks_of(masks) if self.masks and len(masks) == len(rows) else None
-        words = _one_vocabulary(sample, {row.sample_id for row in rows})
-        target = target_of(sample.image_id, rows, numbers, whole, words, self.source.named_faces)
+        target = self._target(sample, labels, [mask_of(requests[place]) for place in labels])
         return self._transformed(image, target, key)
+
+    def _target(
+        self,
+        sample: ImageSample,
+        labels: Mapping[int, CuboidLabel],
+        masks: Sequence[NDArray[np.bool_] | None],
+    ) -> Target:
+        """The target of an image with labels, by the places of their animals, and their masks."""
+        check_one_camera(sample.image_id, list(labels.values()))
+        entries = [sample.animals[place] for place in labels]
+        all_masks = [mask for mask in masks if mask is not None]
+        has_masks = self.masks and len(all_masks) == len(labels)
+        vocabularies = {
+            entry.vocabulary.name: entry.vocabulary
+            for entry in entries
+            if entry.vocabulary is not None
+        }
+        is_one_vocabulary = len(vocabularies) == 1  # else animals are marked differently
+        return target_of(
+            sample.image_id,
+            list(labels.values()),
+            [self._numbers[entry.category] for entry in entries],
+            masks=masks_of(all_masks) if has_masks else None,
+            vocabulary=next(iter(vocabularies.values())) if is_one_vocabulary else None,
+            named_faces=self.source.named_faces,
+        )
 
     def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
         """Store the labels of some samples in the cache, made together.
 
         Of their images only the headers are read. What could not be, and why.
         """
-        known, cases = [], list[Case]()
+        samples, cases = [], list[Case]()
         for sample in map(self.source.sample, indices):
             try:
-                known.append((sample, self.source.facts(sample)))
+                samples.append((sample, self.source.facts(sample)))
             except SampleError as error:
                 cases += [
                     fault_case(SampleError(head.sample_id, error.field, error.problem))
                     for head in sample.animals
                 ]
         with one_thread():
-            cases += self._rows.fill(known)
+            cases += self._store.fill(samples)
         self._note(cases)
         return tuple(cases)
 
     def _chosen(
-        self, opened: OpenedSample, answers: Sequence[Answer]
-    ) -> tuple[list[Made], list[Case]]:
-        """Row, class number and mask of the animals that come through, and cases of the others.
+        self, sample: ImageSample, outcomes: Sequence[Outcome]
+    ) -> tuple[dict[int, CuboidLabel], list[Case]]:
+        """The labels of the animals that come through, by place, and the cases of the others.
 
-        Raises SampleError if on_bad is "error".
+        Raises:
+            SampleError: an animal has no label, and on_bad is "error".
+
         """
-        made: list[Made] = []
+        labels: dict[int, CuboidLabel] = {}
         cases: list[Case] = []
-        for head, asked, answer in zip(opened.sample.animals, opened.asked, answers, strict=True):
-            cases += answer.cases
-            if isinstance(answer.outcome, LabelRow):
-                missed = self.filters.problem(answer.outcome)
-                if missed is None:
-                    made.append(
-                        (
-                            answer.outcome,
-                            self._numbers[head.category],
-                            asked.mask if isinstance(asked, Asked) else None,
-                        )
-                    )
+        for place, (entry, outcome) in enumerate(zip(sample.animals, outcomes, strict=True)):
+            if isinstance(outcome, CuboidLabel):
+                limit = self.filters.problem(outcome)
+                if limit is None:
+                    labels[place] = outcome
                 else:
-                    cases.append(
-                        Case(
-                            kind="filtered",
-                            sample_id=head.sample_id,
-                            field=missed[0],
-                            problem=missed[1],
-                        )
-                    )
-            elif self.on_bad == "error":
-                raise (
-                    answer.outcome
-                    if isinstance(answer.outcome, SampleError)
-                    else _not_made(head.sample_id, answer.outcome)
-                )
-            elif isinstance(answer.outcome, SampleError):
-                cases.append(fault_case(answer.outcome))
+                    cases.append(_filtered_case(entry.sample_id, *limit))
+            elif isinstance(outcome, SampleError):
+                if self.on_bad == "error":
+                    raise outcome
+                cases.append(fault_case(outcome))
             else:
-                cases.append(rejected_case(head.sample_id, answer.outcome))
-        return made, cases
+                if self.on_bad == "error":
+                    raise _rejected_error(entry.sample_id, outcome)
+                cases.append(rejected_case(entry.sample_id, outcome))
+        return labels, cases
 
     def _transformed(
         self, image: Tensor, target: Target, key: tuple[int, int]
     ) -> tuple[Tensor, Target]:
-        target["sample_key"] = key
+        target["meta"]["sample_key"] = key
         if self.transform is None:
             return image, target
         try:
@@ -371,7 +388,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             raise
 
 
-def default_config(pose: PosePolicy, filters: LabelFilter) -> LabelConfig:
+def default_config(stored_cameras: CameraPolicy, filters: LabelFilter) -> LabelConfig:
     """How a Dataset labels.
 
     Without what needs drawing, but for the mask's overlap where the pose is estimated or a filter
@@ -379,26 +396,13 @@ def default_config(pose: PosePolicy, filters: LabelFilter) -> LabelConfig:
     """
     return LabelConfig(
         surface_share=False,
-        mask_iou=pose == "hypothesis"
+        mask_iou=stored_cameras == "hypothesis"
         or filters.min_mask_iou is not None
         or filters.min_confidence is not None,
     )
 
 
-def _one_vocabulary(sample: ImageSample, labelled: Container[str]) -> Vocabulary | None:
-    """The vocabulary of the keypoints of an image's labelled animals.
-
-    None if there are none, or they are of kinds that are marked differently.
-    """
-    words = {
-        head.vocabulary.name: head.vocabulary
-        for head in sample.animals
-        if head.vocabulary is not None and head.sample_id in labelled
-    }
-    return next(iter(words.values())) if len(words) == 1 else None
-
-
-def _not_made(sample_id: str, rejection: Rejection) -> SampleError:
+def _rejected_error(sample_id: str, rejection: Rejection) -> SampleError:
     problem = (
         f"cannot be made, {rejection.reason}: {rejection.detail}; on_bad='skip' leaves such animals"
         " out and reports them"
@@ -406,6 +410,10 @@ def _not_made(sample_id: str, rejection: Rejection) -> SampleError:
     return SampleError(sample_id, "label", problem)
 
 
+def _filtered_case(sample_id: str, field: str, problem: str) -> Case:
+    return Case(kind="filtered", sample_id=sample_id, field=field, problem=problem)
+
+
 def _left_out_too(sample_id: str) -> Case:
     problem = "has a label, but others of its image have none: partial='skip' leaves the image out"
-    return Case(kind="filtered", sample_id=sample_id, field="partial", problem=problem)
+    return _filtered_case(sample_id, "partial", problem)

@@ -1,8 +1,17 @@
 """The schema of a target says each field once, and what is derived from it has its shapes."""
 
-import pytest
+from pathlib import Path
+from typing import Any
 
-from animal3dbox.target_schema import FIELDS, LABEL_FIELDS, field_of, names_of
+import pytest
+import torch
+
+from animal3dbox.datasets import KnownScale, LabelDataset, SyntheticDataset, SyntheticSet
+from animal3dbox.target_schema import FIELDS, LABEL_FIELDS, field_of, names_of, target_table
+
+
+def used(dataset: LabelDataset) -> Any:
+    return dataset[0]
 
 
 def test_every_field_is_said_once() -> None:
@@ -32,3 +41,30 @@ def test_names_are_chosen_by_what_they_are() -> None:
     assert names_of(per="either") == ("R", "t")
     assert "distance" in names_of(per="animal", under_map="unmoved")
     assert set(names_of(kind="flag")) <= {field.name for field in FIELDS if field.dtype == "bool"}
+
+
+def test_the_docs_show_the_table_that_the_schema_gives() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "datasets.md").read_text()
+    assert target_table() in page
+
+
+def test_a_dataset_gives_the_fields_of_the_schema_in_its_shapes_and_types() -> None:
+    _, target = used(SyntheticDataset(SyntheticSet(seed=0, images=1)))
+    animals = len(target["labels"])
+    fields = {field.name: field for field in FIELDS if field.made_by == "dataset"}
+    assert set(target) - {"image_id", "meta"} == set(fields) - {"surface_share", "distortion"}
+    for name in set(target) - {"image_id", "meta"}:
+        field, value = fields[name], target[name]
+        assert str(value.dtype) == f"torch.{field.dtype}", name
+        assert value.ndim == len(field.shape.split()) + (field.per != "image"), name
+        if field.entry_shape is not None:
+            counted = () if field.per == "image" else (animals,)
+            assert tuple(value.shape) == (*counted, *field.entry_shape), name
+
+
+def test_the_distance_is_that_of_the_boxs_centre_and_grows_with_its_unit() -> None:
+    made = SyntheticSet(seed=0, images=1)
+    _, plain = used(SyntheticDataset(made))
+    _, metric = used(SyntheticDataset(made, scale=KnownScale(2.0)))
+    torch.testing.assert_close(plain["distance"], plain["center"].norm(dim=-1))
+    torch.testing.assert_close(metric["distance"], 2 * plain["distance"])

@@ -14,7 +14,7 @@ from tqdm import tqdm
 from animal3dbox.cli.export import is_labels, read_cuboids
 from animal3dbox.datasets.batches import collate
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
-from animal3dbox.datasets.labelling.label_records import PosePolicy
+from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.readers.cuboids.omni3d_recognition import is_omni3d
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.report.label_checks import row_findings
@@ -42,7 +42,7 @@ class CheckJob:
     model: Path | None = None
     body: str | None = None
     vocabulary: str | None = None
-    stored_pose: PosePolicy = "hypothesis"
+    stored_pose: CameraPolicy = "hypothesis"
     cache: Path | None = None
     workers: int = 0
 
@@ -150,7 +150,7 @@ def checked_dataset(job: CheckJob) -> CheckReport:
     """
     dataset = AnnotatedDataset(
         job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=job.body, on_bad="skip",
-        pose=job.stored_pose, cache=job.cache,
+        stored_cameras=job.stored_pose, cache=job.cache,
     )  # fmt: skip
     loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
     found: list[CheckedFault] = []

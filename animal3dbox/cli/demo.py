@@ -158,10 +158,10 @@ def run_demo(job: DemoJob) -> int:
     )
     write_run(
         job.out,
-        title,
-        "quadruped, standing" if job.rigid else "quadruped, true shape and pose",
-        METHODS["default"],
         kept,
+        source=title,
+        body="quadruped, standing" if job.rigid else "quadruped, true shape and pose",
+        config=METHODS["default"],
     )
     results = [_result(method, found, job.n) for method, found in scores.items()]
     write_whole(job.out / "demo.json", msgspec.json.format(msgspec.json.encode(results), indent=1))

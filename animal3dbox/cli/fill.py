@@ -67,7 +67,7 @@ def run_fill(job: LabelJob) -> int:
     )
     dataset = AnnotatedDataset(
         job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=body, on_bad="skip",
-        focal_px=job.focal_px, config=config, scale=job.scale, pose=job.stored_pose, cache=job.cache, reuse=job.resume,
+        focal_px=job.focal_px, config=config, scale=job.scale, stored_cameras=job.stored_pose, cache=job.cache, reuse=job.resume,
     )  # fmt: skip
     first, step = shard_of(job.shard)
     indices = range(first, len(dataset), step)

@@ -1,7 +1,7 @@
 """``animal3dbox label``: a dataset in, labels and pictures out."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,12 +12,13 @@ from tqdm import tqdm
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, bodies_for, body_source
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
-from animal3dbox.datasets.images.photos import read_photo
+from animal3dbox.datasets.images.photos import Photo, read_photo
 from animal3dbox.datasets.labelling.label_records import (
-    PosePolicy,
-    check_pose_policy,
-    label_record,
-    posed_as_stored,
+    CameraPolicy,
+    LabelRequest,
+    check_camera_policy,
+    label_records,
+    request_of_record,
 )
 from animal3dbox.datasets.labelling.scale import (
     AltitudeScale,
@@ -26,14 +27,16 @@ from animal3dbox.datasets.labelling.scale import (
     SpeciesScale,
 )
 from animal3dbox.datasets.labelling.sources import has_camera
-from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.report.run import Labelled, write_run
+from animal3dbox.report.run import Labelled, RunWriter
 from animal3dbox.report.summary import Summary
 from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 
 EXIT_OK, EXIT_FAULTY = 0, 4
+AT_ONCE = 16
+"""Animals labelled together."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class LabelJob:
     config: LabelConfig
     json: bool
     scale: ScaleSource | None = None
-    stored_pose: PosePolicy = "hypothesis"
+    stored_pose: CameraPolicy = "hypothesis"
     cache: Path | None = None
     shard: str | None = None
     resume: bool = False
@@ -110,41 +113,63 @@ def run_label(job: LabelJob) -> int:
     bodies, records = bodies_for(dataset, own_body), dataset.records
     for note in records.notes:
         print(note, file=sys.stderr)
-    check_pose_policy(
+    check_camera_policy(
         job.stored_pose, any(has_camera(record) for record in records.records), records.notes
     )
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
-    summary = write_run(
-        job.out, str(job.path), bodies.name, job.config, _results(records, bodies, job)
+    writer = RunWriter(job.out, source=str(job.path), body=bodies.name, config=job.config)
+    writer.add(records.faults)
+    progress = tqdm(
+        total=len(records.records), desc="labelling", unit="animal", disable=job.json or None
     )
+    for first in range(0, len(records.records), AT_ONCE):
+        batch = records.records[first : first + AT_ONCE]
+        writer.add(_labelled(batch, bodies, job))
+        progress.update(len(batch))
+    progress.close()
+    summary = writer.finish()
     _print(summary, job, job.out)
     return EXIT_FAULTY if summary.faulty else EXIT_OK
 
 
-def _results(
-    records: RecordSet, bodies: BodySource, job: LabelJob
-) -> Iterator[Labelled | SampleError]:
-    yield from records.faults
-    for record in tqdm(records.records, desc="labelling", unit="animal", disable=job.json or None):
-        yield _one(record, bodies, job)
+def _labelled(
+    records: Sequence[AnimalRecord], bodies: BodySource, job: LabelJob
+) -> list[Labelled | SampleError]:
+    """Animals read and labelled together, in order."""
+    results: list[Labelled | SampleError | None] = [None] * len(records)
+    photos: dict[int, Photo] = {}
+    requests: dict[int, LabelRequest] = {}
+    for place, record in enumerate(records):
+        try:
+            photos[place] = _photo(record)
+            requests[place] = request_of_record(record, bodies, photos[place].facts)
+        except SampleError as error:
+            results[place] = error
+    outcomes = label_records(
+        list(requests.values()),
+        job.config,
+        scale=job.scale,
+        stored_cameras=job.stored_pose,
+    )
+    for place, outcome in zip(requests, outcomes, strict=True):
+        if isinstance(outcome, SampleError):
+            results[place] = outcome
+        else:
+            record, pixels = records[place], photos[place].pixels
+            results[place] = Labelled(outcome, record.image_id, record.category, pixels)
+    return [result for result in results if result is not None]
 
 
-def _one(record: AnimalRecord, bodies: BodySource, job: LabelJob) -> Labelled | SampleError:
-    try:
-        if record.image_path is None:
-            raise SampleError(
-                record.sample_id,
-                "image",
-                "is only in memory: write the dataset first (animal3dbox synth)",
-            )
-        photo = read_photo(record.image_path, record.sample_id, record.image_hw)
-        outcome = label_record(
-            posed_as_stored(record, job.stored_pose), bodies, job.config, photo.facts, job.scale
+def _photo(record: AnimalRecord) -> Photo:
+    """The picture of an animal; raises SampleError."""
+    if record.image_path is None:
+        raise SampleError(
+            record.sample_id,
+            "image",
+            "is only in memory: write the dataset first (animal3dbox synth)",
         )
-        return Labelled(outcome, record.image_id, record.category, photo.pixels)
-    except SampleError as error:
-        return error
+    return read_photo(record.image_path, record.sample_id, record.image_hw)
 
 
 def _print(summary: Summary, job: LabelJob, out: Path) -> None:

@@ -11,7 +11,11 @@ import msgspec
 import torch
 
 from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.labelling.label_records import label_record
+from animal3dbox.datasets.labelling.label_records import (
+    Outcome,
+    label_records,
+    request_of_record,
+)
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError
@@ -20,6 +24,7 @@ from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
 from animal3dbox.geometry.box_iou import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
 TRUTH = "truth.json"
@@ -110,15 +115,22 @@ def dataset_rows(
     ]
     for record in progress(records.records):
         for method, config in METHODS.items():
-            try:
-                outcome = label_record(replace(record, stored_pose=None), bodies, config)
-            except SampleError:
+            outcome = _outcome(replace(record, stored_pose=None), bodies, config)
+            if isinstance(outcome, SampleError):
                 rows.append(DatasetRow(record.sample_id, method, "faulty"))
                 continue
             rows.append(
                 _row(record.sample_id, method, outcome, (truths or {}).get(record.sample_id))
             )
     return rows
+
+
+def _outcome(record: AnimalRecord, bodies: BodySource, config: LabelConfig) -> Outcome:
+    """What becomes of one animal."""
+    try:
+        return label_records([request_of_record(record, bodies)], config)[0]
+    except SampleError as error:
+        return error
 
 
 def _row(

@@ -14,7 +14,7 @@ from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
 from animal3dbox.geometry.cuboid import FACES, Cuboid
 from animal3dbox.geometry.face_visibility import face_visibility, projected_faces
 from animal3dbox.geometry.rigid import transform_points
-from animal3dbox.labels.visibility.visible_surface import surface_share
+from animal3dbox.geometry.visible_surface import surface_share
 
 RAYS = 256
 """Rays along each side of the part of the picture that the box's faces fill.
@@ -122,8 +122,8 @@ def face_rows(subject: Subject) -> list[FaceRow]:
             transform_points(camera.T_cam_world, animal.vertices),
             animal.model.faces,
             box.rotation,
-            camera.K,
-            camera.image_hw,
+            K=camera.K,
+            image_hw=camera.image_hw,
         )
         shown = bool(surface.any())
         apart = float((surface - seen.share_in_image).abs().amax()) if shown else None

@@ -9,10 +9,11 @@ from torch import Tensor
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean
+from animal3dbox.geometry.orthogonal_frames import frame_from_directions
 from animal3dbox.geometry.rigid import alignment_variation, rotation_angle
 from animal3dbox.labels.axes.body_axes import body_axes
-from animal3dbox.labels.axes.landmarks import axes_from_directions
-from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.body import Body
+from animal3dbox.labels.config import Axes, LabelConfig
 from animal3dbox.labels.observation import observe
 from animal3dbox.labels.types import CuboidLabel
 
@@ -21,7 +22,7 @@ _LENGTHS = (
     0.3,
 )  # of the landmarks' directions, before they are made unit long: about a trunk's and a chest's
 SIGMAS = (0.5, 1.0, 2.0, 3.0, 4.0)
-RULES = {
+RULES: dict[str, tuple[Axes, bool]] = {
     "landmarks (paper)": ("landmarks", False),
     "pca of landmarks": ("pca", False),
     "pca of mesh": ("pca", True),
@@ -87,24 +88,17 @@ def axes_of(
     axes, with_mesh = RULES[rule]
     said = given.said
     mesh, template = (vertices, given.animal.model) if with_mesh else (None, None)
-    seen = observe(
-        said.image_hw,
-        keypoints,
-        landmarks,
-        None,
-        mesh,
-        None,
-        template,
-        said.K,
-        None,
-        (),
-        None,
-        said.vocabulary,
-        said.sample_id,
-        LabelConfig(),
+    observation = observe(
+        image_hw=said.image_hw,
+        body=Body(mesh, None, landmarks, None, template),
+        keypoints_2d=keypoints,
+        K=said.K,
+        vocabulary=said.vocabulary,
+        sample_id=said.sample_id,
+        config=LabelConfig(),
     )
-    found = body_axes(seen, axes)
-    return None if found is None else found.R_box
+    axes_and_rule = body_axes([observation], axes)[0]
+    return None if axes_and_rule is None else torch.from_numpy(axes_and_rule[0])
 
 
 def float32_angle_deg(R_a: Tensor, R_b: Tensor) -> float:
@@ -113,10 +107,14 @@ def float32_angle_deg(R_a: Tensor, R_b: Tensor) -> float:
     The paper's formula as it is often run.
     """
     made = [
-        axes_from_directions(_LENGTHS[0] * R[:, 0].float(), _LENGTHS[1] * R[:, 1].float())
+        frame_from_directions(
+            (_LENGTHS[0] * R[:, 0].float()).numpy(), (_LENGTHS[1] * R[:, 1].float()).numpy()
+        )
         for R in (R_a, R_b)
     ]
-    difference = torch.stack([R if R is not None else torch.eye(3) for R in made])
+    difference = torch.stack(
+        [torch.eye(3) if frame is None else torch.from_numpy(frame) for frame in made]
+    )
     trace = (difference[0] @ difference[1].mT).trace()
     return float(torch.rad2deg(torch.arccos(((trace - 1) / 2).clamp(-1, 1))))
 

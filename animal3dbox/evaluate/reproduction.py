@@ -7,6 +7,7 @@ labels/pose/paper_refinement.py directly.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 
 from animal3dbox.datasets.synthetic.faults import FaultConfig
@@ -14,8 +15,8 @@ from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, percent, quantile
 from animal3dbox.geometry.face_visibility import face_visibility
+from animal3dbox.geometry.pixel_boxes import mask_box
 from animal3dbox.geometry.rigid import rigid
-from animal3dbox.labels.assemble import mask_box
 from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.pose.epnp_ransac import basic_pose
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma
@@ -86,20 +87,19 @@ def reproduction_rows(subject: Subject) -> list[ReproductionRow]:
 
 def _problem_with_zeros(given: Annotated) -> PoseProblem:
     """The pose problem of all marked keypoints, those at (0, 0) too."""
-    said, landmarks = given.said, given.landmarks
-    used = (said.keypoints_2d[:, 2] > 0) & torch.isfinite(landmarks).all(1)
-    keypoints = said.keypoints_2d[used]
-    sigma = keypoint_sigma(keypoints, said.image_hw, METHODS["basic"])
-    R_box = given.animal.cuboid.rotation
+    said, landmarks = given.said, given.landmarks.numpy()
+    marked = said.keypoints_2d.numpy()
+    matched = (marked[:, 2] > 0) & np.isfinite(landmarks).all(1)
+    keypoints = marked[matched]
     return PoseProblem(
-        landmarks[used],
-        keypoints[:, :2],
-        sigma,
-        said.K,
-        said.image_hw,
-        R_box,
-        given.vertices,
-        mask_box(said.mask),
+        points_world=landmarks[matched],
+        points_px=keypoints[:, :2],
+        sigma_px=keypoint_sigma(keypoints, said.image_hw, METHODS["basic"]),
+        K=said.K.numpy(),
+        image_hw=said.image_hw,
+        R_box=given.animal.cuboid.rotation.numpy(),
+        vertices_world=given.vertices.numpy(),
+        mask_box=mask_box(said.mask),
     )
 
 
@@ -121,8 +121,9 @@ def _fed(
         return ReproductionRow(index, part, method, True, None, None, True)
     errors, _ = reprojection_errors(problem, found.R, found.t)
     placed = problem.points_px.any(1)
-    box = tight_cuboid(given.vertices, problem.R_box).transformed(rigid(found.R, found.t))
-    area = float(face_visibility(box, problem.K, problem.image_hw).area.sum())
+    R, t = torch.from_numpy(found.R), torch.from_numpy(found.t)
+    box = tight_cuboid(given.vertices, problem.R_box).transformed(rigid(R, t))
+    area = float(face_visibility(box, given.said.K, problem.image_hw).area.sum())
     degenerate = area < DEGENERATE * float(given.said.mask.sum())
     placed_px = float(errors[placed].mean()) if bool(placed.any()) else None
     return ReproductionRow(index, part, method, True, float(errors.mean()), placed_px, degenerate)

@@ -6,7 +6,9 @@ own frame is x forward, y to ITS left, z up.
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
@@ -105,6 +107,16 @@ class Cuboid:
         check_rotation("rotation", self.rotation)
         if self.size.numel() and as_numpy(self.size).min() < 0:
             raise ShapeError(f"size must not be negative, got {self.size.tolist()}")
+
+    @classmethod
+    def from_arrays(
+        cls,
+        center: NDArray[np.floating],
+        rotation: NDArray[np.floating],
+        size: NDArray[np.floating],
+    ) -> "Cuboid":
+        """The box of NumPy arrays, in tensors of its own."""
+        return cls(*(torch.from_numpy(part.copy()) for part in (center, rotation, size)))
 
     def __getitem__(self, index: int) -> "Cuboid":
         """One box of a batch, in memory of its own; checked already.

@@ -5,19 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from animal3dbox.labels.assemble import Prepared, assemble_labels
+from animal3dbox.labels.assemble import assemble_labels
+from animal3dbox.labels.body import ArrayLike, Body
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.observation import ArrayLike, Observation, observe
-from animal3dbox.labels.prepare import prepare
+from animal3dbox.labels.drafts import LabelDraft, draft_labels
+from animal3dbox.labels.observation import Observation, observe
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
 
-UNKNOWN: Mapping[str, Any] = {
-    "keypoints_2d": None, "keypoints_3d": None, "landmark_sigma": None, "vertices": None, "faces": None, "template": None, "K": None,
-    "pose": None, "pose_hypotheses": (), "mask": None, "vocabulary": "animal3d26", "sample_id": None,
-}  # fmt: skip
-"""label_animal's arguments that may be left out."""
 BEHIND = (
     "all of its box is behind the camera: the camera does not see it, or R and t are not those of a"
     " camera with x right, y down, z forward (of OpenGL's axes, negate the last two rows of R"
@@ -80,30 +76,30 @@ def label_animal(
         ConfigError: the vocabulary is not known.
 
     """
-    body = (keypoints_3d, landmark_sigma, vertices, faces, template)
+    body = Body(vertices, faces, keypoints_3d, landmark_sigma, template)
     config = config or LabelConfig()
-    seen = observe(
-        image_hw,
-        keypoints_2d,
-        *body,
-        K,
-        pose,
-        pose_hypotheses,
-        mask,
-        vocabulary,
-        sample_id,
-        config,
-        distortion,
+    observation = observe(
+        image_hw=image_hw,
+        body=body,
+        keypoints_2d=keypoints_2d,
+        K=K,
+        pose=pose,
+        pose_hypotheses=pose_hypotheses,
+        mask=mask,
+        vocabulary=vocabulary,
+        distortion=distortion,
+        sample_id=sample_id,
+        config=config,
     )
-    return _labelled([seen], config)[0]
+    return label_observations([observation], config)[0]
 
 
 def label_many(
     animals: Iterable[Mapping[str, Any]], config: LabelConfig | None = None
 ) -> list[CuboidLabel | Rejection]:
-    """label_animal for many animals.
+    """label_animal for many animals: the same labels.
 
-    The same labels, cheaper where cameras are known and images have one size.
+    Cheaper where cameras are known and images have one size.
 
     Args:
         animals: label_animal's arguments by name, of one animal each, without config. Bodies too
@@ -117,46 +113,61 @@ def label_many(
         SampleError: an argument is wrong; names the sample, the argument and the remedy.
         ConfigError: a vocabulary is not known.
 
+    Example:
+        >>> landmarks = {"vertices": [[0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 1.0]]}
+        >>> label_many([{"image_hw": (48, 64), "sample_id": "a", **landmarks}])[0].reason
+        'no_axes'
     """
     config = config or LabelConfig()
-    return _labelled(
-        [observe(config=config, **{**UNKNOWN, **animal}) for animal in animals], config
-    )
+    observations = []
+    for animal in animals:
+        arguments = dict(animal)
+        body = Body(
+            vertices=arguments.pop("vertices", None),
+            faces=arguments.pop("faces", None),
+            landmarks=arguments.pop("keypoints_3d", None),
+            landmark_sigma=arguments.pop("landmark_sigma", None),
+            template=arguments.pop("template", None),
+        )
+        observations.append(observe(body=body, config=config, **arguments))
+    return label_observations(observations, config)
 
 
-def _labelled(animals: Sequence[Observation], config: LabelConfig) -> list[CuboidLabel | Rejection]:
-    """What becomes of each animal."""
-    prepared = prepare(animals, config)
-    ready = [one for one in prepared if isinstance(one, Prepared)]
+def label_observations(
+    observations: Sequence[Observation], config: LabelConfig
+) -> list[CuboidLabel | Rejection]:
+    """The labels of checked animals, or why they have none, in order."""
+    outcomes = draft_labels(observations, config)
+    drafts = [outcome for outcome in outcomes if isinstance(outcome, LabelDraft)]
     labels = iter(
-        _unless_degenerate(label, one.seen, config)
-        for label, one in zip(assemble_labels(ready), ready, strict=True)
+        _unless_degenerate(label, draft.observation, config)
+        for label, draft in zip(assemble_labels(drafts), drafts, strict=True)
     )
-    return [next(labels) if isinstance(one, Prepared) else one for one in prepared]
+    return [next(labels) if isinstance(outcome, LabelDraft) else outcome for outcome in outcomes]
 
 
 def _unless_degenerate(
-    label: CuboidLabel, seen: Observation, config: LabelConfig
+    label: CuboidLabel, observation: Observation, config: LabelConfig
 ) -> CuboidLabel | Rejection:
-    """The label, unless its camera looks away, or is estimated and its projected box far smaller
-    than the animal (section 3.2, degenerate)."""
-    if label.behind_camera and not bool(label.corner_in_front.any()):
-        return Rejection(seen.sample_id, "behind_camera", BEHIND)
-    if seen.pose is not None:
+    """The label, unless it is degenerate (section 3.2, degenerate).
+
+    Its camera looks away, or is estimated and its projected box far smaller than the animal.
+    """
+    if not label.field("corner_in_front").any():
+        return Rejection(observation.sample_id, "behind_camera", BEHIND)
+    if observation.pose is not None:
         return label
-    if seen.mask is not None:
-        animal_px = float(np.count_nonzero(seen.mask))
-    else:
-        keypoints = (
-            seen.keypoints_2d[seen.visible, :2]
-            if seen.keypoints_2d is not None
-            else np.zeros((1, 2))
-        )
+    if observation.mask is not None:
+        animal_px = float(np.count_nonzero(observation.mask))
+    elif observation.keypoints_2d is not None:
+        keypoints = observation.keypoints_2d[observation.visible, :2]
         animal_px = float((keypoints.max(0) - keypoints.min(0)).prod())
-    box_px = float(label.face_area.sum())
+    else:
+        animal_px = 0.0
+    box_px = float(label.field("face_area").sum())
     if box_px < config.degenerate_area * animal_px:
         return Rejection(
-            seen.sample_id,
+            observation.sample_id,
             "degenerate_box",
             f"the projected box covers {box_px:.1f} px^2, the animal {animal_px:.0f} px^2",
         )

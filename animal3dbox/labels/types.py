@@ -1,11 +1,14 @@
 """What labelling an animal gives: a label, or a rejection with its reason."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+import torch
 from torch import Tensor
 
 from animal3dbox.geometry.cuboid import FACE_NAMES, Cuboid
+from animal3dbox.labels.label_row import Array, row_field, with_fields
 
 REASONS = {
     "too_few_keypoints": "fewer visible keypoints than min_keypoints",
@@ -75,71 +78,169 @@ class Quality:
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CuboidLabel:
     """The label of one animal.
 
-    Tensors are float64, in the camera frame and the mesh's unit unless said otherwise.
+    Its numbers lie in one row of float64 (label_row.py), from which the properties below give
+    tensors of their own: in the camera frame and the mesh's unit (metres where scale_m_per_unit is
+    known), unless said otherwise.
 
     Attributes:
         sample_id: the caller's name for the sample.
         image_hw: height and width of the image.
-        corners_3d: (8, 3) corners in the documented order.
-        center: (3,) centre of the box.
-        rotation: (3, 3) R_cam_box: columns forward, left, up.
-        size: (3,) length, width, height.
-        corners_2d: (8, 2) projected corners in px, of the distorted picture if there is a lens;
-            meaningless where corner_in_front is false.
-        corner_in_front: (8,) bool.
-        face_visible: (6,) bool, order front, back, left, right, top, bottom.
-        face_area: (6,) px^2.
-        face_share: (6,) of the visible area, summing to 1.
-        face_share_in_image: (6,) the same inside the frame.
-        K: (3, 3) intrinsics in px.
-        R: (3, 3) R_cam_world, world being the mesh's frame.
-        t: (3,) t_cam_world.
-        box: (4,) xyxy px: of the mask; else of what the frame shows of the projected mesh, exactly
-            (pixel by pixel if it reaches behind the camera); else of the projected cuboid.
-        surface_share: (6,) parts of the animal's own visible surface by the side it faces; None
-            without a mesh's faces, or if LabelConfig.surface_share is off.
-        truncation: part of the projected cuboid outside the frame, 0 to 1.
-        behind_camera: some corner is nearer than the near plane.
-        keypoints: (J, 3) x, y, visibility as used; None without keypoints.
-        cuboid_mesh: the same box in the mesh's frame.
-        quality: how it came about.
-        distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens as given; None for a
-            pinhole.
-        scale_m_per_unit: metres a unit of the mesh, with which corners_3d, center, size and t were
-            made metric; None: they are in its unit.
+        row: (WIDTH,) all numbers of the label.
+        keypoints_2d: (J, 3) x, y, visibility as used; None without keypoints.
+        quality: how the label came about and how well it fits.
+        lens: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens as given; None for a pinhole.
+        scale_m_per_unit: metres a unit of the mesh, with which corners_3d, center, size, distance
+            and t were made metric; None: they are in its unit.
         scale_source: what tells the scale ("dataset", "user", "species:<name>", "altitude"), or
             "unknown".
+
+    Example:
+        >>> from animal3dbox.datasets.synthetic import synthetic_animal
+        >>> from animal3dbox import label_animal
+        >>> animal = synthetic_animal(seed=0, index=2)
+        >>> label = label_animal(
+        ...     image_hw=animal.image_hw, vertices=animal.vertices, template=animal.model,
+        ...     K=animal.K, pose=(animal.R, animal.t))
+        >>> label.side, label.viewpoint, label.corners_3d.shape
+        ('right', 'right', torch.Size([8, 3]))
     """
 
     sample_id: str | None
     image_hw: tuple[int, int]
-    corners_3d: Tensor
-    center: Tensor
-    rotation: Tensor
-    size: Tensor
-    corners_2d: Tensor
-    corner_in_front: Tensor
-    face_visible: Tensor
-    face_area: Tensor
-    face_share: Tensor
-    face_share_in_image: Tensor
-    K: Tensor
-    R: Tensor
-    t: Tensor
-    box: Tensor
-    surface_share: Tensor | None
-    truncation: float
-    behind_camera: bool
-    keypoints: Tensor | None
-    cuboid_mesh: Cuboid
+    row: Array
+    keypoints_2d: Array | None
     quality: Quality
-    distortion: Tensor | None = None
+    lens: Array | None = None
     scale_m_per_unit: float | None = None
     scale_source: str = "unknown"
+
+    def field(self, name: str) -> Array:
+        """A field of label_row.LAYOUT in its shape, as NumPy: a view that nothing may write to."""
+        return row_field(self.row, name)
+
+    def with_fields(self, **values: object) -> "CuboidLabel":
+        """The same label with some fields of its row replaced; what follows from them is not."""
+        return replace(self, row=with_fields(self.row, **values))
+
+    def _tensor(self, name: str) -> Tensor:
+        return torch.from_numpy(self.field(name).copy())
+
+    def _flags(self, name: str) -> Tensor:
+        return torch.from_numpy(self.field(name).astype(np.bool_))
+
+    @property
+    def corners_3d(self) -> Tensor:
+        """The corners (8, 3) in the documented order."""
+        return self._tensor("corners_3d")
+
+    @property
+    def center(self) -> Tensor:
+        """The centre of the box, (3,)."""
+        return self._tensor("center")
+
+    @property
+    def rotation(self) -> Tensor:
+        """R_cam_box (3, 3): columns forward, left, up."""
+        return self._tensor("rotation")
+
+    @property
+    def size(self) -> Tensor:
+        """Length, width, height, (3,)."""
+        return self._tensor("size")
+
+    @property
+    def distance(self) -> float:
+        """From the camera's centre to the box's."""
+        return float(self.field("distance"))
+
+    @property
+    def corners_2d(self) -> Tensor:
+        """Projected corners (8, 2) in px, of the distorted picture if there is a lens.
+
+        Those that are not in front of the camera (corner_in_front) have no meaning.
+        """
+        return self._tensor("corners_2d")
+
+    @property
+    def corner_in_front(self) -> Tensor:
+        """Which corners are in front of the camera, (8,) bool."""
+        return self._flags("corner_in_front")
+
+    @property
+    def face_visible(self) -> Tensor:
+        """Which faces the camera sees, (6,) bool: front, back, left, right, top, bottom."""
+        return self._flags("face_visible")
+
+    @property
+    def face_area(self) -> Tensor:
+        """Projected areas of the visible faces, (6,) px^2."""
+        return self._tensor("face_area")
+
+    @property
+    def face_share(self) -> Tensor:
+        """Parts of the visible area, (6,), summing to 1."""
+        return self._tensor("face_share")
+
+    @property
+    def face_share_in_image(self) -> Tensor:
+        """Parts of the visible area inside the frame, (6,)."""
+        return self._tensor("face_share_in_image")
+
+    @property
+    def K(self) -> Tensor:
+        """Intrinsics (3, 3) in px."""
+        return self._tensor("K")
+
+    @property
+    def R(self) -> Tensor:
+        """R_cam_world (3, 3), world being the mesh's frame."""
+        return self._tensor("R")
+
+    @property
+    def t(self) -> Tensor:
+        """t_cam_world (3,)."""
+        return self._tensor("t")
+
+    @property
+    def box(self) -> Tensor:
+        """The flat box (4,) xyxy px.
+
+        Of the mask; else of what the frame shows of the projected mesh, exactly (pixel by pixel if
+        it reaches behind the camera); else of the projected cuboid.
+        """
+        return self._tensor("box")
+
+    @property
+    def surface_share(self) -> Tensor | None:
+        """Parts of the animal's own visible surface by the side it faces, (6,).
+
+        None without a mesh's faces, or if LabelConfig.surface_share is off.
+        """
+        return None if self.field("surface_share")[0] < 0 else self._tensor("surface_share")
+
+    @property
+    def truncation(self) -> float:
+        """Part of the projected cuboid outside the frame, 0 to 1."""
+        return float(self.field("truncation"))
+
+    @property
+    def behind_camera(self) -> bool:
+        """Whether some corner is nearer than the near plane."""
+        return bool(self.field("behind_camera"))
+
+    @property
+    def keypoints(self) -> Tensor | None:
+        """Keypoints (J, 3): x, y, visibility as used; None without keypoints."""
+        return None if self.keypoints_2d is None else torch.from_numpy(self.keypoints_2d.copy())
+
+    @property
+    def distortion(self) -> Tensor | None:
+        """The coefficients of OpenCV's lens; None for a pinhole."""
+        return None if self.lens is None else torch.from_numpy(self.lens.copy())
 
     @property
     def cuboid(self) -> Cuboid:
@@ -147,25 +248,30 @@ class CuboidLabel:
         return Cuboid(self.center, self.rotation, self.size)
 
     @property
+    def cuboid_mesh(self) -> Cuboid:
+        """The same box in the mesh's own frame and unit."""
+        return Cuboid(*(self._tensor(f"mesh_{part}") for part in ("center", "rotation", "size")))
+
+    @property
     def camera_in_box(self) -> Tensor:
         """Where the camera stands seen from the animal, (3,).
 
-        X ahead of it, y to its left, z above.
+        x is how far ahead of it, y to its left, z above it.
         """
         return -self.rotation.mT @ self.center
 
     @property
     def azimuth_deg(self) -> float:
-        """Direction of the camera round the animal.
+        """Direction of the camera round the animal, in degrees.
 
-        0 ahead of it, 90 to its left, -90 to its right, 180 behind.
+        0 is ahead of it, 90 to its left, -90 to its right, 180 behind.
         """
         x, y, _ = self.camera_in_box.tolist()
         return math.degrees(math.atan2(y, x))
 
     @property
     def elevation_deg(self) -> float:
-        """Height of the camera over the animal's own horizontal plane, -90 to 90."""
+        """Height of the camera over the animal's own horizontal plane, -90 to 90 degrees."""
         x, y, z = self.camera_in_box.tolist()
         return math.degrees(math.atan2(z, math.hypot(x, y)))
 
@@ -177,7 +283,8 @@ class CuboidLabel:
     @property
     def side(self) -> str | None:
         """The face with the largest share; None from inside the box."""
-        return FACE_NAMES[int(self.face_share.argmax())] if bool(self.face_visible.any()) else None
+        seen_from_outside = bool(self.field("face_visible").any())
+        return FACE_NAMES[int(self.field("face_share").argmax())] if seen_from_outside else None
 
     @property
     def surface_side(self) -> str | None:
@@ -185,20 +292,18 @@ class CuboidLabel:
 
         None if it is not known or nothing is seen.
         """
-        if self.surface_share is None or not bool(self.surface_share.any()):
-            return None
-        return FACE_NAMES[int(self.surface_share.argmax())]
+        shares = self.field("surface_share")
+        return FACE_NAMES[int(shares.argmax())] if shares.max() > 0 else None
 
     @property
     def confidence(self) -> float:
         """Rank of the fit, 0 to 1, not a probability.
 
-        Inlier part of the keypoints times the mask's overlap, of those there are.
+        The part of the keypoints that fit times the mask's overlap, of those there are.
         """
-        inliers = (
-            self.quality.n_inliers / self.quality.n_keypoints if self.quality.n_keypoints else 1.0
-        )
-        return inliers * (1.0 if self.quality.mask_iou is None else self.quality.mask_iou)
+        quality = self.quality
+        inliers = quality.n_inliers / quality.n_keypoints if quality.n_keypoints else 1.0
+        return inliers * (1.0 if quality.mask_iou is None else quality.mask_iou)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import msgspec
 
@@ -13,6 +13,7 @@ from animal3dbox.errors import DatasetFormatError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.target_schema import FILE_FIELDS, Field
 
 SCHEMA: Final = "animal3dbox.labels"
 SCHEMA_VERSION: Final = 1
@@ -22,30 +23,51 @@ CSV_COLUMNS = (
 )  # fmt: skip
 
 
-class AnimalRow(msgspec.Struct, kw_only=True):
-    """One labelled animal; see docs/formats.md."""
+def _file_type(field: Field) -> Any:
+    """The type of a field's entry in labels.json: nested lists of numbers, null where unknown."""
+    kind: Any = bool if field.kind == "flag" else float
+    if field.name == "corners_2d":
+        return list[list[float] | None]  # a corner that is not in front of the camera is null
+    for _ in field.entry_shape or ():
+        kind = list[kind]
+    return (
+        kind | None if field.name == "surface_share" or field.in_labels_json == "optional" else kind
+    )
+
+
+if TYPE_CHECKING:
+
+    class _Numbers(msgspec.Struct):
+        def __getattr__(self, name: str) -> Any: ...
+
+        def __setattr__(self, name: str, value: Any) -> None: ...
+
+else:
+    _Numbers = msgspec.defstruct(
+        "_Numbers",
+        [
+            (
+                field.label_name,
+                _file_type(field),
+                *((None,) if field.in_labels_json == "optional" else ()),
+            )
+            for field in FILE_FIELDS
+        ],
+        kw_only=True,
+    )
+
+
+class AnimalRow(_Numbers, kw_only=True):
+    """One labelled animal; see docs/formats.md.
+
+    Besides what is written here, it has every field of target_schema.FILE_FIELDS.
+    """
 
     sample_id: str
     image: str
     animal: int
     category: str
     image_hw: tuple[int, int]
-    corners_3d: list[list[float]]
-    center: list[float]
-    rotation: list[list[float]]
-    size: list[float]
-    corners_2d: list[list[float] | None]
-    face_visible: list[bool]
-    face_area: list[float]
-    face_share: list[float]
-    face_share_in_image: list[float]
-    K: list[list[float]]
-    R: list[list[float]]
-    t: list[float]
-    box: list[float]
-    surface_share: list[float] | None
-    truncation: float
-    behind_camera: bool
     side: str | None
     surface_side: str | None
     viewpoint: str
@@ -81,38 +103,36 @@ class LabelFile(msgspec.Struct, kw_only=True):
     rejected: list[RejectedRow]
 
 
-def animal_row(label: CuboidLabel, image: str, animal: int, category: str) -> AnimalRow:
-    """The row of a label; what is unknown is null."""
-    corners_2d = [
-        px if good else None
-        for px, good in zip(label.corners_2d.tolist(), label.corner_in_front.tolist(), strict=True)
-    ]
+def animal_row(label: CuboidLabel, *, image: str, animal: int, category: str) -> AnimalRow:
+    """The row of a label; what is unknown is null.
+
+    Args:
+        label: of the animal.
+        image: its image.
+        animal: its number there.
+        category: what the dataset calls it.
+
+    """
+    numbers: dict[str, Any] = {}
+    for field in FILE_FIELDS:
+        name = field.label_name or field.name
+        values = label.field(name)
+        numbers[name] = (values.astype(bool) if field.kind == "flag" else values).tolist()
+    corners = zip(numbers["corners_2d"], label.field("corner_in_front").tolist(), strict=True)
+    numbers["corners_2d"] = [px if in_front else None for px, in_front in corners]
+    if label.surface_share is None:
+        numbers["surface_share"] = None
     quality = {
         field: list(value) if isinstance(value, tuple) else value
         for field, value in asdict(label.quality).items()
     }
     return AnimalRow(
+        **numbers,
         sample_id=label.sample_id or f"{image}#{animal}",
         image=image,
         animal=animal,
         category=category,
         image_hw=label.image_hw,
-        corners_3d=label.corners_3d.tolist(),
-        center=label.center.tolist(),
-        rotation=label.rotation.tolist(),
-        size=label.size.tolist(),
-        corners_2d=corners_2d,
-        face_visible=label.face_visible.tolist(),
-        face_area=label.face_area.tolist(),
-        face_share=label.face_share.tolist(),
-        face_share_in_image=label.face_share_in_image.tolist(),
-        K=label.K.tolist(),
-        R=label.R.tolist(),
-        t=label.t.tolist(),
-        box=label.box.tolist(),
-        surface_share=None if label.surface_share is None else label.surface_share.tolist(),
-        truncation=label.truncation,
-        behind_camera=label.behind_camera,
         side=label.side,
         surface_side=label.surface_side,
         viewpoint=label.viewpoint,
@@ -122,7 +142,7 @@ def animal_row(label: CuboidLabel, image: str, animal: int, category: str) -> An
         quality=quality,
         scale_m_per_unit=label.scale_m_per_unit,
         scale_source=label.scale_source,
-        distortion=None if label.distortion is None else label.distortion.tolist(),
+        distortion=None if label.lens is None else label.lens.tolist(),
     )
 
 

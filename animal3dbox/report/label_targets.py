@@ -10,19 +10,7 @@ from torch import Tensor
 from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.errors import SampleError
 from animal3dbox.report.label_files import AnimalRow
-
-FLOATS = (
-    "corners_3d",
-    "center",
-    "rotation",
-    "size",
-    "face_area",
-    "face_share",
-    "face_share_in_image",
-    "surface_share",
-    "R",
-    "t",
-)
+from animal3dbox.target_schema import FILE_FIELDS
 
 
 def target_of_row(row: AnimalRow) -> dict[str, Any]:
@@ -32,18 +20,16 @@ def target_of_row(row: AnimalRow) -> dict[str, Any]:
         SampleError: a field has rows of different lengths.
 
     """
-    target: dict[str, Any] = {"image_id": row.sample_id, "K": _tensor(row, "K", row.K)}
-    for name in FLOATS:
-        value = getattr(row, name)
-        if value is not None:
-            target[name] = _tensor(row, name, value)[None]
-    target["corners_2d"] = _tensor(
-        row, "corners_2d", [[0.0, 0.0] if px is None else px for px in row.corners_2d]
-    )[None]
+    target: dict[str, Any] = {"image_id": row.sample_id}
+    for field in FILE_FIELDS:
+        value = getattr(row, field.label_name or field.name)
+        if field.name == "corners_2d":  # what is not in front of the camera has no meaning
+            value = [[0.0, 0.0] if px is None else px for px in value]
+        if value is None or field.name == "boxes":
+            continue
+        tensor = torch.tensor(value) if field.kind == "flag" else _tensor(row, field.name, value)
+        target[field.name] = tensor if field.per == "image" else tensor[None]
     target["corner_in_front"] = torch.tensor([[px is not None for px in row.corners_2d]])
-    target["face_visible"] = torch.tensor([row.face_visible])
-    target["behind_camera"] = torch.tensor([row.behind_camera])
-    target["truncation"] = torch.tensor([row.truncation], dtype=torch.float64)
     if row.distortion is not None:
         target["distortion"] = _tensor(row, "distortion", row.distortion)
     box = _tensor(row, "box", row.box)

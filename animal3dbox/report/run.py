@@ -18,6 +18,7 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.gallery import Card, card_picture, write_gallery
 from animal3dbox.report.label_files import (
+    AnimalRow,
     LabelFile,
     RejectedRow,
     animal_row,
@@ -47,75 +48,115 @@ class Labelled:
 
 def write_run(
     out: Path,
+    results: Iterable[Labelled | SampleError],
+    *,
     source: str,
     body: str,
     config: LabelConfig,
-    results: Iterable[Labelled | SampleError],
 ) -> Summary:
-    """Label files, overlays, gallery and report of a run.
+    """Label files, overlays, gallery and report of finished results; see RunWriter."""
+    writer = RunWriter(out, source=source, body=body, config=config)
+    writer.add(results)
+    return writer.finish()
+
+
+class RunWriter:
+    """Writes a labelling run into a folder: pictures as results come in, then labels and pages.
 
     Args:
         out: the folder, made if it is missing; files of an earlier run are replaced.
         source: the dataset, for the page's title.
         body: the body source's name.
         config: how the labels were made.
-        results: one by one, so that pictures need not all be held.
 
-    Returns:
-        The counts, as in report.json.
+    Raises:
+        ConfigError: the folder cannot be made.
 
     """
-    try:
-        (out / "overlays").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"the results' folder {out} cannot be made: {error}") from error
-    animals, flags, rejected, faults, cards = [], [], [], [], []
-    numbers: Counter[str] = Counter()
-    taken: set[str] = set()
-    for result in results:
-        if isinstance(result, SampleError):
-            faults.append(result)
-            continue
-        number = _number(result, numbers[result.image_id])
-        numbers[result.image_id] += 1
-        if isinstance(result.outcome, Rejection):
-            row = RejectedRow(
-                sample_id=_name(result, number),
-                image=result.image_id,
-                animal=number,
-                reason=result.outcome.reason,
-                detail=result.outcome.detail,
+
+    def __init__(self, out: Path, *, source: str, body: str, config: LabelConfig) -> None:
+        try:
+            (out / "overlays").mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"the results' folder {out} cannot be made: {error}") from error
+        self.out, self.source, self.body, self.config = out, source, body, config
+        self._animals: list[AnimalRow] = []
+        self._flags: list[tuple[str, ...]] = []
+        self._rejected: list[RejectedRow] = []
+        self._faults: list[SampleError] = []
+        self._cards: list[Card] = []
+        self._numbers: Counter[str] = Counter()
+        self._overlay_names: set[str] = set()
+
+    def add(self, results: Iterable[Labelled | SampleError]) -> None:
+        """Take finished results; their overlays are written at once, and pictures not held."""
+        for result in results:
+            if isinstance(result, SampleError):
+                self._faults.append(result)
+                continue
+            number = _number(result, self._numbers[result.image_id])
+            self._numbers[result.image_id] += 1
+            if isinstance(result.outcome, Rejection):
+                self._add_rejected(result, result.outcome, number)
+            else:
+                self._add_label(result, result.outcome, number)
+
+    def finish(self) -> Summary:
+        """Write labels, gallery and report; returns the counts, as in report.json."""
+        summary = summarize(
+            source=self.source,
+            body=self.body,
+            method=self.config.method,
+            animals=self._animals,
+            flags=self._flags,
+            rejected=self._rejected,
+            faults=self._faults,
+        )
+        labels = LabelFile(
+            body=self.body,
+            config=asdict(self.config),
+            animals=self._animals,
+            rejected=self._rejected,
+        )
+        write_labels_json(self.out / "labels.json", labels)
+        write_labels_csv(self.out / "labels.csv", self._animals)
+        write_gallery(self.out / "gallery.html", self._cards, summary)
+        report = msgspec.json.format(msgspec.json.encode(summary), indent=1)
+        write_whole(self.out / "report.json", report)
+        return summary
+
+    def _add_rejected(self, result: Labelled, rejection: Rejection, number: int) -> None:
+        row = RejectedRow(
+            sample_id=_name(result, number),
+            image=result.image_id,
+            animal=number,
+            reason=rejection.reason,
+            detail=rejection.detail,
+        )
+        self._rejected.append(row)
+        self._cards.append(
+            Card(
+                title=row.sample_id,
+                picture=card_picture(result.picture),
+                status="rejected",
+                confidence=-1.0,
+                error_px=None,
+                mask_iou=None,
+                facts=(f"{row.reason}: {row.detail}",),
+                overlay=None,
             )
-            rejected.append(row)
-            cards.append(
-                Card(
-                    row.sample_id,
-                    card_picture(result.picture),
-                    "rejected",
-                    -1.0,
-                    None,
-                    None,
-                    (f"{row.reason}: {row.detail}",),
-                    None,
-                )
-            )
-            continue
-        label = result.outcome
-        picture, raised = draw_label(result.picture, label), flags_of(label)
-        overlay = f"overlays/{overlay_name(result.image_id, number, taken)}"
-        write_whole(out / overlay, _png(picture))
-        animals.append(animal_row(label, result.image_id, number, result.category))
-        flags.append(raised)
-        cards.append(_card(label, _name(result, number), card_picture(picture), raised, overlay))
-    summary = summarize(source, body, config.method, animals, flags, rejected, faults)
-    write_labels_json(
-        out / "labels.json",
-        LabelFile(body=body, config=asdict(config), animals=animals, rejected=rejected),
-    )
-    write_labels_csv(out / "labels.csv", animals)
-    write_gallery(out / "gallery.html", cards, summary)
-    write_whole(out / "report.json", msgspec.json.format(msgspec.json.encode(summary), indent=1))
-    return summary
+        )
+
+    def _add_label(self, result: Labelled, label: CuboidLabel, number: int) -> None:
+        picture, flags = draw_label(result.picture, label), flags_of(label)
+        name = overlay_name(result.image_id, number, self._overlay_names)
+        overlay = f"overlays/{name}"
+        write_whole(self.out / overlay, _png(picture))
+        row = animal_row(label, image=result.image_id, animal=number, category=result.category)
+        self._animals.append(row)
+        self._flags.append(flags)
+        title, small = _name(result, number), card_picture(picture)
+        self._cards.append(_card(label, title=title, picture=small, flags=flags, overlay=overlay))
 
 
 def overlay_name(image_id: str, number: int, taken: set[str]) -> str:
@@ -161,12 +202,13 @@ def _name(result: Labelled, number: int) -> str:
 
 
 def _card(
-    label: CuboidLabel, title: str, picture: bytes, raised: Sequence[str], overlay: str
+    label: CuboidLabel, *, title: str, picture: bytes, flags: Sequence[str], overlay: str
 ) -> Card:
+    """The gallery's card of a label."""
     quality = label.quality
     facts = [
-        f"side {label.side or 'none'}, seen from {label.viewpoint} (azimuth"
-        f" {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)"
+        f"side {label.side or 'none'}, seen from {label.viewpoint}"
+        f" (azimuth {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)"
     ]
     if quality.reprojection_error_px is not None:
         facts.append(
@@ -175,15 +217,14 @@ def _card(
         )
     if quality.mask_iou is not None:
         facts.append(f"mask overlap {quality.mask_iou:.2f}")
-    facts += [f"⚑ {flag}" for flag in raised] + list(quality.warnings)
-    status = "flagged" if raised else "kept"
+    facts += [f"⚑ {flag}" for flag in flags] + list(quality.warnings)
     return Card(
-        title,
-        picture,
-        status,
-        label.confidence,
-        quality.reprojection_error_px,
-        quality.mask_iou,
-        tuple(facts),
-        overlay,
+        title=title,
+        picture=picture,
+        status="flagged" if flags else "kept",
+        confidence=label.confidence,
+        error_px=quality.reprojection_error_px,
+        mask_iou=quality.mask_iou,
+        facts=tuple(facts),
+        overlay=overlay,
     )

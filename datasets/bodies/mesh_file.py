@@ -14,11 +14,11 @@ import torch
 from torch import Tensor
 
 from animal3dbox.datasets.bodies.mesh_formats import MESH_SUFFIXES, read_mesh
-from animal3dbox.datasets.bodies.sources import Body
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.labels.body import Body
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names

@@ -10,11 +10,12 @@ from torch import Tensor
 
 from animal3dbox.datasets.bodies.mesh_file import Place, keypoints_of
 from animal3dbox.datasets.bodies.mesh_formats import read_mesh, read_npz
-from animal3dbox.datasets.bodies.sources import Body, model_digest
+from animal3dbox.datasets.bodies.sources import model_digest
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.storage.packed import PackedMapping
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
+from animal3dbox.labels.body import Body
 from animal3dbox.smal.keypoints.smal_landmarks import (
     SMAL_EXTRA_LANDMARKS,
     SMAL_LANDMARKS,

@@ -17,6 +17,7 @@ from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest
 from animal3dbox.datasets.storage.packed import PackedMapping
 from animal3dbox.errors import ConfigError, SampleError, ShapeError
+from animal3dbox.labels.body import Body
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel, trunk_rotation
 from animal3dbox.smal.parameters import SmalParameters, posed_bodies
@@ -28,26 +29,6 @@ BREED = 0.02
 
 Dogs differ by more, but not in all at once.
 """
-
-
-@dataclass(frozen=True)
-class Body:
-    """One animal's body, in a frame of its own.
-
-    Attributes:
-        vertices: (V, 3).
-        faces: (F, 3) int64.
-        landmarks: (J, 3) the record's keypoints on the body; NaN for those it does not have.
-        landmark_sigma: (J,) how far each may be from where the body has it, in the body's unit;
-            None for a body in the animal's own pose.
-        template: what the vertices correspond to, or None.
-    """
-
-    vertices: Tensor
-    faces: Tensor
-    landmarks: Tensor
-    landmark_sigma: Tensor | None
-    template: SmalModel | None
 
 
 class BodySource(Protocol):
@@ -270,7 +251,7 @@ class ParametersBody:
             Body(
                 vertices,
                 self.model.faces,
-                torch.from_numpy(read[record.vocabulary][i]),
+                read[record.vocabulary][i],
                 None,
                 self.model,
             )

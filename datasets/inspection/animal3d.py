@@ -61,6 +61,6 @@ def _subject(
     if bodies is None or record.sample_id not in bodies.parameters:
         return Subject(entry, record, None)
     try:
-        return Subject(entry, record, bodies.body(record).landmarks.numpy())
+        return Subject(entry, record, bodies.body(record).landmarks)
     except SampleError:
         return Subject(entry, record, None)  # check and label report it

@@ -126,7 +126,7 @@ def _projected(
         if record.K is None or pose is None:
             continue
         try:
-            landmarks = bodies.body(record).landmarks
+            landmarks = torch.as_tensor(bodies.body(record).landmarks)
         except SampleError:
             continue  # among body_facts
         R, t, K = (

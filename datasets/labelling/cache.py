@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from animal3dbox.datasets.labelling.label_rows import LabelRow, packed_outcome, unpacked_outcome
+from animal3dbox.datasets.labelling.label_codec import packed_outcome, unpacked_outcome
 from animal3dbox.datasets.storage.segments import SUFFIX, SegmentReader, SegmentWriter
 from animal3dbox.errors import DatasetFormatError, ShapeError
-from animal3dbox.labels.types import Rejection
+from animal3dbox.labels.types import CuboidLabel, Rejection
 
 REFRESH_S = 0.5
 """After a miss, other processes' new entries are looked for, but not more often than this."""
@@ -70,7 +70,7 @@ class LabelCache:
     def __getstate__(self) -> dict[str, object]:
         return {"folder": self.folder, "_state": None}
 
-    def get(self, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
+    def get(self, key: bytes) -> tuple[CuboidLabel | Rejection | None, bool]:
         """What is stored under a key, None if nothing is.
 
         And whether something was, but damaged.
@@ -82,7 +82,7 @@ class LabelCache:
             found, damaged = self._read(state, key)
         return found, damaged
 
-    def put(self, key: bytes, outcome: LabelRow | Rejection) -> None:
+    def put(self, key: bytes, outcome: CuboidLabel | Rejection) -> None:
         """Store an outcome.
 
         Raises OSError if it cannot be written, and then nothing has changed.
@@ -186,7 +186,7 @@ class LabelCache:
         if len(state.mapped) > MAPPED:
             state.readers[state.mapped.popitem(last=False)[0]].release()
 
-    def _read(self, state: _State, key: bytes) -> tuple[LabelRow | Rejection | None, bool]:
+    def _read(self, state: _State, key: bytes) -> tuple[CuboidLabel | Rejection | None, bool]:
         half = _half(key)
         place = bisect_right(state.halves, half) - 1
         damaged = False

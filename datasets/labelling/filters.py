@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from animal3dbox.datasets.labelling.label_rows import LabelRow
 from animal3dbox.errors import ConfigError
+from animal3dbox.labels.types import CuboidLabel
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class LabelFilter:
             if value is not None and not value >= 0:
                 raise ConfigError(f"{name} must not be negative, got {value}")
 
-    def problem(self, row: LabelRow) -> tuple[str, str] | None:
+    def problem(self, label: CuboidLabel) -> tuple[str, str] | None:
         """The first limit that a label misses, and how; None if it keeps them all."""
-        left, top, right, bottom = row.field("box").tolist()
+        left, top, right, bottom = label.field("box").tolist()
         if not self.allow_unseen and not (left < right and top < bottom):
             return (
                 "allow_unseen",
@@ -58,17 +58,17 @@ class LabelFilter:
             )
         if self == _AT_REST:
             return None
-        quality = row.quality
-        visible = quality["n_keypoints"]
+        quality = label.quality
+        visible = quality.n_keypoints
         least = {
-            "min_mask_iou": quality["mask_iou"],
-            "min_inlier_share": quality["n_inliers"] / visible if visible else None,
-            "min_confidence": quality["confidence"],
+            "min_mask_iou": quality.mask_iou,
+            "min_inlier_share": quality.n_inliers / visible if visible else None,
+            "min_confidence": label.confidence,
             "min_box_px": max(right - left, bottom - top),
         }
         most = {
-            "max_reprojection_error_px": quality["reprojection_error_px"],
-            "max_truncation": float(row.field("truncation")),
+            "max_reprojection_error_px": quality.reprojection_error_px,
+            "max_truncation": float(label.field("truncation")),
         }
         for sign, measures in ((1, least), (-1, most)):
             for name, value in measures.items():
@@ -81,7 +81,7 @@ class LabelFilter:
                             f" {limit:.3g}"
                         ),
                     )
-        if not self.allow_behind_camera and bool(row.field("behind_camera")):
+        if not self.allow_behind_camera and bool(label.field("behind_camera")):
             return "allow_behind_camera", "a corner is nearer than the near plane"
         return None
 

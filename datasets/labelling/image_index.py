@@ -1,6 +1,6 @@
-"""What each image of a dataset says without its numbers.
+"""What each image of a dataset says without its numbers, in one piece of bytes an image.
 
-All that a label in the cache needs of it, in one piece of bytes an image.
+It is all that a label in the cache needs: the records themselves stay packed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,20 +12,20 @@ from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
 from animal3dbox.datasets.storage.packed import Arena
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
-_Head = tuple[str, str, tuple[int, int], int, bool, bytes, bytes]
+_FlatEntry = tuple[str, str, tuple[int, int], int, bool, bytes, bytes]
 _ENCODER = msgspec.msgpack.Encoder()
-_DECODER = msgspec.msgpack.Decoder(tuple[str, bytes, bool, int, tuple[_Head, ...]])
+_DECODER = msgspec.msgpack.Decoder(tuple[str, bytes, bool, int, tuple[_FlatEntry, ...]])
 
 
-class AnimalHead(NamedTuple):
-    """What a record says without its numbers; see AnimalRecord and CuboidRecord.
+class AnimalEntry(NamedTuple):
+    """What a record says of its animal without its numbers; see AnimalRecord and CuboidRecord.
 
     Attributes:
         sample_id: the image, and which of its animals.
         category: what the dataset calls the animal.
         image_hw: height and width that the annotations are for.
         vocabulary: what the keypoints are; None of a box.
-        in_runs: whether the mask comes as runs.
+        mask_in_runs: whether the mask comes as runs.
         mask_path: the mask as a picture; "" without.
         content: bytes that name what is said of the animal and of a lasting body, the same in every
             process and place.
@@ -35,76 +35,60 @@ class AnimalHead(NamedTuple):
     category: str
     image_hw: tuple[int, int]
     vocabulary: Vocabulary | None
-    in_runs: bool
+    mask_in_runs: bool
     mask_path: str
     content: bytes
 
 
-class ImageHead(NamedTuple):
-    """What is said of an image.
-
-    Attributes:
-        image_id: the image, as its dataset names it.
-        image_path: its file; "" of an image that is only in memory.
-        unread: whether it has further animals whose annotations cannot be read.
-        first: place of its first animal among all.
-        animals: their heads, in order.
-    """
-
-    image_id: str
-    image_path: str
-    unread: bool
-    first: int
-    animals: tuple[AnimalHead, ...]
+IndexRow = tuple[str, str, bool, int, tuple[AnimalEntry, ...]]
+"""An image's name, its file ("" of one that is only in memory), whether it has further animals whose
+annotations cannot be read, the place of its first animal among all, and the entries of its animals.
+"""
 
 
-def head_of(record: AnimalRecord | CuboidRecord, content: bytes) -> AnimalHead:
-    """The head of a record."""
+def entry_of(record: AnimalRecord | CuboidRecord, content: bytes) -> AnimalEntry:
+    """The entry of a record, of a content as record_content names it."""
     height, width = record.image_hw
     known = str(record.sample_id), str(record.category), (int(height), int(width))
     if isinstance(record, CuboidRecord):
-        return AnimalHead(*known, None, False, "", content)
-    return AnimalHead(
-        *known,
-        record.vocabulary,
-        record.mask_runs is not None,
-        str(record.mask_path or ""),
-        content,
-    )
+        return AnimalEntry(*known, None, False, "", content)
+    in_runs, mask_path = record.mask_runs is not None, str(record.mask_path or "")
+    return AnimalEntry(*known, record.vocabulary, in_runs, mask_path, content)
 
 
-class PackedHeads(Sequence[ImageHead]):
-    """Heads of images as bytes; each is made anew when it is asked for.
+class PackedImageIndex(Sequence[IndexRow]):
+    """The rows of an index of images as bytes; each is made anew when it is asked for.
 
     Args:
-        heads: them.
-        words: every vocabulary of theirs.
+        rows: one an image.
+        vocabularies: every vocabulary of the animals.
 
     """
 
-    def __init__(self, heads: Iterable[ImageHead], words: Sequence[Vocabulary]) -> None:
-        self._words = (*words, None)
-        numbers = {id(vocabulary): number for number, vocabulary in enumerate(self._words)}
-        self._arena = Arena(_ENCODER.encode(_flat(head, numbers)) for head in heads)
+    def __init__(self, rows: Iterable[IndexRow], vocabularies: Sequence[Vocabulary]) -> None:
+        self._vocabularies = (*vocabularies, None)
+        numbers = {id(vocabulary): n for n, vocabulary in enumerate(self._vocabularies)}
+        self._arena = Arena(_ENCODER.encode(_flat(row, numbers)) for row in rows)
 
     def __len__(self) -> int:
         return len(self._arena)
 
-    def __getitem__(self, index: int) -> ImageHead:  # type: ignore[override]  # no slices
-        image_id, path, unread, first, animals = _DECODER.decode(self._arena[index])
-        heads = [
-            AnimalHead(i, category, hw, self._words[n], runs, _name(mask), content)
+    def __getitem__(self, index: int) -> IndexRow:  # type: ignore[override]  # no slices
+        image_id, path, has_unread, first, animals = _DECODER.decode(self._arena[index])
+        entries = [
+            AnimalEntry(i, category, hw, self._vocabularies[n], runs, _name(mask), content)
             for i, category, hw, n, runs, mask, content in animals
         ]
-        return ImageHead(image_id, _name(path), unread, first, tuple(heads))
+        return image_id, _name(path), has_unread, first, tuple(entries)
 
 
-def _flat(head: ImageHead, numbers: dict[int, int]) -> tuple[object, ...]:
+def _flat(row: IndexRow, numbers: dict[int, int]) -> tuple[object, ...]:
+    image_id, path, has_unread, first, entries = row
     animals = [
-        (*a[:3], numbers[id(a.vocabulary)], a.in_runs, _name_bytes(a.mask_path), a.content)
-        for a in head.animals
+        (*e[:3], numbers[id(e.vocabulary)], e.mask_in_runs, _name_bytes(e.mask_path), e.content)
+        for e in entries
     ]
-    return head.image_id, _name_bytes(head.image_path), head.unread, head.first, animals
+    return image_id, _name_bytes(path), has_unread, first, animals
 
 
 def _name_bytes(path: str) -> bytes:

@@ -1,208 +1,259 @@
-"""From a record to its label: the one way that every dataset and command goes."""
+"""From an annotated animal to its label: the one way that every Dataset and command goes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.bodies.sources import Body, BodySource, many_bodies
+from animal3dbox.datasets.bodies.sources import BodySource, many_bodies
 from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
+from animal3dbox.datasets.labelling.given_boxes import given_label
+from animal3dbox.datasets.labelling.image_index import AnimalEntry
 from animal3dbox.datasets.labelling.scale import ScaleSource, in_metres
-from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.labelling.sources import ImageSample, Record, sample_of_record
+from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.camera import intrinsics
+from animal3dbox.labels.body import Body
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.label import label_animal, label_many
+from animal3dbox.labels.label import label_observations
+from animal3dbox.labels.observation import Observation, observe
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
-PosePolicy = Literal["hypothesis", "exact"]
-"""What a camera that a dataset stores for its bodies is taken for."""
+CameraPolicy = Literal["hypothesis", "exact"]
+"""How the camera pose that a dataset stores for its bodies is taken: as one guess, or as known."""
+Outcome = CuboidLabel | Rejection | SampleError
+"""What becomes of an animal."""
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
-    """A record and what has been read of its picture.
+class LabelRequest:
+    """One animal that needs a label.
+
+    The key is taken before anything is decoded, so that a file replaced while we label cannot store
+    a stale label.
 
     Attributes:
-        record: the animal.
-        facts: of its picture's header; None: read when it is labelled, if there is a file. An EXIF
-            orientation, which is not applied, is among the label's warnings.
-        mask: the record's (H, W), if it has been decoded; None: decoded when it is labelled, if it
-            has one.
+        sample: what is annotated in its image.
+        place: which of the sample's animals it is.
+        facts: of the image's header. An EXIF orientation, which is not applied, is among the
+            label's warnings.
+        key: names what its label is made from, for a cache; empty without one.
     """
 
-    record: AnimalRecord
-    facts: PhotoFacts | None = None
-    mask: NDArray[np.bool_] | None = None
+    sample: ImageSample
+    place: int
+    facts: PhotoFacts
+    key: bytes = b""
 
-    def read(self) -> "Given":
-        """The same with everything read; raises SampleError."""
-        path = self.record.image_path
-        facts = (
-            self.facts
-            if self.facts is not None
-            else PhotoFacts()
-            if path is None
-            else header_facts(path)
-        )
-        return Given(self.record, facts, self.record.mask if self.mask is None else self.mask)
+    @property
+    def entry(self) -> AnimalEntry:
+        """What is said of the animal without its numbers."""
+        return self.sample.animals[self.place]
+
+    @property
+    def record(self) -> Record:
+        """What the dataset says of the animal."""
+        return self.sample.records[self.place]
+
+    @cached_property
+    def mask(self) -> NDArray[np.bool_] | None:
+        """The animal's mask (H, W), decoded when it is first asked for; None without.
+
+        Raises:
+            SampleError: the mask's file cannot be read, or is of another size.
+
+        """
+        return self.sample.mask(self.place)
+
+    @property
+    def bodies(self) -> BodySource:
+        """Where its body comes from; raises SampleError if nothing is known of that."""
+        if self.sample.bodies is None:
+            raise SampleError(self.entry.sample_id, "body", "there is no source of bodies")
+        return self.sample.bodies
 
 
-def label_record(
-    record: AnimalRecord,
-    bodies: BodySource,
-    config: LabelConfig,
-    facts: PhotoFacts | None = None,
-    scale: ScaleSource | None = None,
-    mask: NDArray[np.bool_] | None = None,
-) -> CuboidLabel | Rejection:
-    """The label of a record's animal with the body that a source gives it.
+def request_of_record(
+    record: Record, bodies: BodySource | None, facts: PhotoFacts | None = None
+) -> LabelRequest:
+    """The request for the label of one record alone.
 
     Args:
         record: the animal.
-        bodies: its body's source.
-        config: the method.
-        facts: see Given.
-        scale: what makes the label metric where the dataset itself does not say; None: nothing, it
-            is in the body's unit.
-        mask: see Given.
+        bodies: the source of its body.
+        facts: of its picture's header; None: read here, if there is a file.
 
     Raises:
-        SampleError: the record is unusable; names the sample, the field and the remedy.
+        SampleError: the picture's header cannot be read.
 
     """
-    given = Given(record, facts, mask).read()
-    body = bodies.body(record)
-    return _finished(label_animal(**_arguments(given, body), config=config), given, body, scale)
+    if facts is None:
+        facts = PhotoFacts() if record.image_path is None else header_facts(record.image_path)
+    return LabelRequest(sample_of_record(record, bodies), 0, facts)
 
 
 def label_records(
-    given: Sequence[Given],
-    bodies: BodySource,
+    requests: Sequence[LabelRequest],
     config: LabelConfig,
+    *,
     scale: ScaleSource | None = None,
-) -> list[CuboidLabel | Rejection | SampleError]:
-    """The labels of many records, the same as one by one, at less cost where cameras are known.
-
-    An unusable one spoils no other.
+    stored_cameras: CameraPolicy = "hypothesis",
+) -> list[Outcome]:
+    """The labels of many animals, each the same as alone; an unusable one spoils no other.
 
     Args:
-        given: the animals.
-        bodies: the source of their bodies.
+        requests: the animals; a single one is a list of one.
         config: the method.
-        scale: see label_record.
+        scale: what makes labels metric where the dataset itself does not say; None: nothing, they
+            are in the body's unit.
+        stored_cameras: what a camera pose that the dataset stores is taken for.
 
     Returns:
         Labels, rejections and errors, in order.
 
+    Example:
+        >>> from animal3dbox.datasets import SyntheticSet, preset_body
+        >>> from animal3dbox import LabelConfig
+        >>> records = SyntheticSet(seed=0, images=1).records().records
+        >>> request = request_of_record(records[0], preset_body("dog"))
+        >>> [type(outcome).__name__ for outcome in label_records([request], LabelConfig())]
+        ['CuboidLabel']
     """
-    found: list[CuboidLabel | Rejection | SampleError | None] = [None] * len(given)
-    ready: dict[int, Given] = {}
-    for place, one in enumerate(given):
+    outcomes: list[Outcome | None] = [None] * len(requests)
+    by_source: dict[int, list[int]] = {}
+    for place, request in enumerate(requests):
         try:
-            ready[place] = one.read()
+            if isinstance(request.record, CuboidRecord):
+                outcomes[place] = given_label(request.record)
+            else:
+                _ = request.mask  # decoded before its batch, which an unreadable one must not spoil
+                by_source.setdefault(id(request.bodies), []).append(place)
         except SampleError as error:
-            found[place] = error
+            outcomes[place] = error
+    for places in by_source.values():
+        animals = [requests[place] for place in places]
+        labels = _labels_of_source(animals, config, scale=scale, stored_cameras=stored_cameras)
+        for place, outcome in zip(places, labels, strict=True):
+            outcomes[place] = outcome
+    return [outcome for outcome in outcomes if outcome is not None]
+
+
+def _labels_of_source(
+    requests: Sequence[LabelRequest],
+    config: LabelConfig,
+    *,
+    scale: ScaleSource | None,
+    stored_cameras: CameraPolicy,
+) -> list[Outcome]:
+    """The labels of animals whose bodies come from one source, made together where that works."""
     try:
-        posed = many_bodies(bodies, [one.record for one in ready.values()])
-        outcomes = label_many(
-            [_arguments(one, body) for one, body in zip(ready.values(), posed, strict=True)], config
-        )
-        for (place, one), body, outcome in zip(ready.items(), posed, outcomes, strict=True):
-            found[place] = _finished(outcome, one, body, scale)
-    except SampleError:  # one of them is unusable: which, is told one by one
-        for place, one in ready.items():
-            try:
-                found[place] = label_record(one.record, bodies, config, one.facts, scale, one.mask)
-            except SampleError as error:
-                found[place] = error
-    return [outcome for outcome in found if outcome is not None]
+        records = [_with_camera(request.record, stored_cameras) for request in requests]
+        bodies = many_bodies(requests[0].bodies, records)
+        observations = [
+            _observation(request, record, body, config)
+            for request, record, body in zip(requests, records, bodies, strict=True)
+        ]
+        labels = label_observations(observations, config)
+        return [
+            _finished(label, request, record, body, scale)
+            for label, request, record, body in zip(labels, requests, records, bodies, strict=True)
+        ]
+    except SampleError as error:
+        if len(requests) == 1:
+            return [error]
+    outcomes: list[Outcome] = []  # one of them is unusable: which, is told one by one
+    for request in requests:
+        outcomes += _labels_of_source([request], config, scale=scale, stored_cameras=stored_cameras)
+    return outcomes
 
 
-def _arguments(given: Given, body: Body) -> dict[str, Any]:
-    """label_animal's arguments for an animal and its body."""
-    record = given.record
-    return {
-        "image_hw": record.image_hw,
-        "keypoints_2d": record.keypoints_2d,
-        "keypoints_3d": body.landmarks,
-        "landmark_sigma": body.landmark_sigma,
-        "vertices": body.vertices,
-        "faces": body.faces,
-        "template": body.template,
-        "K": camera_of(record, given.facts or PhotoFacts())[0],
-        "pose": record.pose,
-        "pose_hypotheses": () if record.stored_pose is None else (record.stored_pose,),
-        "mask": given.mask,
-        "vocabulary": record.vocabulary,
-        "distortion": record.distortion,
-        "sample_id": record.sample_id,
-    }
+def _with_camera(record: Record, policy: CameraPolicy) -> AnimalRecord:
+    """A record with its dataset's own camera taken as known, if the policy is "exact"."""
+    if isinstance(record, CuboidRecord):
+        raise TypeError(f"{record.sample_id} is a box: it has no body")
+    if policy == "exact" and record.pose is None:
+        return replace(record, pose=record.stored_pose)
+    return record
+
+
+def _observation(
+    request: LabelRequest, record: AnimalRecord, body: Body, config: LabelConfig
+) -> Observation:
+    """A record with its picture's header, its mask and its body, checked."""
+    return observe(
+        image_hw=record.image_hw,
+        body=body,
+        keypoints_2d=record.keypoints_2d,
+        K=camera_of(record, request.facts)[0],
+        pose=record.pose,
+        pose_hypotheses=() if record.stored_pose is None else (record.stored_pose,),
+        mask=request.mask,
+        vocabulary=record.vocabulary,
+        distortion=record.distortion,
+        sample_id=record.sample_id,
+        config=config,
+    )
 
 
 def _finished(
-    outcome: CuboidLabel | Rejection, given: Given, body: Body, scale: ScaleSource | None
+    outcome: CuboidLabel | Rejection,
+    request: LabelRequest,
+    record: AnimalRecord,
+    body: Body,
+    scale: ScaleSource | None,
 ) -> CuboidLabel | Rejection:
-    """A label with what the record and its picture say of it, in metres if something tells the
-    scale."""
+    """A label with what its record and picture say of it, in metres if something tells the scale."""
     if isinstance(outcome, Rejection):
         return outcome
-    record, facts, quality = given.record, given.facts or PhotoFacts(), outcome.quality
+    facts, quality = request.facts, outcome.quality
+    from_dataset = quality.mask_source == "dataset"
     quality = replace(
         quality,
-        mask_source=record.mask_source if quality.mask_source == "dataset" else quality.mask_source,
+        mask_source=record.mask_source if from_dataset else quality.mask_source,
         warnings=(*quality.warnings, *facts.warnings),
         K_source=camera_of(record, facts)[1] or quality.K_source,
     )
-    outcome = replace(outcome, quality=quality)
+    label = replace(outcome, quality=quality)
     if record.metres_per_unit is not None:
-        return in_metres(outcome, record.metres_per_unit, "dataset")
+        return in_metres(label, record.metres_per_unit, "dataset")
     if scale is None:
-        return outcome
-    metres, source = scale.metres_per_unit(record, body, outcome)
+        return label
+    metres, source = scale.metres_per_unit(record, body, label)
     if metres is not None and not 0 < metres < float("inf"):
         raise SampleError(
             record.sample_id,
             "scale",
             f"metres per unit must be positive, {type(scale).__name__} gave {metres}",
         )
-    return in_metres(outcome, metres, source)
+    return in_metres(label, metres, source)
 
 
-def check_pose_policy(policy: PosePolicy, has_cameras: bool, notes: Sequence[str] = ()) -> None:
-    """Raise ConfigError if known cameras are asked for of a dataset that has none, or none that
-    agrees with its keypoints."""
+def check_camera_policy(policy: CameraPolicy, has_cameras: bool, notes: Sequence[str] = ()) -> None:
+    """Raise a ConfigError if known cameras are asked for of a dataset that has none to be trusted."""
     if policy == "exact" and not has_cameras:
-        said = "".join(f" ({note})" for note in notes if "camera" in note)
+        about_cameras = "".join(f" ({note})" for note in notes if "camera" in note)
         raise ConfigError(
-            "pose 'exact' needs cameras that come with the dataset, and there are none to be"
-            f" trusted{said}: take 'hypothesis'"
+            "stored_cameras 'exact' needs cameras that come with the dataset, and there are none to"
+            f" be trusted{about_cameras}: take 'hypothesis'"
         )
-
-
-def posed_as_stored(record: AnimalRecord, policy: PosePolicy) -> AnimalRecord:
-    """The record with its dataset's own camera taken as known, if the policy is "exact" and there
-    is one."""
-    return (
-        replace(record, pose=record.stored_pose)
-        if policy == "exact" and record.pose is None
-        else record
-    )
 
 
 def camera_of(
     record: AnimalRecord, facts: PhotoFacts
 ) -> tuple[NDArray[np.float64] | None, str | None]:
-    """The intrinsics (3, 3) of a record and where they are from.
+    """The intrinsics (3, 3) of a record and their source.
 
-    Its own, its picture's EXIF header, its dataset's; None if nothing tells.
-
-    A pose known exactly holds for the camera that it came with, and so keeps it.
+    Its own, its picture's EXIF header, its dataset's; None if nothing tells. A pose known exactly
+    holds for the camera that it came with, and so keeps it.
     """
-    if record.K is not None and (record.K_source == "given" or record.pose is not None):
+    own = record.K_source == "given" or record.pose is not None
+    if record.K is not None and own:
         return record.K, record.K_source
     if facts.focal_px is not None:
-        return intrinsics(facts.focal_px, record.image_hw).numpy(), "exif"
+        return as_numpy(intrinsics(facts.focal_px, record.image_hw)), "exif"
     return (None, None) if record.K is None else (record.K, record.K_source)

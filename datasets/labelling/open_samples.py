@@ -1,96 +1,88 @@
 """What is read of samples' files before their animals are labelled."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.photos import Photo
-from animal3dbox.datasets.labelling.label_store import Asked, RowMaker
+from animal3dbox.datasets.labelling.label_records import LabelRequest
+from animal3dbox.datasets.labelling.label_store import LabelStore
 from animal3dbox.datasets.labelling.sources import ImageSample, SampleSource
 from animal3dbox.errors import SampleError
 
 T = TypeVar("T")
+RequestOrError = LabelRequest | SampleError
+OpenSample = tuple[ImageSample, Photo, list[RequestOrError]]
+"""An image's annotations, its picture, decoded, and the requests for its animals' labels with their
+masks, or what is wrong with those that cannot be labelled."""
 
 
-class OpenedSample(NamedTuple):
-    """An image with what is annotated in it.
-
-    Attributes:
-        sample: its annotations.
-        photo: its picture, decoded.
-        asked: its animals with their masks, and what is wrong with those that cannot be labelled.
-    """
-
-    sample: ImageSample
-    photo: Photo
-    asked: tuple[Asked | SampleError, ...]
-
-
-def opened_samples(
-    source: SampleSource, places: Sequence[int], numbers: Mapping[str, int], rows: RowMaker
-) -> list[OpenedSample | SampleError]:
-    """Samples with their images and masks, in order, and the errors of those that cannot be read.
+def open_samples(
+    source: SampleSource, places: Sequence[int], classes: Mapping[str, int], store: LabelStore
+) -> list[OpenSample | SampleError]:
+    """Samples with their pictures and masks, in order, and the errors of those that are unreadable.
 
     Step by step for all of them: the small steps cost less in a row than between decodings, which
-    fill the processor's caches.
+    fill the processor's caches (benchmarks/loader.py, "cached labels").
 
     Args:
         source: of the samples.
         places: in the source.
-        numbers: of the classes that animals may be of.
-        rows: will be asked for the animals' rows.
+        classes: the categories that animals may be of.
+        store: will be asked for the animals' labels.
 
     """
-    samples = [_tried(source.sample, place) for place in places]
+    samples = [_attempt(source.sample, place) for place in places]
     photos = [
-        sample if isinstance(sample, SampleError) else _tried(source.photo, sample)
+        sample if isinstance(sample, SampleError) else _attempt(source.photo, sample)
         for sample in samples
     ]
-    opened: list[OpenedSample | SampleError] = []
+    opened: list[OpenSample | SampleError] = []
     for sample, photo in zip(samples, photos, strict=True):
         if isinstance(photo, SampleError):
             opened.append(photo)
         elif not isinstance(sample, SampleError):
-            opened.append(OpenedSample(sample, photo, _animals(sample, photo, numbers, rows)))
+            opened.append((sample, photo, _requests(sample, photo, classes, store)))
     return [
-        (
-            one
-            if isinstance(one, SampleError)
-            else one._replace(asked=tuple([_with_mask(animal) for animal in one.asked]))
-        )
+        one if isinstance(one, SampleError) else (one[0], one[1], list(map(_with_mask, one[2])))
         for one in opened
     ]
 
 
-def _tried(read: Callable[..., T], *arguments: object) -> T | SampleError:
+def mask_of(request: RequestOrError) -> NDArray[np.bool_] | None:
+    """The mask (H, W) of a request; None without."""
+    return None if isinstance(request, SampleError) else request.mask
+
+
+def _attempt(read: Callable[..., T], *arguments: object) -> T | SampleError:
+    """The result of a call, or the SampleError that it raises."""
     try:
         return read(*arguments)
     except SampleError as error:
         return error
 
 
-def _animals(
-    sample: ImageSample, photo: Photo, numbers: Mapping[str, int], rows: RowMaker
-) -> tuple[Asked | SampleError, ...]:
-    """A sample's animals before their masks are decoded, and what is wrong with others."""
-    found: list[Asked | SampleError] = []
-    for animal, head in enumerate(sample.animals):
-        if head.category in numbers:
-            found.append(_tried(rows.asked, sample, animal, photo.facts))
+def _requests(
+    sample: ImageSample, photo: Photo, classes: Mapping[str, int], store: LabelStore
+) -> list[RequestOrError]:
+    """The requests for the labels of a sample's animals, their masks not decoded yet."""
+    requests: list[RequestOrError] = []
+    for place, entry in enumerate(sample.animals):
+        if entry.category in classes:
+            requests.append(_attempt(store.request, sample, place, photo.facts))
         else:
-            found.append(
-                SampleError(
-                    head.sample_id,
-                    "category",
-                    f"{head.category!r} is none of the classes {', '.join([*numbers][:20])}",
-                )
-            )
-    return tuple(found)
+            known = ", ".join([*classes][:20])
+            problem = f"{entry.category!r} is none of the classes {known}"
+            requests.append(SampleError(entry.sample_id, "category", problem))
+    return requests
 
 
-def _with_mask(asked: Asked | SampleError) -> Asked | SampleError:
-    if isinstance(asked, SampleError):
-        return asked
+def _with_mask(request: RequestOrError) -> RequestOrError:
+    """A request whose mask has been decoded, or why it cannot be."""
     try:
-        return asked._replace(mask=asked.sample.mask(asked.animal))
+        mask_of(request)
     except SampleError as error:
         return error
+    return request

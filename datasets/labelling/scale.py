@@ -12,9 +12,10 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.bodies.sources import Body
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.labels.body import Body
+from animal3dbox.labels.label_row import LENGTHS
 from animal3dbox.labels.types import CuboidLabel
 
 UNKNOWN = "unknown"
@@ -148,10 +149,11 @@ def head_and_body(record: AnimalRecord, body: Body) -> float | None:
     None if it lacks one of them.
     """
     places: dict[str, Tensor] = {}
-    for row, names in enumerate(record.vocabulary.landmarks):
-        if bool(torch.isfinite(body.landmarks[row]).all()):
+    landmarks = torch.as_tensor(body.landmarks)
+    for landmark, names in zip(landmarks, record.vocabulary.landmarks, strict=True):
+        if bool(torch.isfinite(landmark).all()):
             for name in names:
-                places.setdefault(name, body.landmarks[row])
+                places.setdefault(name, landmark)
     middle = places.get("neck", places.get("withers"))
     if middle is None or "nose" not in places or "tail_base" not in places:
         return None
@@ -163,11 +165,16 @@ def head_and_body(record: AnimalRecord, body: Body) -> float | None:
 
 
 def in_metres(label: CuboidLabel, metres: float | None, source: str) -> CuboidLabel:
-    """A label with its camera-frame fields (corners_3d, center, size, t) in metres.
+    """A label whose lengths in the camera frame (label_row.LENGTHS) are in metres.
 
     R and t then map vertices that are scaled too.
+
+    Args:
+        label: in the unit of its body.
+        metres: a unit of the body; None if nothing tells, and the label stays as it is.
+        source: what tells it.
+
     """
-    if metres is None:
-        return replace(label, scale_m_per_unit=None, scale_source=source)
-    scaled = {name: getattr(label, name) * metres for name in ("corners_3d", "center", "size", "t")}
-    return replace(label, **scaled, scale_m_per_unit=metres, scale_source=source)
+    if metres is not None:
+        label = label.with_fields(**{name: label.field(name) * metres for name in LENGTHS})
+    return replace(label, scale_m_per_unit=metres, scale_source=source)

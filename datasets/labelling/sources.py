@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.images.photos import Photo, checked_facts, read_mask, read_photo
-from animal3dbox.datasets.labelling.image_index import AnimalHead, ImageHead, PackedHeads, head_of
+from animal3dbox.datasets.labelling.image_index import (
+    AnimalEntry,
+    IndexRow,
+    PackedImageIndex,
+    entry_of,
+)
 from animal3dbox.datasets.records import (
     AnimalRecord,
     CuboidImage,
@@ -33,42 +38,54 @@ class ImageSample:
     """What is annotated in one image.
 
     Attributes:
-        head: what is said of the image and its animals without their numbers.
-        unpack: makes the records.
+        image_id: the image, as its dataset names it.
+        image_path: its file; "" of an image that is only in memory.
+        has_unread: whether it has further animals whose annotations cannot be read.
+        animals: what is said of each without its numbers; none of an image that is listed alone.
+        unpack: makes the animals' records.
         bodies: where the animals' bodies come from; None for boxes that come as they are.
-        image: what is known of an image without records; None of others.
+        listed: what is known of an image without records; None of others.
     """
 
-    head: ImageHead
+    image_id: str
+    image_path: str
+    has_unread: bool
+    animals: tuple[AnimalEntry, ...]
     unpack: Callable[[], tuple[Record, ...]]
     bodies: BodySource | None
-    image: CuboidImage | None = None
-
-    @property
-    def image_id(self) -> str:
-        """The image, as its dataset names it."""
-        return self.head.image_id
-
-    @property
-    def animals(self) -> tuple[AnimalHead, ...]:
-        """The heads of its animals; none of an image that is listed without any."""
-        return self.head.animals
+    listed: CuboidImage | None = None
 
     @cached_property
     def records(self) -> tuple[Record, ...]:
-        """Its animals, made when they are asked for.
-
-        A label in the cache needs their heads only.
-        """
+        """Its animals, made when they are asked for: a cached label needs their entries only."""
         return self.unpack()
+
+    @property
+    def image_hw(self) -> tuple[int, int]:
+        """Height and width that the annotations are for."""
+        return self.animals[0].image_hw if self.listed is None else self.listed.image_hw
 
     def mask(self, animal: int) -> NDArray[np.bool_] | None:
         """An animal's mask (H, W), None without; see AnimalRecord."""
-        head = self.head.animals[animal]
-        if head.in_runs:
+        entry = self.animals[animal]
+        if entry.mask_in_runs:
             record = self.records[animal]
             return record.mask if isinstance(record, AnimalRecord) else None
-        return read_mask(head.mask_path, head.sample_id, head.image_hw) if head.mask_path else None
+        if not entry.mask_path:
+            return None
+        return read_mask(entry.mask_path, entry.sample_id, entry.image_hw)
+
+
+def sample_of_record(record: Record, bodies: BodySource | None) -> ImageSample:
+    """A sample of one animal alone, of its record."""
+    return ImageSample(
+        image_id=record.image_id,
+        image_path=str(record.image_path or ""),
+        has_unread=False,
+        animals=(entry_of(record, b""),),
+        unpack=lambda: (record,),
+        bodies=bodies,
+    )
 
 
 class SampleSource(Protocol):
@@ -138,7 +155,7 @@ class SampleSource(Protocol):
 
 
 class FileSource:
-    """A dataset in files, its annotations packed (packed.py).
+    """A dataset in files, its annotations packed (storage/packed.py).
 
     Args:
         records: animals with the source of their bodies, or boxes that come as they are.
@@ -147,132 +164,124 @@ class FileSource:
     """
 
     def __init__(self, records: RecordSet | CuboidSet, bodies: BodySource | None = None) -> None:
-        found: Sequence[Any] = records.records
-        if isinstance(records, RecordSet) and bodies is None:
-            raise ConfigError(
-                f"a dataset of animals ({records.name}) needs a source of their bodies, such as"
-                " preset_body('dog')"
-            )
-        missing = (
-            []
-            if bodies is None
-            else [
-                name
-                for name in ("fingerprint", "lasting", "content", "body")
-                if not hasattr(bodies, name)
-            ]
-        )
-        if missing:
-            raise ConfigError(
-                f"{type(bodies).__name__} is no source of bodies: it lacks {', '.join(missing)}"
-                " (see datasets.bodies.sources.BodySource)"
-            )
-        self.name, self.faults, self.notes, self.bodies = (
-            records.name,
-            records.faults,
-            records.notes,
-            bodies,
-        )
-        self.named_faces = all(getattr(record, "heading_known", True) for record in found)
-        self.has_cameras = any(has_camera(record) for record in found)
-        used = {record.category for record in found}
-        self.categories = (
-            *dict.fromkeys(records.categories),
-            *sorted(used.difference(records.categories)),
-        )
+        every_record: Sequence[Any] = records.records
+        _check_bodies(records, bodies)
+        self.name, self.faults, self.notes = records.name, records.faults, records.notes
+        self.bodies = bodies
+        self.named_faces = all(getattr(record, "heading_known", True) for record in every_record)
+        self.has_cameras = any(has_camera(record) for record in every_record)
+        used = {record.category for record in every_record}
+        listed_categories = dict.fromkeys(records.categories)
+        self.categories = (*listed_categories, *sorted(used.difference(records.categories)))
         listed = records.listed_images() if isinstance(records, CuboidSet) else ()
         groups: dict[str, list[int]] = {image.image_id: [] for image in listed}
-        for i, record in enumerate(found):
+        for i, record in enumerate(every_record):
             groups.setdefault(record.image_id, []).append(i)
         order = [i for members in groups.values() for i in members]
         kind = CuboidRecord if isinstance(records, CuboidSet) else AnimalRecord
-        words = tuple({id(v): v for v in map(_words, found) if v}.values())
-        self._records = PackedList(kind, (_without_paths(found[i]) for i in order), words)
-        self._listed = PackedList(
-            CuboidImage, (replace(image, image_path=None) for image in listed)
-        )
-        paths = {image.image_id: image.image_path for image in listed} | {
-            record.image_id: record.image_path for record in found
-        }
-        self._heads = PackedHeads(self._found_heads(found, groups, paths), words)
+        vocabularies = {id(v): v for v in map(_vocabulary, every_record) if v}
+        words = tuple(vocabularies.values())
+        self._records = PackedList(kind, (_without_paths(every_record[i]) for i in order), words)
+        without_paths = (replace(image, image_path=None) for image in listed)
+        self._listed = PackedList(CuboidImage, without_paths)
+        paths = {image.image_id: image.image_path for image in listed}
+        paths |= {record.image_id: record.image_path for record in every_record}
+        self._index = PackedImageIndex(self._index_rows(every_record, groups, paths), words)
 
-    def _found_heads(
-        self, found: Sequence[Any], groups: dict[str, list[int]], paths: dict[str, Path | None]
-    ) -> Iterator[ImageHead]:
-        """The heads of all images, of the places of their records."""
+    def _index_rows(
+        self,
+        records: Sequence[Any],
+        groups: dict[str, list[int]],
+        paths: dict[str, Path | None],
+    ) -> Iterator[IndexRow]:
+        """The rows of the index of all images, of the places of their records."""
         unread = frozenset(
             name for fault in self.faults for name in images_of(fault.sample_id or "")
         )
         first = 0
         for name, members in groups.items():
-            contents = (
-                record_content(found[i], self._records.packed(first + k), self.bodies)
+            entries = tuple(
+                entry_of(
+                    records[i],
+                    record_content(records[i], self._records.packed(first + k), self.bodies),
+                )
                 for k, i in enumerate(members)
             )
-            animals = tuple(
-                head_of(found[i], content) for i, content in zip(members, contents, strict=True)
-            )
-            yield ImageHead(str(name), str(paths[name] or ""), name in unread, first, animals)
+            yield str(name), str(paths[name] or ""), name in unread, first, entries
             first += len(members)
 
     def __len__(self) -> int:
-        return len(self._heads)
+        return len(self._index)
 
     @property
     def fingerprint(self) -> bytes:
-        """Of the bodies."""
+        """Names the content of the bodies."""
         return b"" if self.bodies is None else self.bodies.fingerprint
 
     def image_id(self, index: int) -> str:
         """The image's name."""
-        return self._heads[index].image_id
+        return self._index[index][0]
 
     def animals(self, index: int) -> int:
         """How many records an image has."""
-        return len(self._heads[index].animals)
+        return len(self._index[index][4])
 
     def sample(self, index: int) -> ImageSample:
         """What is said of an image; its records are made anew when they are asked for."""
-        head = self._heads[index]
-        alone = (
-            None
-            if head.animals
-            else replace(self._listed[index], image_path=_path(head.image_path))
+        image_id, path, has_unread, first, animals = self._index[index]
+        return ImageSample(
+            image_id=image_id,
+            image_path=path,
+            has_unread=has_unread,
+            animals=animals,
+            unpack=partial(self._unpacked, path, first, animals),
+            bodies=self.bodies,
+            listed=None if animals else replace(self._listed[index], image_path=_path(path)),
         )
-        return ImageSample(head, partial(self._unpacked, head), self.bodies, alone)
 
     def photo(self, sample: ImageSample) -> Photo:
         """The image file, which must be as large as its annotations say."""
-        head = sample.head
-        if not head.image_path:
+        if not sample.image_path:
             raise SampleError(
-                head.image_id,
+                sample.image_id,
                 "image",
                 "is only in memory: give a source that has its pictures, or write the dataset"
                 " first",
             )
-        return read_photo(
-            head.image_path, head.image_id, (sample.image or head.animals[0]).image_hw
-        )
+        return read_photo(sample.image_path, sample.image_id, sample.image_hw)
 
     def facts(self, sample: ImageSample) -> PhotoFacts:
         """Of the image file, if there is one."""
-        head = sample.head
-        if not head.image_path:
+        if not sample.image_path:
             return PhotoFacts()
-        return checked_facts(
-            Path(head.image_path), head.image_id, (sample.image or head.animals[0]).image_hw
-        )
+        return checked_facts(Path(sample.image_path), sample.image_id, sample.image_hw)
 
-    def _unpacked(self, head: ImageHead) -> tuple[Record, ...]:
-        path = _path(head.image_path)
+    def _unpacked(
+        self, image_path: str, first: int, animals: tuple[AnimalEntry, ...]
+    ) -> tuple[Record, ...]:
+        path = _path(image_path)
         masks = (
-            {"mask_path": Path(animal.mask_path)} if animal.mask_path else {}
-            for animal in head.animals
+            {"mask_path": Path(animal.mask_path)} if animal.mask_path else {} for animal in animals
         )
         return tuple(
-            self._records.unpacked(head.first + k, image_path=path, **mask)
+            self._records.unpacked(first + k, image_path=path, **mask)
             for k, mask in enumerate(masks)
+        )
+
+
+def _check_bodies(records: RecordSet | CuboidSet, bodies: BodySource | None) -> None:
+    """Raise a ConfigError unless animals come with a whole source of bodies."""
+    if isinstance(records, RecordSet) and bodies is None:
+        raise ConfigError(
+            f"a dataset of animals ({records.name}) needs a source of their bodies, such as"
+            " preset_body('dog')"
+        )
+    needed = ("fingerprint", "lasting", "content", "body")
+    missing = [] if bodies is None else [name for name in needed if not hasattr(bodies, name)]
+    if missing:
+        raise ConfigError(
+            f"{type(bodies).__name__} is no source of bodies: it lacks {', '.join(missing)} (see"
+            " datasets.bodies.sources.BodySource)"
         )
 
 
@@ -291,11 +300,11 @@ def record_content(record: Record, packed: bytes, bodies: BodySource | None) -> 
         body = bodies.content(record.sample_id) if bodies.lasting else b""
     except SampleError:  # said when its label is asked for
         body = b""
-    return digest(packed, _words_digest(record.vocabulary), body)
+    return digest(packed, _vocabulary_digest(record.vocabulary), body)
 
 
 @lru_cache(maxsize=16)
-def _words_digest(vocabulary: Vocabulary) -> bytes:
+def _vocabulary_digest(vocabulary: Vocabulary) -> bytes:
     return content_digest(vocabulary)
 
 
@@ -330,5 +339,5 @@ def _without_paths(record: Any) -> Any:
     )
 
 
-def _words(record: Any) -> Any:
+def _vocabulary(record: Any) -> Any:
     return getattr(record, "vocabulary", None)

@@ -8,7 +8,7 @@ import numpy as np
 from animal3dbox.datasets.bodies.sources import ParametersBody
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.images.photos import Photo
-from animal3dbox.datasets.labelling.image_index import ImageHead, head_of
+from animal3dbox.datasets.labelling.image_index import entry_of
 from animal3dbox.datasets.labelling.sources import ImageSample, record_content
 from animal3dbox.datasets.records import AnimalRecord, CuboidImage
 from animal3dbox.datasets.storage.fingerprint import content_digest
@@ -80,18 +80,19 @@ class SyntheticSource:
         records = tuple(_with_camera(sample) for sample in said)
         # Named by what they say, not by what they are drawn from: the code that draws may change.
         animals = tuple(
-            head_of(record, record_content(record, content_digest(record), bodies))
+            entry_of(record, record_content(record, content_digest(record), bodies))
             for record in records
         )
-        alone = (
-            None
-            if records
-            else CuboidImage(
-                self.image_id(index), None, scene.camera.image_hw, scene.camera.K.numpy()
-            )
-        )
+        camera, image_id = scene.camera, self.image_id(index)
+        listed = CuboidImage(image_id, None, camera.image_hw, camera.K.numpy())
         return ImageSample(
-            ImageHead(self.image_id(index), "", False, 0, animals), lambda: records, bodies, alone
+            image_id=image_id,
+            image_path="",
+            has_unread=False,
+            animals=animals,
+            unpack=lambda: records,
+            bodies=bodies,
+            listed=None if records else listed,
         )
 
     def photo(self, sample: ImageSample) -> Photo:

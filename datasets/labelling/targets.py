@@ -1,4 +1,4 @@
-"""Targets: what a Dataset gives beside an image, made of label rows."""
+"""Targets: what a Dataset gives beside an image, cut out of labels by the schema of a target."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -8,20 +8,24 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.labelling.label_rows import SPANS, LabelRow, columns, places
 from animal3dbox.errors import SampleError
+from animal3dbox.geometry.frame import in_frame
+from animal3dbox.labels.label_row import FIRST_FLAG, SPANS, WIDTH
+from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.target_schema import LABEL_FIELDS, Field
 
-FACES = ("face_visible", "face_area", "face_share", "face_share_in_image")
-_SURFACE_SHARE = SPANS["surface_share"][0]
 _FLOAT32, _BOOL = np.dtype(np.float32), np.dtype(np.bool_)
+_SURFACE_SHARE = SPANS["surface_share"].start
 _Place = tuple[str, tuple[int, ...], int]
+"""A field's name in the target, its shape there, and the byte at which its numbers begin."""
 
 
 def target_of(
     image_id: str,
-    rows: Sequence[LabelRow],
-    labels: Sequence[int],
+    labels: Sequence[CuboidLabel],
+    class_numbers: Sequence[int],
+    *,
     masks: NDArray[np.uint8] | None = None,
     vocabulary: Vocabulary | None = None,
     named_faces: bool = True,
@@ -32,107 +36,66 @@ def target_of(
 
     Args:
         image_id: the image.
-        rows: the labels of its N animals, at least one.
-        labels: their classes.
+        labels: of its N animals, at least one.
+        class_numbers: their classes.
         masks: (N, H, W) 0 and 1; None without.
         vocabulary: of the keypoints; None: no keypoints.
         named_faces: whether forward and left mean something; else there are no face fields.
 
     Returns:
-        The fields of design.md's target, with keypoint_mirror (J,), scale_known (N,) and
-        scale_source, and surface_share (N, 6) if it was measured.
+        The fields of target_schema.FIELDS that a Dataset has; surface_share (N, 6) if it was
+        measured.
 
     """
-    measured = named_faces and all(row.values[_SURFACE_SHARE] >= 0 for row in rows)
-    target = _tensors(rows, named_faces, measured)
-    target["labels"] = torch.from_numpy(np.array(labels, dtype=np.int64))
-    if rows[0].distortion is not None:
-        target["distortion"] = torch.from_numpy(rows[0].distortion.astype(np.float32))
-    if vocabulary is not None and all(row.keypoints is not None for row in rows):
+    measured = named_faces and all(label.row[_SURFACE_SHARE] >= 0 for label in labels)
+    target = _label_fields(labels, named_faces=named_faces, measured=measured)
+    target["labels"] = torch.from_numpy(np.array(class_numbers, dtype=np.int64))
+    if labels[0].lens is not None:
+        target["distortion"] = torch.from_numpy(labels[0].lens.astype(np.float32))
+    if vocabulary is not None and all(label.keypoints_2d is not None for label in labels):
         target["keypoint_mirror"] = torch.from_numpy(_mirror(vocabulary.flip).copy())
-        target["keypoints"] = torch.from_numpy(
-            np.array([row.keypoints for row in rows], dtype=np.float32)
-        )
+        marked = [_keypoints_in_frame(label) for label in labels]
+        target["keypoints"] = torch.from_numpy(np.array(marked, dtype=np.float32))
     if masks is not None:
         target["masks"] = torch.from_numpy(masks)
-    scales = [row.scale_m_per_unit for row in rows]
+    scales = [label.scale_m_per_unit for label in labels]
     target["scale_known"] = torch.from_numpy(np.array([scale is not None for scale in scales]))
-    target["scale_m_per_unit"] = torch.from_numpy(
-        np.array([scale or 1.0 for scale in scales], dtype=np.float32)
-    )
-    target["scale_source"] = [row.scale_source for row in rows]
-    target["quality"] = [row.quality for row in rows]
-    target["sample_ids"] = [row.sample_id for row in rows]
-    target["image_id"], target["K_source"] = image_id, rows[0].quality["K_source"]
+    factors = np.array([scale or 1.0 for scale in scales], dtype=np.float32)
+    target["scale_m_per_unit"] = torch.from_numpy(factors)
+    target["image_id"] = image_id
+    target["meta"] = {
+        "sample_ids": [label.sample_id or "" for label in labels],
+        "quality": [{**vars(label.quality), "confidence": label.confidence} for label in labels],
+        "scale_source": [label.scale_source for label in labels],
+        "K_source": labels[0].quality.K_source,
+    }
     return target
 
 
-def _tensors(rows: Sequence[LabelRow], named_faces: bool, measured: bool) -> dict[str, Any]:
-    """The fields of LAYOUT as targets have them."""
-    numbers, flags = columns(rows)
-    of_numbers, of_flags = _plan(len(rows), named_faces, measured)
-    target: dict[str, Any] = {
-        name: torch.from_numpy(np.ndarray(shape, _FLOAT32, numbers, at))
-        for name, shape, at in of_numbers
-    }
-    for name, shape, at in of_flags:
-        target[name] = torch.from_numpy(np.ndarray(shape, _BOOL, flags, at))
-    return target
-
-
-@lru_cache(maxsize=256)
-def _plan(count: int, named_faces: bool, measured: bool) -> tuple[list[_Place], list[_Place]]:
-    """Name, shape and place of a target's fields in columns' numbers, and in its booleans.
-
-    K is the first animal's, which all share.
-    """
-    left_out = {
-        *(() if named_faces else FACES),
-        *(() if measured else ("surface_share",)),
-        *(() if count else ("K",)),
-    }
-    of_numbers, of_flags = (
-        [
-            ("boxes" if name == "box" else name, shape[1:] if name == "K" else shape, at)
-            for name, (shape, at) in places(count, boolean).items()
-            if name not in left_out
-        ]
-        for boolean in (False, True)
-    )
-    return of_numbers, of_flags
-
-
-@lru_cache(maxsize=16)
-def _mirror(flip: tuple[int, ...]) -> NDArray[np.int64]:
-    return np.array(flip, dtype=np.int64)
-
-
-def empty_target(image_id: str, K: NDArray[np.float64], named_faces: bool = True) -> dict[str, Any]:
+def empty_target(
+    image_id: str, K: NDArray[np.float64], *, named_faces: bool = True
+) -> dict[str, Any]:
     """The target of an image of boxes without any: the same fields, N = 0."""
-    target = _tensors([], named_faces, False)
-    target |= {
+    return {
+        **_label_fields([], named_faces=named_faces, measured=False),
         "K": torch.from_numpy(K.astype(np.float32)),
         "labels": torch.zeros(0, dtype=torch.int64),
-    }
-    target |= {
         "scale_known": torch.zeros(0, dtype=torch.bool),
         "scale_m_per_unit": torch.zeros(0),
-        "scale_source": [],
-        "quality": [],
-        "sample_ids": [],
+        "image_id": image_id,
+        "meta": {"sample_ids": [], "quality": [], "scale_source": [], "K_source": "given"},
     }
-    return {**target, "image_id": image_id, "K_source": "given"}
 
 
-def check_one_camera(sample_id: str, rows: Sequence[LabelRow]) -> None:
-    """Raise if the animals of an image do not share one camera: its target has one K."""
-    for row in rows[1:]:
-        if not np.array_equal(row.field("K"), rows[0].field("K")):
+def check_one_camera(sample_id: str, labels: Sequence[CuboidLabel]) -> None:
+    """Raise a SampleError unless the animals of an image share one camera: a target has one K."""
+    for label in labels[1:]:
+        if not np.array_equal(label.field("K"), labels[0].field("K")):
             raise SampleError(
                 sample_id,
                 "K",
-                f"the animals {rows[0].sample_id} and {row.sample_id} of this image have different"
-                " intrinsics",
+                f"the animals {labels[0].sample_id} and {label.sample_id} of this image have"
+                " different intrinsics",
             )
 
 
@@ -141,12 +104,8 @@ def masks_of(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
 
     A single one is not copied.
     """
-    whole = (
-        np.ascontiguousarray(np.stack(masks))
-        if len(masks) > 1
-        else np.ascontiguousarray(masks[0])[None]
-    )
-    return whole.view(np.uint8)
+    stacked = np.stack(masks) if len(masks) > 1 else np.ascontiguousarray(masks[0])[None]
+    return np.ascontiguousarray(stacked).view(np.uint8)
 
 
 def image_tensor(pixels: NDArray[np.uint8]) -> torch.Tensor:
@@ -155,3 +114,75 @@ def image_tensor(pixels: NDArray[np.uint8]) -> torch.Tensor:
     Channels last in memory, as decoders and OpenCV have them.
     """
     return torch.from_numpy(pixels).permute(2, 0, 1)
+
+
+def _keypoints_in_frame(label: CuboidLabel) -> NDArray[np.float64]:
+    """A label's keypoints (J, 3), whose visibility is 0 outside the frame."""
+    keypoints = label.keypoints_2d
+    if keypoints is None:
+        raise ValueError(f"{label.sample_id} has no keypoints")
+    inside = in_frame(keypoints[:, :2], label.image_hw)
+    if inside.all():
+        return keypoints
+    return np.concatenate((keypoints[:, :2], (keypoints[:, 2] * inside)[:, None]), 1)
+
+
+def _label_fields(
+    labels: Sequence[CuboidLabel], *, named_faces: bool, measured: bool
+) -> dict[str, Any]:
+    """The fields that labels hold as numbers, as targets have them."""
+    count = len(labels)
+    rows = [label.row for label in labels]
+    if count == 1:
+        by_field = rows[0]
+    else:
+        by_field = np.concatenate(rows)[_field_order(count)] if rows else np.zeros(0)
+    numbers = by_field[: FIRST_FLAG * count].astype(np.float32)
+    flags = by_field[FIRST_FLAG * count :].astype(np.bool_)
+    of_numbers, of_flags = _places(count, named_faces, measured)
+    target: dict[str, Any] = {
+        name: torch.from_numpy(np.ndarray(shape, _FLOAT32, numbers, start))
+        for name, shape, start in of_numbers
+    }
+    for name, shape, start in of_flags:
+        target[name] = torch.from_numpy(np.ndarray(shape, _BOOL, flags, start))
+    return target
+
+
+@lru_cache(maxsize=256)
+def _places(
+    count: int, named_faces: bool, measured: bool
+) -> tuple[tuple[_Place, ...], tuple[_Place, ...]]:
+    """Where the fields of a target stand among the numbers of its labels, and among their flags.
+
+    K is the first animal's, which all share.
+    """
+
+    def is_there(field: Field) -> bool:
+        if field.name == "surface_share":
+            return measured
+        return bool(count) if field.per == "image" else named_faces or not field.named_faces
+
+    numbers, flags = list[_Place](), list[_Place]()
+    for field in filter(is_there, LABEL_FIELDS):
+        shape = field.entry_shape or ()
+        start = SPANS[field.label_name or field.name].start * count
+        whole_shape = shape if field.per == "image" else (count, *shape)
+        if field.kind == "flag":
+            flags.append((field.name, whole_shape, start - FIRST_FLAG * count))
+        else:
+            numbers.append((field.name, whole_shape, start * _FLOAT32.itemsize))
+    return tuple(numbers), tuple(flags)
+
+
+@lru_cache(maxsize=64)
+def _field_order(count: int) -> NDArray[np.int64]:
+    """The order that puts the fields of several rows, one row after the other, field by field."""
+    places = np.arange(count * WIDTH).reshape(count, WIDTH)
+    return np.concatenate([places[:, span].ravel() for span in SPANS.values()])
+
+
+@lru_cache(maxsize=16)
+def _mirror(flip: tuple[int, ...]) -> NDArray[np.int64]:
+    """Each keypoint's counterpart on the other side, (J,)."""
+    return np.array(flip, dtype=np.int64)

@@ -18,8 +18,8 @@ from animal3dbox.datasets.synthetic.truth_file import truth_of, write_truth
 from animal3dbox.errors import ConfigError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.camera import intrinsics, project
+from animal3dbox.geometry.pixel_boxes import mask_box
 from animal3dbox.geometry.rasterizer import silhouette
-from animal3dbox.labels.assemble import mask_box
 from animal3dbox.smal.files.pickle_writer import write_smal_pickle
 from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
 from animal3dbox.smal.parameters import posed_body

@@ -21,8 +21,9 @@ from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.face_visibility import FaceVisibility, face_visibility
 from animal3dbox.geometry.rasterizer import silhouette
 from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.visible_surface import surface_share
 from animal3dbox.labels.bounds import tight_cuboid
-from animal3dbox.labels.visibility.visible_surface import surface_share, visible_keypoints
+from animal3dbox.labels.visibility.visible_keypoints import visible_keypoints
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel, trunk_rotation
@@ -167,7 +168,11 @@ class SyntheticAnimal:
         """(6,) parts of its own surface in the frame by the side it faces, as if nothing stood
         before it."""
         return surface_share(
-            self.vertices_cam, self.model.faces, self.cuboid.rotation, self.K, self.image_hw
+            self.vertices_cam,
+            self.model.faces,
+            self.cuboid.rotation,
+            K=self.K,
+            image_hw=self.image_hw,
         )
 
     @property

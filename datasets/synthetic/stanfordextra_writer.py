@@ -12,7 +12,7 @@ from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSample, Synthe
 from animal3dbox.datasets.synthetic.truth_file import truth_of, write_truth
 from animal3dbox.errors import ConfigError
 from animal3dbox.files import write_whole
-from animal3dbox.labels.assemble import mask_box
+from animal3dbox.geometry.pixel_boxes import mask_box
 
 ANNOTATIONS = "annotations.json"
 

@@ -12,7 +12,7 @@ from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSample, SyntheticSet
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
-from animal3dbox.labels.assemble import mask_box
+from animal3dbox.geometry.pixel_boxes import mask_box
 
 SCHEMA, VERSION = "animal3dbox.truth", 1
 
@@ -32,7 +32,7 @@ def truth_of(sample: SyntheticSample, sample_id: str, image: str) -> dict[str, A
         "face_visible": faces.visible.tolist(), "face_area": _list(faces.area), "face_share": _list(faces.share),
         "face_share_in_image": _list(faces.share_in_image), "face_share_in_image_by_rays": _list(by_rays),
         "surface_share": _list(animal.surface_share), "truncation": float(faces.truncation), "visible_part": animal.visible_part,
-        "box": _list(mask_box(animal.mask)), "amodal_box": _list(mask_box(animal.amodal_mask)),
+        "box": mask_box(animal.mask).tolist(), "amodal_box": mask_box(animal.amodal_mask).tolist(),
         "keypoints": _keypoints(animal), "keypoint_visible": animal.keypoint_visible.tolist(),
         "betas": _list(animal.parameters[0]), "body_pose": _list(animal.parameters[1]), "trans": _list(animal.parameters[2]),
     }  # fmt: skip

@@ -185,7 +185,7 @@ def test_labels_in_metres_say_so(
     (row,) = json.loads((tmp_path / "o" / "labels.json").read_text())["animals"]
     assert (row["scale_m_per_unit"], row["scale_source"]) == (0.5, "user")
     dataset = Animal3DDataset(
-        one, model_of(animals), images=animals, pose="exact", scale=KnownScale(0.5)
+        one, model_of(animals), images=animals, stored_cameras="exact", scale=KnownScale(0.5)
     )
     sample = dataset[0]
     assert not isinstance(sample, Skipped)

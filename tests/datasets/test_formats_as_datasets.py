@@ -110,7 +110,7 @@ def test_known_cameras_and_units_of_a_mesh_folder_are_used(tmp_path: Path) -> No
         q["pose_source"]
         for i in range(len(dataset))
         if not isinstance(sample := dataset[i], Skipped)
-        for q in sample[1]["quality"]
+        for q in sample[1]["meta"]["quality"]
     }
     assert "given" in sources
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from one_label import label_of
 from PIL import ExifTags, Image
 from small_animals import HW, model_of, small_dataset, spoiled
 from torch.utils.data import default_collate
@@ -19,8 +20,6 @@ from animal3dbox.datasets.format_datasets import Animal3DDataset, AnnotatedDatas
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset, Skipped, Target
 from animal3dbox.datasets.labelling.filters import LabelFilter
-from animal3dbox.datasets.labelling.label_records import label_record
-from animal3dbox.datasets.labelling.label_rows import SPANS, WIDTH, LabelRow
 from animal3dbox.datasets.labelling.scale import (
     AltitudeScale,
     KnownScale,
@@ -34,7 +33,8 @@ from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.labels.label_row import WIDTH
+from animal3dbox.labels.types import CuboidLabel, Quality
 from animal3dbox.transforms import Compose, RandomHorizontalFlip, RandomResizedCrop
 
 SHAPES = {
@@ -78,7 +78,7 @@ def test_a_sample_is_an_image_and_a_target_of_the_documented_shapes(animals: Pat
             assert target[name].dtype == DTYPES.get(name, torch.float32), name
         assert target["K"].shape == (3, 3)
         assert target["image_id"] == dataset.image_id(index)
-        assert len(target["quality"]) == len(target["scale_source"]) == count
+        assert len(target["meta"]["quality"]) == len(target["meta"]["scale_source"]) == count
         assert [dataset.classes[n] for n in target["labels"]] == [
             record.category for record in dataset.source.sample(index).records
         ]
@@ -97,11 +97,11 @@ def test_the_image_is_the_file(animals: Path) -> None:
 
 
 def test_labels_are_those_that_the_records_get(animals: Path) -> None:
-    dataset = small_dataset(animals, pose="hypothesis", config=LabelConfig())
+    dataset = small_dataset(animals, stored_cameras="hypothesis", config=LabelConfig())
     read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
     assert read.bodies is not None
     made = {
-        record.sample_id: label_record(record, read.bodies, LabelConfig())
+        record.sample_id: label_of(record, read.bodies, LabelConfig())
         for record in read.records.records[:4]
     }
     seen = 0
@@ -124,18 +124,18 @@ def test_labels_are_those_that_the_records_get(animals: Path) -> None:
                 ):
                     assert torch.equal(target[name][number], getattr(label, name).float()), name
                 assert torch.equal(target["boxes"][number], label.box.float())
-                assert target["quality"][number]["mask_iou"] == label.quality.mask_iou
+                assert target["meta"]["quality"][number]["mask_iou"] == label.quality.mask_iou
                 seen += 1
     assert seen == 4
 
 
 def test_a_stored_camera_is_a_guess_unless_told_otherwise(animals: Path) -> None:
     guessed, exact = (
-        used(small_dataset(animals, pose="hypothesis"))[1],
-        used(small_dataset(animals, pose="exact"))[1],
+        used(small_dataset(animals, stored_cameras="hypothesis"))[1],
+        used(small_dataset(animals, stored_cameras="exact"))[1],
     )
-    assert {q["pose_source"] for q in guessed["quality"]} == {"estimated"}
-    assert {q["pose_source"] for q in exact["quality"]} == {"given"}
+    assert {q["pose_source"] for q in guessed["meta"]["quality"]} == {"estimated"}
+    assert {q["pose_source"] for q in exact["meta"]["quality"]} == {"given"}
     assert torch.equal(exact["R"][0], torch.eye(3))
 
 
@@ -280,7 +280,7 @@ def test_partial_images_are_left_out_with_a_word_on_their_good_animals(copied: P
         entry["keypoint_2d"] = [[0, 0, 0]] * 26
 
     spoiled(copied, change)
-    dataset = small_dataset(copied, on_bad="skip", partial="skip", pose="hypothesis")
+    dataset = small_dataset(copied, on_bad="skip", partial="skip", stored_cameras="hypothesis")
     assert isinstance(dataset[place], Skipped)
     assert [(case.kind, case.sample_id) for case in dataset.report().cases] == [
         ("rejected", first),
@@ -331,7 +331,7 @@ def test_a_rejection_is_an_error_or_is_reported_with_its_reason(copied: Path) ->
             row[2] = 0
 
     spoiled(copied, hide)
-    options: dict[str, Any] = {"pose": "hypothesis"}
+    options: dict[str, Any] = {"stored_cameras": "hypothesis"}
     strict = small_dataset(copied, **options)
     with pytest.raises(SampleError, match="label: cannot be made, too_few_keypoints: "):
         strict[0]
@@ -350,8 +350,8 @@ def test_a_rejection_is_an_error_or_is_reported_with_its_reason(copied: Path) ->
 def test_a_filter_leaves_out_what_misses_it_and_says_so(
     animals: Path, limits: dict[str, float]
 ) -> None:
-    dataset = small_dataset(animals, filters=LabelFilter(**limits), pose="hypothesis")  # type: ignore[arg-type]
-    whole = small_dataset(animals, pose="hypothesis")
+    dataset = small_dataset(animals, filters=LabelFilter(**limits), stored_cameras="hypothesis")  # type: ignore[arg-type]
+    whole = small_dataset(animals, stored_cameras="hypothesis")
     kept = [sample for i in range(4) if not isinstance(sample := dataset[i], Skipped)]
     cases = dataset.report().of("filtered")
     assert {case.field for case in cases} <= set(limits)
@@ -382,37 +382,38 @@ def test_keypoints_outside_the_frame_are_not_visible(copied: Path) -> None:
 
 
 def test_the_limits_of_inliers_and_truncation() -> None:
-    values = np.zeros(WIDTH)
-    values[slice(*SPANS["truncation"])], values[slice(*SPANS["box"])] = 0.3, (0, 0, 9, 9)
-    row = LabelRow(
-        "a",
-        values,
-        None,
-        {
-            "n_keypoints": 10,
-            "n_inliers": 7,
-            "mask_iou": None,
-            "confidence": 0.5,
-            "reprojection_error_px": 2.0,
-        },
+    quality = Quality(
+        reprojection_error_px=2.0,
+        n_keypoints=10,
+        n_inliers=7,
+        mask_iou=None,
+        orientation_rule="",
+        pose_source="given",
+        pose_hypothesis="given",
+        bounds_source="vertices",
+        mask_source="none",
+        K_source="given",
+        warnings=(),
     )
-    assert LabelFilter(min_inlier_share=0.7, max_truncation=0.3).problem(row) is None
-    assert LabelFilter(min_inlier_share=0.71).problem(row) == (
+    blank = CuboidLabel("a", (9, 9), np.zeros(WIDTH), None, quality)
+    label = blank.with_fields(truncation=0.3, box=(0, 0, 9, 9))
+    assert LabelFilter(min_inlier_share=0.7, max_truncation=0.3).problem(label) is None
+    assert LabelFilter(min_inlier_share=0.71).problem(label) == (
         "min_inlier_share",
         "is 0.7, the limit 0.71",
     )
-    assert LabelFilter(max_truncation=0.29).problem(row) == (
+    assert LabelFilter(max_truncation=0.29).problem(label) == (
         "max_truncation",
         "is 0.3, the limit 0.29",
     )
-    values[slice(*SPANS["behind_camera"])] = 1
-    assert LabelFilter().problem(row) is None
-    assert (LabelFilter(allow_behind_camera=False).problem(row) or ("",))[
-        0
-    ] == "allow_behind_camera"
-    values[slice(*SPANS["box"])] = 9, 0, 9, 9
-    assert (LabelFilter().problem(row) or ("",))[0] == "allow_unseen"
-    assert LabelFilter(allow_unseen=True).problem(row) is None
+    near = label.with_fields(behind_camera=True)
+    assert LabelFilter().problem(near) is None
+    problem = LabelFilter(allow_behind_camera=False).problem(near)
+    assert problem is not None
+    assert problem[0] == "allow_behind_camera"
+    unseen = label.with_fields(box=(9, 0, 9, 9))
+    assert (LabelFilter().problem(unseen) or ("",))[0] == "allow_unseen"
+    assert LabelFilter(allow_unseen=True).problem(unseen) is None
 
 
 def test_a_measure_that_is_missing_fails_its_limit(animals: Path) -> None:
@@ -441,7 +442,7 @@ def test_the_report_can_be_kept(copied: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("options", "says"),
-    [({"on_bad": "ignore"}, "on_bad must be"), ({"partial": "drop"}, "partial must be"), ({"pose": "trust"}, "pose must be"),
+    [({"on_bad": "ignore"}, "on_bad must be"), ({"partial": "drop"}, "partial must be"), ({"stored_cameras": "trust"}, "stored_cameras must be"),
      ({"classes": ("a", "a")}, "classes must differ")],
 )  # fmt: skip
 def test_wrong_options_say_what_they_can_be(
@@ -471,13 +472,13 @@ def test_a_photo_s_own_focal_length_beats_the_dataset_s(copied: Path) -> None:
     exif = Image.Exif()
     exif[ExifTags.IFD.Exif] = {int(ExifTags.Base.FocalLengthIn35mmFilm): 100}
     Image.open(image).save(image, exif=exif, quality=95)
-    target = used(small_dataset(copied, pose="hypothesis"))[1]
-    assert target["K_source"] == "exif"
+    target = used(small_dataset(copied, stored_cameras="hypothesis"))[1]
+    assert target["meta"]["K_source"] == "exif"
     assert float(target["K"][0, 0]) == pytest.approx(
         100 / np.hypot(36, 24) * np.hypot(*HW), rel=1e-6
     )
     exact = used(small_dataset(copied))[1]  # a pose that is known holds for the camera it came with
-    assert (exact["K_source"], float(exact["K"][0, 0])) == ("dataset", 1000.0)
+    assert (exact["meta"]["K_source"], float(exact["K"][0, 0])) == ("dataset", 1000.0)
 
 
 def test_labels_are_metric_only_if_something_tells_the_scale(animals: Path) -> None:
@@ -486,14 +487,14 @@ def test_labels_are_metric_only_if_something_tells_the_scale(animals: Path) -> N
         used(small_dataset(animals, scale=KnownScale(2.0)))[1],
     )
     assert not plain["scale_known"].any()
-    assert set(plain["scale_source"]) == {"unknown"}
+    assert set(plain["meta"]["scale_source"]) == {"unknown"}
     for name in ("corners_3d", "center", "size", "t"):
         assert torch.allclose(metric[name], 2 * plain[name])
     for name in ("corners_2d", "face_area", "rotation", "R"):
         assert torch.equal(metric[name], plain[name])
     assert metric["scale_known"].all()
     assert metric["scale_m_per_unit"].tolist() == [2.0] * len(metric["labels"])
-    assert set(metric["scale_source"]) == {"user"}
+    assert set(metric["meta"]["scale_source"]) == {"user"}
 
 
 def test_the_species_table_makes_an_animal_as_long_as_its_kind(animals: Path) -> None:
@@ -503,7 +504,7 @@ def test_the_species_table_makes_an_animal_as_long_as_its_kind(animals: Path) ->
         for number, record in enumerate(sample.records):
             known = record.category in ("bear", "dog")
             assert bool(target["scale_known"][number]) == known
-            assert target["scale_source"][number] == (
+            assert target["meta"]["scale_source"][number] == (
                 f"species:{record.category}" if known else "unknown"
             )
             if known:
@@ -517,7 +518,7 @@ def test_the_species_table_makes_an_animal_as_long_as_its_kind(animals: Path) ->
 def test_a_known_altitude_puts_the_lowest_corner_that_far_below(animals: Path) -> None:
     target = used(small_dataset(animals, scale=AltitudeScale(30.0, down_cam=(0.0, 0.0, 2.0))))[1]
     assert torch.allclose(target["corners_3d"][..., 2].amax(1), torch.tensor(30.0))
-    assert set(target["scale_source"]) == {"altitude"}
+    assert set(target["meta"]["scale_source"]) == {"altitude"}
     with pytest.raises(SampleError, match="altitude_m: the animal stands above the camera"):
         small_dataset(animals, scale=AltitudeScale(30.0, down_cam=(0.0, 0.0, -1.0)))[0]
     one = small_dataset(animals).image_id(0)
@@ -582,9 +583,11 @@ def test_the_label_code_s_digest_sees_every_file_that_labels_depend_on() -> None
 
 
 def test_known_cameras_are_not_pretended(animals: Path) -> None:
-    with pytest.raises(ConfigError, match="pose 'exact' needs cameras that come with the dataset"):
+    with pytest.raises(
+        ConfigError, match="stored_cameras 'exact' needs cameras that come with the dataset"
+    ):
         Animal3DDataset(
-            animals, body="dog", pose="exact"
+            animals, body="dog", stored_cameras="exact"
         )  # without a model nothing tells whether the stored ones are right
 
 
@@ -597,7 +600,7 @@ def test_an_index_that_is_none_says_what_it_must_be(animals: Path, index: Any) -
 def test_whole_numbers_of_any_type_are_indices(animals: Path) -> None:
     dataset = small_dataset(animals)
     for index in (np.int64(2), torch.tensor(2), -6, (np.int32(0), torch.tensor(2))):
-        assert used(dataset, index)[1]["sample_key"] == (0, 2)  # type: ignore[arg-type]
+        assert used(dataset, index)[1]["meta"]["sample_key"] == (0, 2)  # type: ignore[arg-type]
 
 
 def test_skipped_samples_in_another_collate_say_which_to_take(copied: Path) -> None:
@@ -621,6 +624,6 @@ def test_animals_keep_their_names_when_their_neighbours_are_left_out(copied: Pat
     assert isinstance(first, AnimalRecord)
     assert first.mask_path is not None
     first.mask_path.write_bytes(b"no png")
-    assert used(small_dataset(copied, on_bad="skip"), place)[1]["sample_ids"] == [
+    assert used(small_dataset(copied, on_bad="skip"), place)[1]["meta"]["sample_ids"] == [
         record.sample_id for record in others
     ]

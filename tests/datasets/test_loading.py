@@ -164,11 +164,12 @@ def test_two_ranks_train_on_one_dataset_with_one_cache(animals: Path, tmp_path: 
     for name in ("distributed", "epochs"):
         samples = [sample for found, _ in results for sample in found[name]]
         assert len(samples) == 2 * len(plain)
-        assert {(target["sample_key"][0], target["image_id"]) for _, target in samples} == set(
-            right
-        )
+        assert {
+            (target["meta"]["sample_key"][0], target["image_id"]) for _, target in samples
+        } == set(right)
         assert all(
-            sample == right[sample[1]["sample_key"][0], sample[1]["image_id"]] for sample in samples
+            sample == right[sample[1]["meta"]["sample_key"][0], sample[1]["image_id"]]
+            for sample in samples
         )
     gathered = results[0][1]
     assert sorted(image for part in gathered for image in part) == sorted(
@@ -254,7 +255,8 @@ def test_stacking_needs_one_size_and_says_which_image_differs(animals: Path) -> 
 
 def test_what_stacking_refuses_in_a_worker_keeps_its_sample_and_field(copied: Path) -> None:
     dataset = small_dataset(
-        copied, transform=lambda image, target: (image[:, : 60 + target["sample_key"][1]], target)
+        copied,
+        transform=lambda image, target: (image[:, : 60 + target["meta"]["sample_key"][1]], target),
     )
     loader = DataLoader(
         dataset,

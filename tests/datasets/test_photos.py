@@ -54,7 +54,7 @@ def test_photographs_get_the_same_labels_as_on_the_command_line(tmp_path: Path) 
                 target["boxes"][number], torch.tensor(row["box"], dtype=torch.float32)
             )
             assert torch.equal(target["K"], torch.tensor(row["K"], dtype=torch.float32))
-            assert target["quality"][number]["mask_iou"] == row["quality"]["mask_iou"]
-            assert target["quality"][number]["K_source"] == row["quality"]["K_source"]
+            assert target["meta"]["quality"][number]["mask_iou"] == row["quality"]["mask_iou"]
+            assert target["meta"]["quality"][number]["K_source"] == row["quality"]["K_source"]
             seen += 1
     assert seen == len(rows) > 0

@@ -21,7 +21,7 @@ from animal3dbox.datasets import (
     SyntheticSet,
     collate,
 )
-from animal3dbox.datasets.bodies.sources import Body, ParametersBody
+from animal3dbox.datasets.bodies.sources import ParametersBody
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.images.photos import read_mask
 from animal3dbox.datasets.label_dataset import Target
@@ -29,7 +29,8 @@ from animal3dbox.datasets.labelling import sources
 from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
-from animal3dbox.labels import bounds, prepare
+from animal3dbox.labels import bounds, drafts
+from animal3dbox.labels.body import Body
 
 
 def told(sample: Any) -> Any:
@@ -55,7 +56,7 @@ def with_faults(animals: Path, folder: Path) -> Path:
     "options",
     [
         {},
-        {"pose": "hypothesis"},
+        {"stored_cameras": "hypothesis"},
         {"partial": "skip"},
         {"filters": LabelFilter(max_truncation=0.05)},
         {"cache": True},
@@ -88,7 +89,7 @@ def test_a_batch_holds_what_its_samples_are_one_by_one(
 
 
 def test_synthetic_samples_are_the_same_in_batches() -> None:
-    dataset = SyntheticDataset(SyntheticSet(2, 4), pose="exact")
+    dataset = SyntheticDataset(SyntheticSet(2, 4), stored_cameras="exact")
     assert [told(sample) for sample in dataset.__getitems__([3, 1])] == [
         told(dataset[3]),
         told(dataset[1]),
@@ -102,14 +103,14 @@ def test_known_cameras_of_a_batch_are_labelled_in_one_go(
 
     def counted(bodies: Any, *rest: Any) -> Any:
         sizes.append(len(bodies))
-        return bounds.tight_cuboids(bodies, *rest)
+        return bounds.tight_boxes(bodies, *rest)
 
-    monkeypatch.setattr(prepare, "tight_cuboids", counted)
+    monkeypatch.setattr(drafts, "tight_boxes", counted)
     dataset = small_dataset(animals)
     loader: Any = DataLoader(dataset, batch_size=4, collate_fn=collate)
     targets = [target for _, batch in loader for target in batch]
     assert sizes == [
-        sum(len(target["sample_ids"]) for target in targets[k : k + 4])
+        sum(len(target["meta"]["sample_ids"]) for target in targets[k : k + 4])
         for k in range(0, len(targets), 4)
     ]
     sizes.clear()
@@ -141,7 +142,9 @@ def test_a_subclass_that_changes_samples_changes_those_of_batches(animals: Path)
             return image, {**target, "site": "north"}
 
     loader: Any = DataLoader(
-        Named(small_dataset(animals).source, pose="exact"), batch_size=4, collate_fn=collate
+        Named(small_dataset(animals).source, stored_cameras="exact"),
+        batch_size=4,
+        collate_fn=collate,
     )
     targets: list[Target] = [target for _, batch in loader for target in batch]
     assert targets
@@ -169,7 +172,7 @@ def test_bodies_of_ones_own_are_asked_for_theirs(animals: Path) -> None:
     read = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
     assert isinstance(read.bodies, ParametersBody)
     sizes = [
-        LabelDataset(FileSource(read.records, source), pose="exact")[0][1]["size"]  # type: ignore[index]
+        LabelDataset(FileSource(read.records, source), stored_cameras="exact")[0][1]["size"]  # type: ignore[index]
         for source in (read.bodies, Twice(read.bodies.model, read.bodies.parameters))
     ]
     assert torch.allclose(2 * sizes[0], sizes[1])
@@ -196,7 +199,9 @@ def test_records_may_hold_numpys_numbers_and_words(animals: Path) -> None:
         for one in read.records.records
     ]
     records = (read.records, replace(read.records, records=tuple(odd)))
-    plain, other = (LabelDataset(FileSource(kept, read.bodies), pose="exact") for kept in records)
+    plain, other = (
+        LabelDataset(FileSource(kept, read.bodies), stored_cameras="exact") for kept in records
+    )
     assert told(other[0]) == told(plain[0])
 
 

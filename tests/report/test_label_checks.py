@@ -4,7 +4,6 @@ Labels as they are made contradict nothing.
 """
 
 import math
-from dataclasses import replace
 
 import pytest
 import torch
@@ -36,11 +35,8 @@ def turned(label: CuboidLabel, axis_angle: list[float]) -> CuboidLabel:
 
     What rows say in words follows from rotation and center.
     """
-    return replace(
-        label,
-        rotation=rotation_from_axis_angle(torch.tensor(axis_angle, dtype=torch.float64))
-        @ label.rotation,
-    )
+    turn = rotation_from_axis_angle(torch.tensor(axis_angle, dtype=torch.float64))
+    return label.with_fields(rotation=turn @ label.rotation)
 
 
 def said(row: AnimalRow) -> list[str]:
@@ -51,21 +47,19 @@ def test_labels_from_all_sides_contradict_nothing(label: CuboidLabel) -> None:
     generator = torch.Generator().manual_seed(0)
     seen = set()
     for _ in range(500):
-        row = animal_row(
-            turned(label, (3 * torch.randn(3, generator=generator)).tolist()), "a.jpg", 0, "dog"
-        )
+        there = turned(label, (3 * torch.randn(3, generator=generator)).tolist())
+        row = animal_row(there, image="a.jpg", animal=0, category="dog")
         assert said(row) == []
         seen.add(row.viewpoint)
     assert seen == set(VIEWPOINTS)
 
 
 def test_straight_above_the_azimuth_is_anything(label: CuboidLabel) -> None:
-    above = replace(
-        label,
+    above = label.with_fields(
         rotation=torch.diag(torch.tensor([1.0, -1, -1], dtype=torch.float64)),
         center=torch.tensor([0.0, 0, 5], dtype=torch.float64),
     )
-    row = animal_row(above, "a.jpg", 0, "dog")
+    row = animal_row(above, image="a.jpg", animal=0, category="dog")
     row.azimuth_deg, row.viewpoint = 77.0, "left"
     assert said(row) == []
     row.elevation_deg = -90.0
@@ -76,8 +70,8 @@ def test_angles_go_round_and_a_border_of_viewpoints_is_either(label: CuboidLabel
     for azimuth, viewpoints in ((180.0, ("back",)), (22.5, ("front", "front-left"))):
         a = math.radians(azimuth)
         eye = torch.tensor([math.cos(a), math.sin(a), 0.0], dtype=torch.float64)
-        at = replace(label, rotation=torch.eye(3, dtype=torch.float64), center=-4 * eye)
-        row = animal_row(at, "a.jpg", 0, "dog")
+        at = label.with_fields(rotation=torch.eye(3, dtype=torch.float64), center=-4 * eye)
+        row = animal_row(at, image="a.jpg", animal=0, category="dog")
         for row.azimuth_deg in (azimuth, azimuth - 360):
             for row.viewpoint in viewpoints:
                 assert said(row) == []
@@ -86,7 +80,7 @@ def test_angles_go_round_and_a_border_of_viewpoints_is_either(label: CuboidLabel
 
 
 def test_equal_shares_may_name_either_face_and_none_seen_no_face(label: CuboidLabel) -> None:
-    row = animal_row(label, "a.jpg", 0, "dog")
+    row = animal_row(label, image="a.jpg", animal=0, category="dog")
     row.face_visible, row.face_share = (
         [True, False, True, False, False, False],
         [0.5, 0.0, 0.5, 0.0, 0.0, 0.0],

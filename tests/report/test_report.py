@@ -119,7 +119,7 @@ def label_file(label: CuboidLabel) -> LabelFile:
     return LabelFile(
         body="toy",
         config={"method": "default", "margin": None},
-        animals=[animal_row(label, "a.jpg", 0, "dog")],
+        animals=[animal_row(label, image="a.jpg", animal=0, category="dog")],
         rejected=[rejected],
     )
 
@@ -142,7 +142,9 @@ def test_labels_json_reads_back_as_written(tmp_path: Path, label: CuboidLabel) -
 
 def test_corners_behind_the_camera_are_null(label: CuboidLabel) -> None:
     in_front = torch.tensor([True, False] * 4)
-    row = animal_row(replace(label, corner_in_front=in_front), "a.jpg", 0, "dog")
+    row = animal_row(
+        label.with_fields(corner_in_front=in_front), image="a.jpg", animal=0, category="dog"
+    )
     assert [corner is None for corner in row.corners_2d] == [False, True] * 4
 
 
@@ -199,7 +201,9 @@ def test_labels_csv_has_exactly_the_documented_columns(tmp_path: Path, label: Cu
         f"image, animal, side, viewpoint, {shares_of}, azimuth_deg, elevation_deg, confidence"
     )
     name = 'dogs, "wet"/ö\n.jpg'
-    write_labels_csv(tmp_path / "labels.csv", [animal_row(label, name, 3, "dog")])
+    write_labels_csv(
+        tmp_path / "labels.csv", [animal_row(label, image=name, animal=3, category="dog")]
+    )
     with (tmp_path / "labels.csv").open(newline="", encoding="utf-8") as file:
         header, row = csv.reader(file)
     assert header == documented.split(", ") == list(CSV_COLUMNS)
@@ -340,8 +344,8 @@ def test_a_poor_fit_is_flagged(
 
 
 def test_a_cut_or_too_near_box_is_flagged(label: CuboidLabel) -> None:
-    assert flags_of(replace(label, truncation=0.3)) == ()
-    assert flags_of(replace(label, truncation=0.31, behind_camera=True)) == (
+    assert flags_of(label.with_fields(truncation=0.3)) == ()
+    assert flags_of(label.with_fields(truncation=0.31, behind_camera=True)) == (
         "truncated",
         "near_camera",
     )
@@ -359,7 +363,7 @@ OUTCOMES = st.lists(
 
 @given(OUTCOMES)
 def test_every_animal_is_counted_exactly_once(outcomes: list[tuple[str, ...] | str | None]) -> None:
-    row = animal_row(LABEL, "a.jpg", 0, "dog")
+    row = animal_row(LABEL, image="a.jpg", animal=0, category="dog")
     flags = [o for o in outcomes if isinstance(o, tuple)]
     rejected = [
         RejectedRow(sample_id="r", image="r", animal=0, reason=o, detail="")
@@ -398,7 +402,12 @@ def test_medians_leave_out_what_is_unknown(
     label: CuboidLabel, values: list[float | None], median: float | None
 ) -> None:
     rows = [
-        animal_row(with_quality(label, reprojection_error_px=v, mask_iou=v), "a.jpg", i, "dog")
+        animal_row(
+            with_quality(label, reprojection_error_px=v, mask_iou=v),
+            image="a.jpg",
+            animal=i,
+            category="dog",
+        )
         for i, v in enumerate(values)
     ]
     summary = summarize("set", "dog", "default", rows, [()] * len(rows), [], [])
@@ -565,7 +574,7 @@ def test_the_funnel_shows_every_count(tmp_path: Path) -> None:
 
 
 def run(out: Path, results: Sequence[Labelled | SampleError]) -> Summary:
-    return write_run(out, "set", "toy", LabelConfig(), results)
+    return write_run(out, results, source="set", body="toy", config=LabelConfig())
 
 
 def kept(label: CuboidLabel, image: str, sample_id: str | None = None) -> Labelled:

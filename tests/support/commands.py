@@ -34,7 +34,7 @@ def labels_of_one_animal(folder: Path) -> Path:
         template=animal.model, K=animal.K, mask=animal.mask, sample_id="a.jpg",
     )  # fmt: skip
     assert isinstance(label, CuboidLabel)
-    row = animal_row(label, "herd/a.jpg", 0, "dog")
+    row = animal_row(label, image="herd/a.jpg", animal=0, category="dog")
     rejected = RejectedRow(
         sample_id="a.jpg#1", image="herd/a.jpg", animal=1, reason="no_pose", detail="none"
     )

@@ -30,7 +30,7 @@ def model_of(folder: Path) -> Path:
 
 def small_dataset(folder: Path, **options: Any) -> Animal3DDataset:
     """Its Dataset, with its bodies and, unless told otherwise, its cameras taken as known."""
-    return Animal3DDataset(folder, model_of(folder), **{"pose": "exact", **options})
+    return Animal3DDataset(folder, model_of(folder), **{"stored_cameras": "exact", **options})
 
 
 def spoiled(folder: Path, change: Callable[[list[dict[str, Any]]], None]) -> None:

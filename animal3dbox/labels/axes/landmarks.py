@@ -1,13 +1,13 @@
-"""The paper's axes.
-
-From pairs of landmarks, falling back on others where the first are not visible.
-"""
+"""The paper's axes: from pairs of landmarks, falling back on others where the first are hidden."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.geometry.orthogonal_frames import frame_from_directions
+
+Array = NDArray[np.float64]
 
 FORWARD_RULES = (
     (("tail_base",), ("neck",)),
@@ -38,20 +38,9 @@ LEFTWARD_RULES = (
 """y: from a landmark on the right to its twin on the left."""
 
 
-@dataclass(frozen=True)
-class BodyAxes:
-    """The axes of a body and where they come from.
-
-    Attributes:
-        R_box: (3, 3) R_world_box, columns forward, left, up; det +1.
-        rule: the rule that gave them, for the record.
-    """
-
-    R_box: Tensor
-    rule: str
-
-
-def landmark_axes(landmarks: Mapping[str, Tensor], visible: Mapping[str, bool]) -> BodyAxes | None:
+def landmark_axes(
+    landmarks: Mapping[str, Array], visible: Mapping[str, bool]
+) -> tuple[Array, str] | None:
     """Axes from landmark pairs, visible ones first (section 2.1.1, axes and fallback).
 
     x runs from the rear to the front, y from the right to the left made square to x, and z = x × y:
@@ -63,37 +52,21 @@ def landmark_axes(landmarks: Mapping[str, Tensor], visible: Mapping[str, bool]) 
             visible rule is left.
 
     Returns:
-        The axes, or None if no rule applies or x and y are parallel.
+        R_world_box (3, 3), columns forward, left, up, and the rule that gave it, for the record;
+        None if no rule applies or x and y are parallel.
 
     """
-    seen = {name: point for name, point in landmarks.items() if visible.get(name, False)}
-    for pool, note in ((seen, "visible"), (dict(landmarks), "hidden")):
+    visible_ones = {name: place for name, place in landmarks.items() if visible.get(name, False)}
+    for pool, note in ((visible_ones, "visible"), (dict(landmarks), "hidden")):
         forward = next(
             (rule for rule in FORWARD_RULES if all(n in pool for n in (*rule[0], *rule[1]))), None
         )
         leftward = next((rule for rule in LEFTWARD_RULES if all(n in pool for n in rule)), None)
         if forward is None or leftward is None:
             continue
-        behind, ahead = (torch.stack([pool[n] for n in names]).mean(0) for names in forward)
-        R_box = axes_from_directions(ahead - behind, pool[leftward[1]] - pool[leftward[0]])
+        behind, ahead = (np.stack([pool[n] for n in names]).mean(0) for names in forward)
+        R_box = frame_from_directions(ahead - behind, pool[leftward[1]] - pool[leftward[0]])
         if R_box is not None:
-            spoken = "+".join(forward[0]) + " to " + "+".join(forward[1])
-            return BodyAxes(
-                R_box, f"landmarks ({note}): x {spoken}; y {leftward[0]} to {leftward[1]}"
-            )
+            x_rule = "+".join(forward[0]) + " to " + "+".join(forward[1])
+            return R_box, f"landmarks ({note}): x {x_rule}; y {leftward[0]} to {leftward[1]}"
     return None
-
-
-def axes_from_directions(forward: Tensor, leftward: Tensor) -> Tensor | None:
-    """The frame (3, 3) whose x is forward and whose y is leftward made square to it.
-
-    None if they are parallel.
-    """
-    x = torch.nn.functional.normalize(forward, dim=-1)
-    y = leftward - (leftward @ x) * x
-    if float(torch.linalg.vector_norm(y)) <= 1e-6 * float(
-        torch.linalg.vector_norm(leftward)
-    ) or not bool(forward.any()):
-        return None
-    y = torch.nn.functional.normalize(y, dim=-1)
-    return torch.stack((x, y, torch.linalg.cross(x, y)), dim=-1)

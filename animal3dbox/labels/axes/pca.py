@@ -1,12 +1,15 @@
 """The baseline that the paper compares with: axes by principal components."""
 
-import torch
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.checks import check_shape
+from animal3dbox.geometry.orthogonal_frames import principal_axes
 
 
-def pca_axes(vertices_world: Tensor) -> Tensor:
+def pca_axes(vertices_world: Tensor | NDArray[np.float64]) -> NDArray[np.float64]:
     """Axes along the directions of greatest spread (section 3.1, PCA).
 
     The sign of an eigenvector means nothing, so the front of the animal comes out at random: that
@@ -20,8 +23,6 @@ def pca_axes(vertices_world: Tensor) -> Tensor:
         R_box (3, 3), columns by falling spread; det +1.
 
     """
-    check_shape("vertices_world", vertices_world, "V 3")
-    about = vertices_world - vertices_world.mean(0)
-    _, vectors = torch.linalg.eigh(about.mT @ about)
-    R_box = vectors.flip(-1)
-    return torch.cat((R_box[:, :2], R_box[:, 2:] * torch.sign(torch.linalg.det(R_box))), dim=1)
+    vertices = as_numpy(vertices_world)
+    check_shape("vertices_world", vertices, "V 3")
+    return principal_axes(vertices)

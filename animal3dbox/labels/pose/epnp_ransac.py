@@ -5,8 +5,7 @@ The one wrapper around OpenCV's PnP solvers.
 
 import cv2
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.pose.problem import (
@@ -16,6 +15,7 @@ from animal3dbox.labels.pose.problem import (
     reprojection_errors,
 )
 
+Array = NDArray[np.float64]
 FARTHEST = 1e6
 """Depth in body sizes beyond which a pose is no answer.
 
@@ -39,7 +39,7 @@ def basic_pose(problem: PoseProblem, config: LabelConfig) -> PoseEstimate | Pose
 
     """
     cv2.setRNGSeed(config.ransac_seed)
-    points, pixels, K = _as_opencv(problem)
+    points, pixels, K = _without_skew(problem)
     ok, _, _, inliers = cv2.solvePnPRansac(
         points,
         pixels,
@@ -53,27 +53,27 @@ def basic_pose(problem: PoseProblem, config: LabelConfig) -> PoseEstimate | Pose
     if not ok or inliers is None or len(inliers) < 4:
         return PoseFailure(
             "no_pose",
-            f"RANSAC found no {config.ransac_threshold_px:g} px consensus among {len(points)}"
-            " keypoints",
+            f"RANSAC found no {config.ransac_threshold_px:g} px consensus among"
+            f" {len(points)} keypoints",
         )
     consensus = np.sort(inliers[:, 0])
-    estimate = _solve(points[consensus], pixels[consensus], K, cv2.SOLVEPNP_EPNP, "epnp_ransac")
+    estimate = _pnp_pose(
+        points[consensus], pixels[consensus], K, solver=cv2.SOLVEPNP_EPNP, name="epnp_ransac"
+    )
     return estimate if isinstance(estimate, PoseFailure) else checked_pose(problem, estimate)
 
 
 def sqpnp_pose(problem: PoseProblem) -> PoseEstimate | PoseFailure:
     """The pose by SQPnP on all points, without outlier rejection: another starting pose."""
-    estimate = _solve(*_as_opencv(problem), cv2.SOLVEPNP_SQPNP, "sqpnp")
+    estimate = _pnp_pose(*_without_skew(problem), solver=cv2.SOLVEPNP_SQPNP, name="sqpnp")
     return estimate if isinstance(estimate, PoseFailure) else checked_pose(problem, estimate)
 
 
 def checked_pose(problem: PoseProblem, estimate: PoseEstimate) -> PoseEstimate | PoseFailure:
     """The pose if it puts the animal before the camera at a believable depth, else why not."""
-    depth = reprojection_errors(problem, estimate.R, estimate.t)[1].numpy()
-    if (
-        not np.isfinite(depth).all()
-        or np.abs(depth).max() > FARTHEST * np.abs(problem.points_world.numpy()).max()
-    ):
+    depth = reprojection_errors(problem, estimate.R, estimate.t)[1]
+    reach = FARTHEST * np.abs(problem.points_world).max()
+    if not np.isfinite(depth).all() or np.abs(depth).max() > reach:
         return PoseFailure(
             "no_pose",
             f"{estimate.hypothesis} puts the animal at depth {float(depth.mean()):.3g}, which is no"
@@ -88,34 +88,29 @@ def checked_pose(problem: PoseProblem, estimate: PoseEstimate) -> PoseEstimate |
     return estimate
 
 
-def _as_opencv(problem: PoseProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _without_skew(problem: PoseProblem) -> tuple[Array, Array, Array]:
     """Points (N, 3), pixels (N, 2) and K for OpenCV, which ignores skew.
 
-    Skewed pixels are straightened first.
+    u' = u - K01 / K11 (v - K12) is the pixel that a camera of no skew shows.
     """
-    K = problem.K
-    pixels = problem.points_px
+    K, pixels = problem.K, problem.points_px
     if float(K[0, 1]) != 0:
-        pixels = pixels.clone()
+        pixels = pixels.copy()
         pixels[:, 0] -= K[0, 1] / K[1, 1] * (pixels[:, 1] - K[1, 2])
-        K = K.clone()
+        K = K.copy()
         K[0, 1] = 0.0
-    return problem.points_world.numpy(), pixels.contiguous().numpy(), K.numpy()
+    return problem.points_world, np.ascontiguousarray(pixels), K
 
 
-def _solve(
-    points: np.ndarray, pixels: np.ndarray, K: np.ndarray, flag: int, name: str
+def _pnp_pose(
+    points: Array, pixels: Array, K: Array, *, solver: int, name: str
 ) -> PoseEstimate | PoseFailure:
-    """One PnP solver on all the points it is given."""
+    """The pose by one of OpenCV's PnP solvers on all the points it is given."""
     try:
-        ok, axis_angle, translation = cv2.solvePnP(points, pixels, K, None, flags=flag)
+        ok, axis_angle, translation = cv2.solvePnP(points, pixels, K, None, flags=solver)
     except cv2.error as error:
         return PoseFailure("no_pose", f"{name} failed: {error.err}")
     if not ok or not (np.isfinite(axis_angle).all() and np.isfinite(translation).all()):
         return PoseFailure("no_pose", f"{name} found no pose for {len(points)} keypoints")
-    R = torch.from_numpy(cv2.Rodrigues(axis_angle)[0])
-    return PoseEstimate(R, _vector(translation), name)
-
-
-def _vector(column: np.ndarray) -> Tensor:
-    return torch.from_numpy(column.reshape(3).astype(np.float64))
+    R = cv2.Rodrigues(axis_angle)[0].astype(np.float64, copy=False)
+    return PoseEstimate(R, translation.reshape(3).astype(np.float64), name)

@@ -1,11 +1,9 @@
 """The camera pose of one animal, by the configured method."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 
-import numpy as np
-import torch
-
+from animal3dbox.geometry.unit_frame import translation_in_unit_frame, unit_frame
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.pose.epnp_ransac import basic_pose, checked_pose, sqpnp_pose
 from animal3dbox.labels.pose.multi_start_search import search_poses
@@ -16,11 +14,11 @@ from animal3dbox.labels.pose.problem import (
     PoseProblem,
     degenerate_points,
     in_unit_scale,
-    landmark_frame,
 )
 from animal3dbox.labels.pose.robust_joint_cost import refine_jointly
 
 FINALISTS = 3
+"""So many of the poses that the search finds are refined by the joint cost."""
 
 
 def estimate_pose(
@@ -32,7 +30,7 @@ def estimate_pose(
     hypotheses given, SQPnP, EPnP + RANSAC and a grid of views, in this order and only until a start
     explains every keypoint; it keeps the animal in front of the camera throughout, and refines the
     best by a robust joint cost with the mesh's bounds instead of the keypoints', without the mask
-    term when the mask touches the border of the image.
+    term when the mask touches the border of the image. docs/solver.md has the formulas.
 
     Args:
         problem: keypoints, landmarks and mask.
@@ -48,55 +46,58 @@ def estimate_pose(
     if failure is not None:
         return failure
     if config.method == "default":
-        scaled = _in_unit_scale(problem, hypotheses) if hypotheses else []
-        return in_unit_scale(problem, lambda p: _default(p, config, scaled))
-    return in_unit_scale(problem, lambda p: _published(p, config))
+        starts = _in_unit_frame(problem, hypotheses)
+        return in_unit_scale(problem, lambda scaled: _default_pose(scaled, config, starts))
+    return in_unit_scale(problem, lambda scaled: _published_pose(scaled, config))
 
 
-def _in_unit_scale(problem: PoseProblem, poses: Sequence[PoseEstimate]) -> list[PoseEstimate]:
-    """Poses of the problem as poses of in_unit_scale's."""
-    middle, unit = landmark_frame(problem)
-    return [
-        PoseEstimate(pose.R, (pose.t + pose.R @ middle) / unit, pose.hypothesis) for pose in poses
-    ]
+def _in_unit_frame(
+    problem: PoseProblem, poses: tuple[PoseEstimate, ...]
+) -> tuple[PoseEstimate, ...]:
+    """Poses of the problem as poses of in_unit_scale's problem."""
+    if not poses:
+        return ()
+    middle, unit = unit_frame(problem.points_world)
+    return tuple(
+        PoseEstimate(
+            pose.R,
+            translation_in_unit_frame(pose.R, pose.t, middle=middle, unit=unit),
+            pose.hypothesis,
+        )
+        for pose in poses
+    )
 
 
-def _published(problem: PoseProblem, config: LabelConfig) -> PoseEstimate | PoseFailure:
-    """``basic`` and ``paper``."""
+def _published_pose(problem: PoseProblem, config: LabelConfig) -> PoseEstimate | PoseFailure:
+    """The pose by ``basic`` or ``paper``."""
     start = basic_pose(problem, config)
     if config.method == "basic" or isinstance(start, PoseFailure):
         return start
     return refined_pose(problem, start, config)
 
 
-def _default(
-    problem: PoseProblem, config: LabelConfig, hypotheses: list[PoseEstimate]
+def _default_pose(
+    problem: PoseProblem, config: LabelConfig, hypotheses: tuple[PoseEstimate, ...]
 ) -> PoseEstimate | PoseFailure:
     """The best of several starts under the robust joint cost."""
-    candidates = search_poses(problem, _starts(problem, config, hypotheses))
-    R, t, costs = refine_jointly(problem, candidates, FINALISTS, config)
-    for i in np.argsort(costs, kind="stable").tolist():
-        estimate = checked_pose(
-            problem,
-            PoseEstimate(
-                torch.from_numpy(R[i].copy()), torch.from_numpy(t[i].copy()), candidates.names[i]
-            ),
-        )
+    candidates, misfit = search_poses(problem, _starting_poses(problem, config, hypotheses))
+    for pose in refine_jointly(problem, candidates[:FINALISTS], misfit, config):
+        estimate = checked_pose(problem, pose)
         if isinstance(estimate, PoseEstimate):
             return estimate
     return PoseFailure("behind_camera", "every refined pose puts the animal behind the camera")
 
 
-def _starts(
-    problem: PoseProblem, config: LabelConfig, hypotheses: list[PoseEstimate]
+def _starting_poses(
+    problem: PoseProblem, config: LabelConfig, hypotheses: tuple[PoseEstimate, ...]
 ) -> Iterator[PoseEstimate]:
     """Poses worth trying, the cheapest first, each solved for when it is asked for."""
     solvers = (
-        *(partial(checked_pose, problem, h) for h in hypotheses),
+        *(partial(checked_pose, problem, hypothesis) for hypothesis in hypotheses),
         partial(sqpnp_pose, problem),
         partial(basic_pose, problem, config),
     )
-    for solver in solvers:
-        found = solver()
-        if isinstance(found, PoseEstimate):
-            yield found
+    for solve in solvers:
+        pose = solve()
+        if isinstance(pose, PoseEstimate):
+            yield pose

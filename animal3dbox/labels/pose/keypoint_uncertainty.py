@@ -1,15 +1,17 @@
-"""How far each keypoint is to be trusted."""
+"""How far each keypoint is to be trusted, in px."""
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
-from animal3dbox.geometry.arrays import as_numpy, clip
+from animal3dbox.geometry.arrays import clip
+from animal3dbox.geometry.unit_frame import pixels_per_unit
 from animal3dbox.labels.config import LabelConfig
 
+Array = NDArray[np.float64]
 
-def misfit_sigma(points_world: Tensor, points_px: Tensor, landmark_sigma: Tensor) -> Tensor:
-    """What an uncertain place on the body is worth in pixels.
+
+def misfit_sigma(points_world: Array, points_px: Array, landmark_sigma: Array) -> Array:
+    """The uncertain places of landmarks on the body, as standard deviations in the picture.
 
     Args:
         points_world: (N, 3) landmarks on the body.
@@ -17,18 +19,15 @@ def misfit_sigma(points_world: Tensor, points_px: Tensor, landmark_sigma: Tensor
         landmark_sigma: (N,) how far each may be from where the body has it, in the body's unit.
 
     Returns:
-        (N,) in px, by the ratio of the spreads in the image and in space; the mean of all
-        directions is 3 / 2 of what one view shows of a squared length.
+        (N,) in px.
 
     """
     if not len(points_world):
-        return torch.zeros_like(landmark_sigma)
-    spread_px = (points_px - points_px.mean(0)).pow(2).sum(-1).mean()
-    spread_world = (points_world - points_world.mean(0)).pow(2).sum(-1).mean().clamp_min(1e-300)
-    return landmark_sigma * (1.5 * spread_px / spread_world).sqrt()
+        return np.zeros_like(landmark_sigma)
+    return landmark_sigma * pixels_per_unit(points_world, points_px)
 
 
-def keypoint_sigma(keypoints_2d: Tensor, image_hw: tuple[int, int], config: LabelConfig) -> Tensor:
+def keypoint_sigma(keypoints_2d: Array, image_hw: tuple[int, int], config: LabelConfig) -> Array:
     """Standard deviation of each keypoint in pixels.
 
     Sigma_i is its square times the identity (section 2.2.1, Sigma_i).
@@ -47,7 +46,7 @@ def keypoint_sigma(keypoints_2d: Tensor, image_hw: tuple[int, int], config: Labe
         (J,) in px.
 
     """
-    x, y, confidence = as_numpy(keypoints_2d).T
+    x, y, confidence = keypoints_2d.T
     height, width = image_hw
     to_border = np.minimum(
         np.minimum(x + 0.5, width - 0.5 - x), np.minimum(y + 0.5, height - 0.5 - y)
@@ -56,7 +55,6 @@ def keypoint_sigma(keypoints_2d: Tensor, image_hw: tuple[int, int], config: Labe
     edge_factor = 1 + (config.edge_gain - 1) * clip(1 - to_border / band, 0.0, 1.0)
     conf_factor = 1 / clip(confidence, config.confidence_floor, 1.0)
     occluded = confidence < config.occluded_below
-    sigma_base = np.where(occluded, config.sigma_occluded_px, config.sigma_visible_px).astype(
-        x.dtype
-    )
-    return torch.from_numpy(np.sqrt(sigma_base**2 * edge_factor * conf_factor))
+    sigma_base = np.where(occluded, config.sigma_occluded_px, config.sigma_visible_px)
+    sigma: Array = np.sqrt(sigma_base**2 * edge_factor * conf_factor)
+    return sigma

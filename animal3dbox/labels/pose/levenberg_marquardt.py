@@ -35,13 +35,13 @@ NOTHING = 1e-16
 
 
 @dataclass(frozen=True)
-class Local:
-    """A cost near poses.
+class LocalModel:
+    """A cost near poses: cost + b · step + step · A step / 2.
 
     Attributes:
         cost: (B,); infinite where a pose is not allowed.
-        A: (B, 6, 6) its curvature by a step, positive semidefinite.
-        b: (B, 6) its slope.
+        A: (B, 6, 6) its Gauss-Newton matrix, positive semidefinite.
+        b: (B, 6) its gradient.
     """
 
     cost: Array
@@ -102,7 +102,12 @@ def small_turns(w: Array) -> Array:
 
 
 def descend(
-    local: Callable[[Array, Array], Local], R: Array, t: Array, rounds: int, gain: float = SETTLED
+    local: Callable[[Array, Array], LocalModel],
+    R: Array,
+    t: Array,
+    rounds: int,
+    *,
+    gain: float = SETTLED,
 ) -> tuple[Array, Array, Array, bool]:
     """Poses that cost less, by at most so many damped steps, each kept only if it helps.
 
@@ -142,11 +147,13 @@ def descend(
 
 
 def _where(
-    better: NDArray[np.bool_], there: tuple[Array, Array, Local], here: tuple[Array, Array, Local]
-) -> tuple[Array, Array, Local]:
+    better: NDArray[np.bool_],
+    there: tuple[Array, Array, LocalModel],
+    here: tuple[Array, Array, LocalModel],
+) -> tuple[Array, Array, LocalModel]:
     """For each pose what is there if that is better (B,), else what is here."""
     vectors, matrices = better[:, None], better[:, None, None]
-    local = Local(
+    local = LocalModel(
         np.where(better, there[2].cost, here[2].cost),
         np.where(matrices, there[2].A, here[2].A),
         np.where(vectors, there[2].b, here[2].b),

@@ -115,20 +115,20 @@ def joint_cost(problem: PoseProblem, R_start: Array, extent: str) -> JointCost:
             mesh) or "none".
 
     """
-    points = problem.points_world.numpy()
+    points = problem.points_world
     cloud = np.zeros((0, 3))
     if problem.mask_box is not None and extent != "none":
         cloud = (
             points
             if extent == "keypoints" or problem.vertices_world is None
-            else outermost(problem.vertices_world.numpy())
+            else outermost(problem.vertices_world)
         )
-    box = np.zeros(4) if problem.mask_box is None else problem.mask_box.numpy()
+    box = np.zeros(4) if problem.mask_box is None else problem.mask_box
     return JointCost(
         points,
-        problem.points_px.numpy(),
-        problem.sigma_px.numpy(),
-        problem.K.numpy(),
+        problem.points_px,
+        problem.sigma_px,
+        problem.K,
         R_start,
         cloud,
         box,

@@ -1,7 +1,6 @@
 """The paper's refinement: keypoints and mask bounds together, by SciPy's least squares."""
 
 import numpy as np
-import torch
 from scipy.optimize import least_squares
 
 from animal3dbox.labels.config import LabelConfig
@@ -31,17 +30,14 @@ def refined_pose(
         The refined pose, or why it is no answer: SciPy reports success behind the camera, too.
 
     """
-    cost = joint_cost(problem, start.R.numpy(), config.mask_box or "keypoints")
-    pose = np.concatenate((np.zeros(3), start.t.numpy()))
+    cost = joint_cost(problem, start.R, config.mask_box or "keypoints")
+    pose = np.concatenate((np.zeros(3), start.t))
     if config.residual == "vector":
         pose = _solve(cost, pose, np.ones(len(cost.points)), np.ones(4), config)
     else:
         pose = _literal(cost, pose, config)
-    R = torch.from_numpy(rotate(pose[:3])[0] @ cost.R_start)
-    return checked_pose(
-        problem,
-        PoseEstimate(R, torch.from_numpy(pose[3:].copy()), start.hypothesis, start.warnings),
-    )
+    R = rotate(pose[:3])[0] @ cost.R_start
+    return checked_pose(problem, PoseEstimate(R, pose[3:].copy(), start.hypothesis))
 
 
 def literal_energy(cost: JointCost, pose: Array, config: LabelConfig) -> float:

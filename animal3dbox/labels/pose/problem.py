@@ -1,23 +1,32 @@
-"""The camera-pose problem: what is known, and what an answer looks like."""
+"""The camera-pose problem of one animal: what is known, and what an answer looks like.
+
+All arrays are float64; world is the mesh's frame.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.unit_frame import translation_from_unit_frame, unit_frame
 
+Array = NDArray[np.float64]
 RELATIVE_FLATNESS = 1e-3
 """Points whose third principal spread is less than this part of the first count as lying in one
 plane."""
+COINCIDENCE = 1e-9
+"""Of the points' spread: points that are nearer to each other are one."""
+SAME_PIXEL = 1e-6
+"""Keypoints that are nearer to each other than this, in px, are at the same pixel."""
 
 
 @dataclass(frozen=True)
 class PoseProblem:
-    """What the camera pose is estimated from; all float64, world is the mesh's frame.
+    """What the camera pose is estimated from.
 
     Attributes:
         points_world: (N, 3) the visible landmarks on the body.
@@ -30,14 +39,14 @@ class PoseProblem:
         mask_box: (4,) xyxy px of the mask, pixels from min - 0.5 to max + 0.5, or None.
     """
 
-    points_world: Tensor
-    points_px: Tensor
-    sigma_px: Tensor
-    K: Tensor
+    points_world: Array
+    points_px: Array
+    sigma_px: Array
+    K: Array
     image_hw: tuple[int, int]
-    R_box: Tensor
-    vertices_world: Tensor | None
-    mask_box: Tensor | None
+    R_box: Array
+    vertices_world: Array | None
+    mask_box: Array | None
 
     @property
     def is_cut(self) -> bool:
@@ -48,54 +57,65 @@ class PoseProblem:
         left, top, right, bottom = self.mask_box.tolist()
         return bool(left <= -0.5 or top <= -0.5 or right >= width - 0.5 or bottom >= height - 0.5)
 
+    @cached_property
+    def linear(self) -> Array:
+        """K's upper left, (2, 2)."""
+        return self.K[:2, :2]
+
+    @cached_property
+    def pixels(self) -> Array:
+        """Keypoints about the principal point, coordinate by coordinate: (2, N)."""
+        about_center: Array = self.points_px.T - self.K[:2, 2:]
+        return about_center
+
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """A camera pose.
+    """A camera pose, X_cam = R X + t.
 
     Attributes:
         R: (3, 3) R_cam_world.
         t: (3,) t_cam_world.
         hypothesis: the start it came from.
-        warnings: whole sentences.
     """
 
-    R: Tensor
-    t: Tensor
+    R: Array
+    t: Array
     hypothesis: str
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class PoseFailure:
-    """Why no pose was found: a reason of REASONS, and what was seen."""
+    """Why no pose was found.
+
+    Attributes:
+        reason: one of REASONS.
+        detail: the evidence, in one sentence.
+    """
 
     reason: str
     detail: str
 
 
-def reprojection_errors(problem: PoseProblem, R: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
-    """Distance (N,) in px of each landmark's projection from its keypoint, and depth (N,)."""
-    projected, depth = project(
-        problem.K.numpy(), problem.points_world.numpy() @ R.numpy().T + t.numpy()
-    )
-    return torch.from_numpy(norm(projected - problem.points_px.numpy())), torch.from_numpy(depth)
+def reprojection_errors(problem: PoseProblem, R: Array, t: Array) -> tuple[Array, Array]:
+    """Distances (N,) in px of the landmarks' projections from their keypoints, and depths (N,)."""
+    projected, depth = project(problem.K, problem.points_world @ R.T + t)
+    return norm(projected - problem.points_px), depth
 
 
 def degenerate_points(problem: PoseProblem, min_keypoints: int) -> PoseFailure | None:
-    """Why the points cannot fix a pose, if they cannot: too few, coinciding, or in one plane."""
-    points, pixels = problem.points_world.numpy(), problem.points_px.numpy()
+    """Why the points cannot fix a pose: they are too few, coincide, or lie in one plane.
+
+    None if they can.
+    """
+    points, pixels = problem.points_world, problem.points_px
     count = len(points)
     if count < min_keypoints:
         return PoseFailure(
             "too_few_keypoints", f"{count} visible keypoints, but min_keypoints is {min_keypoints}"
         )
     spread = np.linalg.svd(points - points.mean(0), compute_uv=False)
-    offsets = points[:, None] - points[None]
-    apart = (offsets * offsets).sum(-1) > (1e-9 * spread[0]) ** 2
-    distinct = count
-    if np.count_nonzero(apart) < count * (count - 1):
-        distinct = 1 + int((np.tril(apart, -1).sum(1)[1:] == np.arange(1, count)).sum())
+    distinct = _distinct_points(points, COINCIDENCE * spread[0])
     if distinct < min_keypoints:
         return PoseFailure(
             "coplanar_keypoints",
@@ -106,7 +126,7 @@ def degenerate_points(problem: PoseProblem, min_keypoints: int) -> PoseFailure |
         return PoseFailure(
             "coplanar_keypoints", f"the {count} visible keypoints lie in one plane of the body"
         )
-    if np.abs(pixels - pixels[0]).max() < 1e-6:
+    if np.abs(pixels - pixels[0]).max() < SAME_PIXEL:
         return PoseFailure(
             "coplanar_keypoints",
             f"all {count} visible keypoints are at the same pixel {pixels[0].tolist()}",
@@ -114,17 +134,22 @@ def degenerate_points(problem: PoseProblem, min_keypoints: int) -> PoseFailure |
     return None
 
 
-def landmark_frame(problem: PoseProblem) -> tuple[Tensor, float]:
-    """The landmarks' mean (3,) and their root mean square distance from it."""
-    points = problem.points_world.numpy()
-    middle = points.mean(0)
-    return torch.from_numpy(middle), float(np.sqrt(((points - middle) ** 2).sum(-1).mean()))
+def _distinct_points(points: Array, tolerance: float) -> int:
+    """How many of the points (N, 3) lie farther than the tolerance from every one before them."""
+    offsets = points[:, None] - points[None]
+    apart = (offsets * offsets).sum(-1) > tolerance**2
+    count = len(points)
+    if np.count_nonzero(apart) == count * (count - 1):
+        return count
+    return 1 + int((np.tril(apart, -1).sum(1)[1:] == np.arange(1, count)).sum())
 
 
 def in_unit_scale(
     problem: PoseProblem, solve: Callable[[PoseProblem], PoseEstimate | PoseFailure]
 ) -> PoseEstimate | PoseFailure:
-    """Solve about the landmarks' mean and in units of their spread, so that the answer is free of the mesh's unit.
+    """Solve about the landmarks' mean and in units of their spread.
+
+    The answer is then free of the mesh's unit.
 
     Args:
         problem: in the mesh's frame and unit.
@@ -134,19 +159,14 @@ def in_unit_scale(
         The pose of the problem as it was.
 
     """
-    middle, unit = landmark_frame(problem)
+    middle, unit = unit_frame(problem.points_world)
+    points = (problem.points_world - middle) / unit
     vertices = None
-    if problem.vertices_world is not None:  # in NumPy, a third of torch's time
-        scaled = problem.vertices_world.numpy() - middle.numpy()
-        scaled /= unit
-        vertices = torch.from_numpy(scaled)
-    found = solve(
-        replace(
-            problem, points_world=(problem.points_world - middle) / unit, vertices_world=vertices
-        )
-    )
-    if isinstance(found, PoseFailure):
-        return found
-    return PoseEstimate(
-        found.R, found.t * unit - found.R @ middle, found.hypothesis, found.warnings
-    )
+    if problem.vertices_world is not None:
+        vertices = problem.vertices_world - middle
+        vertices /= unit
+    pose = solve(replace(problem, points_world=points, vertices_world=vertices))
+    if isinstance(pose, PoseFailure):
+        return pose
+    t = translation_from_unit_frame(pose.R, pose.t, middle=middle, unit=unit)
+    return PoseEstimate(pose.R, t, pose.hypothesis)

@@ -4,19 +4,19 @@ Its flat box, its overlap with the mask, its visible surface.
 """
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.distortion import bent_points
 from animal3dbox.geometry.mesh_bounds import bounds_in_frame, frame_box
+from animal3dbox.geometry.pixel_boxes import mask_box, points_box
 from animal3dbox.geometry.rasterizer import covered_part
-from animal3dbox.labels.assemble import ShownBody, mask_box, points_box
+from animal3dbox.geometry.visible_surface import surface_share
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.observation import Array, Observation
+from animal3dbox.labels.observation import Observation
 from animal3dbox.labels.pose.problem import PoseEstimate
-from animal3dbox.labels.visibility.visible_surface import surface_share
+
+Array = NDArray[np.float64]
 
 
 def mask_overlap(
@@ -31,45 +31,49 @@ def mask_overlap(
     return float(shared / union) if union else 0.0
 
 
-def shown_body(
-    seen: Observation, pose: PoseEstimate, R_box: Tensor, box: Tensor | None, config: LabelConfig
-) -> ShownBody:
-    """The body under a camera.
+def body_in_picture(
+    observation: Observation,
+    pose: PoseEstimate,
+    R_box: Array,
+    box: Array | None,
+    config: LabelConfig,
+) -> tuple[Array | None, float | None, Array | None]:
+    """What the picture shows of a body under a camera.
 
     Nothing is drawn unless the configuration asks for it, or the body reaches behind the camera.
 
     Args:
-        seen: the animal.
+        observation: the animal.
         pose: its camera.
         R_box: (3, 3) its axes, R_world_box.
         box: (4,) xyxy px of its mask; None without one.
         config: surface_share and mask_iou.
 
+    Returns:
+        box: (4,) xyxy px, see CuboidLabel.box; None without a mask and vertices.
+        mask_iou: None if it is not known or not asked for.
+        surface_share: (6,); None likewise.
+
     """
-    wants_overlap = seen.mask is not None and config.mask_iou
-    draws = seen.faces is not None and (wants_overlap or config.surface_share)
-    if seen.vertices is None or (box is not None and not draws):
-        return ShownBody(box, None, None)
+    vertices, faces, mask = observation.body.vertices, observation.body.faces, observation.mask
+    wants_overlap = mask is not None and config.mask_iou
+    draws = faces is not None and (wants_overlap or config.surface_share)
+    if vertices is None or (box is not None and not draws):
+        return box, None, None
     overlap = shares = None
-    if seen.faces is not None and draws:
-        vertices_cam = _in_camera(pose.R.numpy(), pose.t.numpy(), seen.vertices)
-        straight = bent_points(vertices_cam, seen.distortion)
-        if seen.mask is not None and config.mask_iou:
-            overlap = mask_overlap(
-                *covered_part(straight, seen.faces, seen.K, seen.image_hw), seen.mask
-            )
+    if faces is not None and draws:
+        vertices_cam = _in_camera(pose.R, pose.t, vertices)
+        straight = bent_points(vertices_cam, observation.distortion)
+        K, image_hw = observation.K, observation.image_hw
+        if mask is not None and config.mask_iou:
+            overlap = mask_overlap(*covered_part(straight, faces, K, image_hw), mask)
         if config.surface_share:
-            mesh = torch.from_numpy(vertices_cam), seen.faces
             shares = surface_share(
-                *mesh,
-                pose.R @ R_box,
-                torch.from_numpy(seen.K),
-                seen.image_hw,
-                torch.from_numpy(straight),
+                vertices_cam, faces, pose.R @ R_box, K=K, image_hw=image_hw, bent=straight
             )
-    return ShownBody(
-        box if box is not None else _mesh_box(seen, seen.vertices, pose), overlap, shares
-    )
+    if box is None:
+        box = _mesh_box(observation, vertices, pose)
+    return box, overlap, shares
 
 
 def _in_camera(R: Array, t: Array, vertices: Array) -> Array:
@@ -79,38 +83,34 @@ def _in_camera(R: Array, t: Array, vertices: Array) -> Array:
     return moved.T
 
 
-def _mesh_box(seen: Observation, vertices: Array, pose: PoseEstimate) -> Tensor:
+def _mesh_box(observation: Observation, vertices: Array, pose: PoseEstimate) -> Array:
     """The flat box (4,) xyxy px of a body (V, 3) without a mask.
 
     The bounds of what the frame shows of it.
     """
-    K, R, t = seen.K, pose.R.numpy(), pose.t.numpy()
-    if seen.distortion is None:
+    K, R, t, faces = observation.K, pose.R, pose.t, observation.body.faces
+    lens, image_hw = observation.distortion, observation.image_hw
+    if lens is None:
         scaled = _in_camera(K @ R, K @ t, vertices).T
     else:
-        scaled = K @ bent_points(_in_camera(R, t, vertices), seen.distortion).T
+        scaled = K @ bent_points(_in_camera(R, t, vertices), lens).T
     if scaled[2].min() > 0:
         px = scaled[:2]
         px /= scaled[2]
-        bounds, frame = np.concatenate((px.min(1), px.max(1))), frame_box(seen.image_hw)
+        bounds, frame = np.concatenate((px.min(1), px.max(1))), frame_box(image_hw)
         (left, top, right, bottom), (first_x, first_y, last_x, last_y) = (
             bounds.tolist(),
             frame.tolist(),
         )
         if left >= first_x and top >= first_y and right <= last_x and bottom <= last_y:
-            return torch.from_numpy(bounds)
-        if (
-            seen.faces is not None
-            and (inside := bounds_in_frame(px, seen.faces, frame)) is not None
-        ):
-            return torch.from_numpy(inside)
+            return bounds
+        if faces is not None and (inside := bounds_in_frame(px, faces, frame)) is not None:
+            return inside
     vertices_cam = _in_camera(R, t, vertices)
-    if seen.faces is not None and scaled[2].min() <= 0:
-        part, (rows, columns) = covered_part(
-            bent_points(vertices_cam, seen.distortion), seen.faces, K, seen.image_hw
-        )
+    if faces is not None and scaled[2].min() <= 0:
+        part, (rows, columns) = covered_part(bent_points(vertices_cam, lens), faces, K, image_hw)
         if part.any():
-            return mask_box(part) + torch.tensor(
-                [columns.start, rows.start, columns.start, rows.start]
-            )
-    return points_box(*project(K, vertices_cam, seen.distortion), seen.image_hw)
+            offset = np.array([columns.start, rows.start, columns.start, rows.start])
+            box: Array = mask_box(part) + offset
+            return box
+    return points_box(*project(K, vertices_cam, lens), image_hw)

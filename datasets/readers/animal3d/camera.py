@@ -57,7 +57,7 @@ def stored_camera(
     fitted = [record for record in records if record.sample_id in bodies.parameters]
     for record in fitted[:: max(1, len(fitted) // SAMPLES)]:
         try:
-            landmarks = bodies.body(record).landmarks.numpy()
+            landmarks = bodies.body(record).landmarks
         except SampleError:
             continue  # it is reported when the animal is labelled
         if record.sample_id in keypoints_3d:

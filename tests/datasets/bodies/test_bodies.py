@@ -14,17 +14,18 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from one_label import label_of
 from photo_dataset import HW, WORDS, Scene, toy_scene, view_of
 from torch import Tensor
 
 from animal3dbox.datasets.bodies.mesh_file import MeshBody, load_mesh_body
-from animal3dbox.datasets.bodies.sources import Body, ModelBody, ParametersBody, preset_body
+from animal3dbox.datasets.bodies.sources import ModelBody, ParametersBody, preset_body
 from animal3dbox.datasets.images.rle import encode_mask
-from animal3dbox.datasets.labelling.label_records import label_record
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.geometry.rigid import rotation_angle, rotation_from_axis_angle
+from animal3dbox.labels.body import Body
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.smal.files.model_files import load_model
@@ -407,7 +408,7 @@ def test_a_mesh_of_any_topology_frame_and_unit_shows_the_side_the_camera_sees(
     record = AnimalRecord(
         "s7", "s7", Path("s7.jpg"), HW, WORDS, np.array(view.joints), encode_mask(view.mask), "dog"
     )
-    label = label_record(record, body, LabelConfig())
+    label = label_of(record, body, LabelConfig())
     assert isinstance(label, CuboidLabel)
     assert label.side == side
     assert (
@@ -471,7 +472,7 @@ def test_each_animals_own_parameters_give_its_body_and_its_label() -> None:
         torch.tensor([0.3, -0.2, 5.0], dtype=torch.float64),
     )
     source = ParametersBody(animal.model, {"horse-1": parameters})
-    label = label_record(parameters_record("horse-1", animal.keypoints_2d), source, LabelConfig())
+    label = label_of(parameters_record("horse-1", animal.keypoints_2d), source, LabelConfig())
     assert isinstance(label, CuboidLabel)
     assert label.quality.orientation_rule == "torso vertices on the template"
     assert label.quality.reprojection_error_px is not None
@@ -513,7 +514,7 @@ def test_a_model_of_ones_own_serves_in_its_template_pose_and_unit(tmp_path: Path
     assert body.landmark_sigma is not None
     assert own.landmark_sigma is not None
     torch.testing.assert_close(body.landmark_sigma, 3 * own.landmark_sigma)
-    label = label_record(record, source, LabelConfig())
+    label = label_of(record, source, LabelConfig())
     assert isinstance(label, CuboidLabel)
     assert label.side is not None
 

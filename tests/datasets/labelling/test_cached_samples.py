@@ -18,11 +18,11 @@ from animal3dbox.datasets import LabelDataset
 from animal3dbox.datasets.batches import Targets
 from animal3dbox.datasets.bodies.sources import ParametersBody
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
-from animal3dbox.datasets.labelling.label_rows import LabelRow, packed_outcome, unpacked_outcome
+from animal3dbox.datasets.labelling.label_codec import packed_outcome, unpacked_outcome
 from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.storage.codec import Codec
 from animal3dbox.datasets.storage.packed import PackedList
-from animal3dbox.labels.types import Rejection
+from animal3dbox.labels.types import CuboidLabel, Rejection
 
 
 def labels_of(dataset: LabelDataset) -> list[Any]:
@@ -43,22 +43,20 @@ def test_records_stay_packed_where_labels_are_in_the_cache(
     assert labels_of(dataset) == before
 
 
-def test_heads_say_what_records_say(animals: Path) -> None:
+def test_the_index_says_what_records_say(animals: Path) -> None:
     source = small_dataset(animals).source
     for index in range(len(source)):
         sample = source.sample(index)
         assert len(sample.animals) == len(sample.records) == source.animals(index)
-        for number, (head, record) in enumerate(zip(sample.animals, sample.records, strict=True)):
-            assert (head.sample_id, head.category, head.image_hw) == (
+        for number, (entry, record) in enumerate(zip(sample.animals, sample.records, strict=True)):
+            assert (entry.sample_id, entry.category, entry.image_hw) == (
                 record.sample_id,
                 record.category,
                 record.image_hw,
             )
-            assert (record.image_id, str(record.image_path)) == (
-                sample.image_id,
-                sample.head.image_path,
-            )
-            assert head.vocabulary is record.vocabulary  # type: ignore[union-attr]
+            assert record.image_id == sample.image_id
+            assert str(record.image_path) == sample.image_path
+            assert entry.vocabulary is record.vocabulary  # type: ignore[union-attr]
             assert np.array_equal(sample.mask(number), record.mask)  # type: ignore[union-attr,arg-type]
 
 
@@ -70,14 +68,15 @@ def test_parameters_that_are_replaced_while_they_are_used_get_new_labels(
     parameters = dict(read.bodies.parameters)
     dataset = LabelDataset(
         FileSource(read.records, ParametersBody(read.bodies.model, parameters)),
-        pose="exact",
+        stored_cameras="exact",
         cache=tmp_path,
     )
     before = dataset[0][1]["size"]  # type: ignore[index]
     for name, one in parameters.items():
         parameters[name] = replace(one, betas=one.betas + 0.5)
     fresh = LabelDataset(
-        FileSource(read.records, ParametersBody(read.bodies.model, parameters)), pose="exact"
+        FileSource(read.records, ParametersBody(read.bodies.model, parameters)),
+        stored_cameras="exact",
     )[0][1]["size"]  # type: ignore[index]
     assert not torch.equal(fresh, before)
     assert torch.equal(dataset[0][1]["size"], fresh)  # type: ignore[index]
@@ -126,27 +125,23 @@ def test_outcomes_come_back_as_they_were_stored(animals: Path, tmp_path: Path) -
     assert unpacked_outcome(packed_outcome(rejection)) == rejection
     dataset = small_dataset(animals)
     sample = dataset.source.sample(0)
-    row = dataset._rows.rows([dataset._rows.asked(sample, 0, dataset.source.facts(sample))])[
-        0
-    ].outcome
-    assert isinstance(row, LabelRow)
+    request = dataset._store.request(sample, 0, dataset.source.facts(sample))
+    (label,), cases = dataset._store.labels([request])
+    assert isinstance(label, CuboidLabel)
+    assert cases == []
     bent = replace(
-        row,
-        distortion=np.array([0.1, 0.0, 0.0, 0.2]),
+        label,
+        lens=np.array([0.1, 0.0, 0.0, 0.2]),
         scale_m_per_unit=0.5,
         scale_source="x",
-        quality={**row.quality, "warnings": ("a", "b")},
+        quality=replace(label.quality, warnings=("a", "b")),
     )
-    for whole in (row, bent, replace(row, keypoints=None)):
+    for whole in (label, bent, replace(label, keypoints_2d=None)):
         back = unpacked_outcome(packed_outcome(whole))
-        assert isinstance(back, LabelRow)
-        assert back.quality == whole.quality
-        assert (back.sample_id, back.scale_m_per_unit, back.scale_source) == (
-            whole.sample_id,
-            whole.scale_m_per_unit,
-            whole.scale_source,
-        )
-        for name in ("values", "keypoints", "distortion"):
-            stored, kept = getattr(back, name), getattr(whole, name)
-            assert (stored is None) == (kept is None)
-            assert stored is None or np.array_equal(stored, kept)
+        assert isinstance(back, CuboidLabel)
+        for name in ("quality", "sample_id", "image_hw", "scale_m_per_unit", "scale_source"):
+            assert getattr(back, name) == getattr(whole, name)
+        for name in ("row", "keypoints_2d", "lens"):
+            stored, original = getattr(back, name), getattr(whole, name)
+            assert (stored is None) == (original is None)
+            assert stored is None or np.array_equal(stored, original)

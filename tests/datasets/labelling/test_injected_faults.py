@@ -137,7 +137,7 @@ def segments_hold(cache: Path) -> int:
 
 
 def segments_hold_when_whole(right: dict[str, Any]) -> int:
-    return sum(len(target["quality"]) for target in right.values())
+    return sum(len(target["meta"]["quality"]) for target in right.values())
 
 
 @pytest.mark.parametrize("seed", range(15))
@@ -294,7 +294,7 @@ def test_a_case_that_cannot_be_written_down_stops_loading(
 
 
 def test_a_cache_of_another_config_is_not_read(animals: Path, cache: Path) -> None:
-    dataset = small_dataset(animals, cache=cache, pose="hypothesis")
+    dataset = small_dataset(animals, cache=cache, stored_cameras="hypothesis")
     dataset[0]
     assert len(list(cache.iterdir())) == 2
 
@@ -362,7 +362,9 @@ def test_a_spoiled_file_is_named_and_its_neighbours_keep_their_labels(
             "the rendered one is used" in note for note in small_dataset(copied).source.notes
         )
         targets = [small_dataset(copied)[i][1] for i in range(8)]  # type: ignore[index]
-        sources = {quality["mask_source"] for target in targets for quality in target["quality"]}
+        sources = {
+            quality["mask_source"] for target in targets for quality in target["meta"]["quality"]
+        }
         assert sources == {"dataset", "rendered"}
     for dataset in (
         (before,) if fault == "mask vanished" else (before, small_dataset(copied, **options))
@@ -446,7 +448,7 @@ def load_until_death(animals: Path, folder: Path, fatal: int) -> None:
 
 
 def deadly(animals: Path, folder: Path, fatal: int) -> Deadly:
-    dataset = Deadly(small_dataset(animals).source, pose="exact", cache=folder / "cache")
+    dataset = Deadly(small_dataset(animals).source, stored_cameras="exact", cache=folder / "cache")
     dataset.fatal, dataset.marker = fatal, folder / "died"
     return dataset
 

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from one_label import label_of
 from small_animals import model_of
 
 from animal3dbox.datasets.bodies.sources import BodySource, preset_body
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.labelling.label_records import (
-    Given,
-    label_record,
     label_records,
-    posed_as_stored,
+    request_of_record,
 )
 from animal3dbox.datasets.labelling.scale import KnownScale
 from animal3dbox.datasets.records import AnimalRecord
@@ -32,15 +31,18 @@ CONFIG = LabelConfig(surface_share=False, mask_iou=False)
 def read(animals: Path) -> tuple[list[AnimalRecord], BodySource]:
     source = read_dataset(animals, options=ReadOptions(model=model_of(animals)))
     assert source.bodies is not None
-    return [posed_as_stored(record, "exact") for record in source.records.records], source.bodies
+    known = [replace(record, pose=record.stored_pose) for record in source.records.records]
+    return known, source.bodies
 
 
 def test_many_labels_are_those_made_one_by_one(read: tuple[list[AnimalRecord], BodySource]) -> None:
     records, bodies = read
     scale = KnownScale(0.7)
-    together = label_records([Given(record) for record in records], bodies, CONFIG, scale)
+    together = label_records(
+        [request_of_record(record, bodies) for record in records], CONFIG, scale=scale
+    )
     for record, label in zip(records, together, strict=True):
-        alone = label_record(record, bodies, CONFIG, scale=scale)
+        alone = label_of(record, bodies, CONFIG, scale=scale)
         assert isinstance(label, CuboidLabel)
         assert isinstance(alone, CuboidLabel)
         assert torch.allclose(label.corners_3d, alone.corners_3d, rtol=1e-9, atol=1e-9)
@@ -63,7 +65,7 @@ def test_unusable_records_are_told_and_spoil_no_other(
     spoiled[5] = replace(
         records[5], pose=None, stored_pose=None, keypoints_2d=records[5].keypoints_2d * 0
     )
-    found = label_records([Given(record) for record in spoiled], bodies, CONFIG)
+    found = label_records([request_of_record(record, bodies) for record in spoiled], CONFIG)
     said = {
         place: outcome
         for place, outcome in enumerate(found)
@@ -89,6 +91,10 @@ def test_one_body_for_all_can_be_labelled_together_too(
     read: tuple[list[AnimalRecord], BodySource],
 ) -> None:
     records, _ = read
-    few = [Given(replace(record, pose=None, stored_pose=None)) for record in records[:2]]
-    assert len(label_records(few, preset_body("dog"), CONFIG)) == 2
-    assert label_records([], preset_body("dog"), CONFIG) == []
+    dog = preset_body("dog")
+    few = [
+        request_of_record(replace(record, pose=None, stored_pose=None), dog)
+        for record in records[:2]
+    ]
+    assert all(isinstance(label, CuboidLabel) for label in label_records(few, CONFIG))
+    assert label_records([], CONFIG) == []

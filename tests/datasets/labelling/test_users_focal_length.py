@@ -33,12 +33,12 @@ def test_it_is_that_of_all_images_even_if_their_headers_say_another(tmp_path: Pa
     assert targets
     for target in targets:
         assert target["K"][0, 0] == target["K"][1, 1] == 333.0
-        assert {quality["K_source"] for quality in target["quality"]} == {"given"}
+        assert {quality["K_source"] for quality in target["meta"]["quality"]} == {"given"}
     assert "333 px" in " ".join(dataset.source.notes)
 
 
 def test_a_datasets_own_camera_does_not_hold_for_another_focal_length(animals: Path) -> None:
-    dataset = small_dataset(animals, pose="hypothesis", focal_px=150.0)
+    dataset = small_dataset(animals, stored_cameras="hypothesis", focal_px=150.0)
     for record in dataset.source.sample(0).records:
         assert isinstance(record, AnimalRecord)
         assert record.K is not None
@@ -91,7 +91,11 @@ def test_the_command_fills_the_cache_of_the_dataset_with_the_same_focal_length(
     assert code == 0, said
     stored = json.loads(said)["stored"]
     dataset = small_dataset(
-        animals, pose="hypothesis", focal_px=150.0, cache=tmp_path / "cache", on_bad="skip"
+        animals,
+        stored_cameras="hypothesis",
+        focal_px=150.0,
+        cache=tmp_path / "cache",
+        on_bad="skip",
     )
     (folder,) = (tmp_path / "cache").iterdir()
     before = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())

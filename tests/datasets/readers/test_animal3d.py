@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import torch
 from animal3d_copies import TURN, copy_with, in_pytorch3d_frame
+from one_label import label_of
 from PIL import Image
 from torch.testing import assert_close
 
 from animal3dbox.datasets.formats import ReadOptions, read_dataset, recognised_format
-from animal3dbox.datasets.labelling.label_records import label_record
 from animal3dbox.datasets.readers.animal3d.reader import Animal3D, read_animal3d
 from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
 from animal3dbox.datasets.synthetic.faults import FaultConfig
@@ -70,8 +70,8 @@ def test_a_written_folder_gives_the_same_labels_as_the_world_in_memory(
     for ours, theirs in zip(by_split, read.records.records, strict=True):
         assert ours.image_id in theirs.image_id
         outcome, again = (
-            label_record(ours, bodies, LabelConfig()),
-            label_record(theirs, read.bodies, LabelConfig()),
+            label_of(ours, bodies, LabelConfig()),
+            label_of(theirs, read.bodies, LabelConfig()),
         )
         if not isinstance(outcome, CuboidLabel) or not isinstance(again, CuboidLabel):
             assert type(outcome) is type(again)
@@ -197,8 +197,8 @@ def test_the_stored_camera_is_recognised_in_pytorch3ds_frame(
     assert not any("keypoint_3d" in note for note in read.records.notes)
     assert read.bodies is not None
     outcome, again = (
-        label_record(before, read.bodies, LabelConfig()),
-        label_record(record, found.bodies, LabelConfig()),
+        label_of(before, read.bodies, LabelConfig()),
+        label_of(record, found.bodies, LabelConfig()),
     )
     assert isinstance(outcome, CuboidLabel)
     assert isinstance(again, CuboidLabel)

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 from animal3d_copies import Content, copy_with
+from one_label import label_of
 from torch.testing import assert_close
 
 from animal3dbox.datasets.bodies.sources import preset_body
 from animal3dbox.datasets.formats import recognised_format
 from animal3dbox.datasets.inspection.inspect import inspect_dataset
-from animal3dbox.datasets.labelling.label_records import label_record
 from animal3dbox.datasets.readers.animal3d.reader import Animal3D, read_animal3d
 from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
 from animal3dbox.datasets.synthetic.faults import FaultConfig
@@ -113,8 +113,8 @@ def test_a_set_with_only_what_its_loader_reads_gives_the_same_boxes(
     for here, there in zip(found.records.records[:3], whole.records.records, strict=False):
         assert here.image_hw == there.image_hw  # not in the file, but the image's
         a, b = (
-            label_record(here, found.bodies, LabelConfig()),
-            label_record(there, whole.bodies, LabelConfig()),
+            label_of(here, found.bodies, LabelConfig()),
+            label_of(there, whole.bodies, LabelConfig()),
         )
         assert isinstance(a, CuboidLabel)
         assert isinstance(b, CuboidLabel)
@@ -181,8 +181,7 @@ def test_a_2d_only_set_is_labelled_with_a_body_for_all(
         1.0,
     }
     outcomes = [
-        label_record(record, preset_body("dog"), LabelConfig())
-        for record in found.records.records[:2]
+        label_of(record, preset_body("dog"), LabelConfig()) for record in found.records.records[:2]
     ]
     assert any(isinstance(outcome, CuboidLabel) for outcome in outcomes)
 

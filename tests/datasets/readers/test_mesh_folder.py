@@ -26,6 +26,7 @@ from mesh_folder_dataset import (
     write_picture,
 )  # fmt: skip
 from numpy.typing import NDArray
+from one_label import label_of
 from photo_dataset import HW, K
 from PIL import Image
 from torch.testing import assert_close
@@ -37,7 +38,6 @@ from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.formats import ReadOptions, read_dataset, recognised_format
 from animal3dbox.datasets.label_dataset import Skipped
 from animal3dbox.datasets.labelling.filters import LabelFilter
-from animal3dbox.datasets.labelling.label_records import label_record
 from animal3dbox.datasets.readers.mesh_folder.reader import MeshFolder, read_mesh_folder
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.labels.config import LabelConfig
@@ -52,8 +52,7 @@ DOCS = Path(__file__).parents[3] / "docs" / "formats.md"
 def labels_of(read: MeshFolder, config: LabelConfig | None = None) -> list[CuboidLabel]:
     """The labels of all records, which none may lack."""
     found = [
-        label_record(record, read.bodies, config or LabelConfig())
-        for record in read.records.records
+        label_of(record, read.bodies, config or LabelConfig()) for record in read.records.records
     ]
     return [label for label in found if isinstance(label, CuboidLabel) or pytest.fail(str(label))]
 
@@ -99,7 +98,7 @@ def test_a_guess_at_the_camera_is_one_start_among_others(tmp_path: Path) -> None
 
 def _labelling_outcomes(root: Path) -> list[object]:
     read = read_mesh_folder(root)
-    return [label_record(record, read.bodies, LabelConfig()) for record in read.records.records]
+    return [label_of(record, read.bodies, LabelConfig()) for record in read.records.records]
 
 
 def test_lens_and_unit_of_length_reach_the_record(tmp_path: Path) -> None:
@@ -331,7 +330,7 @@ def test_a_fault_is_named_with_sample_field_and_remedy_and_spoils_no_other(
     assert bool(errors) is fault.when_read
     for record in read.records.records:
         try:
-            good.append(label_record(record, read.bodies, LabelConfig()))
+            good.append(label_of(record, read.bodies, LabelConfig()))
         except SampleError as error:
             errors.append(error)
     spoilt = {error.sample_id for error in errors}
@@ -430,7 +429,7 @@ def test_the_folder_in_the_docs_is_read_as_the_docs_say(tmp_path: Path) -> None:
         [398.5, 221, 0.9],
         [0, 0, 0],
     )
-    label = label_record(first, read.bodies, LabelConfig())
+    label = label_of(first, read.bodies, LabelConfig())
     assert isinstance(label, CuboidLabel)
     assert label.viewpoint == "front" or label.side in ("left", "right")
     assert label.quality.orientation_rule.startswith("trunk landmarks")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from one_label import label_of
 
-from animal3dbox.datasets.labelling.label_records import label_record
 from animal3dbox.datasets.readers.stanfordextra import read_stanfordextra
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.stanfordextra_writer import write_stanfordextra
@@ -38,7 +38,7 @@ def test_records_need_no_files_and_their_own_bodies_and_cameras_label_them() -> 
         assert record.stored_pose is None
         assert np.array_equal(record.mask, sample.animal.mask.numpy())  # type: ignore[arg-type]
     first, truth = records.records[0], samples[0].animal
-    label = label_record(first, bodies, LabelConfig())
+    label = label_of(first, bodies, LabelConfig())
     assert isinstance(label, CuboidLabel)
     assert label.quality.K_source == "given"
     apart = (label.corners_3d - truth.cuboid.corners()).norm(dim=1).mean()

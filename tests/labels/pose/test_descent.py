@@ -1,6 +1,8 @@
 """The batched descent: its derivatives, and that it finds what SciPy finds."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,10 +14,15 @@ from scipy.optimize import least_squares
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.rigid import rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.pose.levenberg_marquardt import descend, project_with_slopes, small_turns
-from animal3dbox.labels.pose.multi_start_search import CAUCHY_95, Sight
+from animal3dbox.labels.pose.levenberg_marquardt import (
+    LocalModel,
+    descend,
+    project_with_slopes,
+    small_turns,
+)
+from animal3dbox.labels.pose.multi_start_search import CAUCHY_95, keypoint_cost
 from animal3dbox.labels.pose.problem import PoseProblem
-from animal3dbox.labels.pose.robust_joint_cost import MASK_SLACK_PX, SIDES, Joint, joint_of
+from animal3dbox.labels.pose.robust_joint_cost import MASK_SLACK_PX, SIDES, joint_cost_of
 
 F64 = torch.float64
 Array = NDArray[np.float64]
@@ -38,14 +45,14 @@ def problem(noise_px: float = 3.0, wild: int = 0) -> PoseProblem:
     unit = (landmarks - middle).pow(2).sum(-1).mean().sqrt()
     points = (landmarks - middle) / unit
     return PoseProblem(
-        points,
-        keypoints,
-        torch.full((26,), 2.0, dtype=F64),
-        K,
-        IMAGE_HW,
-        torch.eye(3, dtype=F64),
-        (vertices - middle) / unit,
-        box,
+        points_world=points.numpy(),
+        points_px=keypoints.numpy(),
+        sigma_px=np.full(26, 2.0),
+        K=K.numpy(),
+        image_hw=IMAGE_HW,
+        R_box=np.eye(3),
+        vertices_world=((vertices - middle) / unit).numpy(),
+        mask_box=box.numpy(),
     )
 
 
@@ -73,54 +80,53 @@ def test_the_slopes_of_projected_points_are_those_of_finite_differences(skew: fl
         assert np.abs((ahead - back) / 2e-6 - slopes[:, k]).max() < 1e-5 * np.abs(slopes).max()
 
 
-def costs() -> list[Sight | Joint]:
+def costs() -> list[Callable[[Array, Array], LocalModel]]:
     given = problem(wild=5)
-    assert given.mask_box is not None
-    pixels = given.points_px.numpy().T - K[:2, 2:].numpy()
-    sight = Sight(
-        given.points_world.numpy(), pixels, given.sigma_px.numpy(), K[:2, :2].numpy(), 5.0
-    )
-    joint = joint_of(given, 1.5, LabelConfig()).watching(*poses())
-    return [sight, joint, joint_of(replace(given, mask_box=None), 1.5, LabelConfig())]
+    joint = joint_cost_of(given, 1.5, LabelConfig())
+    without_mask = joint_cost_of(replace(given, mask_box=None), 1.5, LabelConfig())
+    return [
+        partial(keypoint_cost, given, 5.0),
+        partial(joint.local_model, joint.outline_candidates(*poses())),
+        partial(without_mask.local_model, without_mask.outline_candidates(*poses())),
+    ]
 
 
 @pytest.mark.parametrize("which", [0, 1, 2])
 def test_the_slope_of_each_cost_is_that_of_finite_differences(which: int) -> None:
     cost, (R, t) = costs()[which], poses()
-    b = cost.local(R, t).b
+    b = cost(R, t).b
     for k, step in enumerate(STEPS):
-        numeric = (
-            cost.local(*moved(R, t, step)).cost - cost.local(*moved(R, t, -step)).cost
-        ) / 2e-6
+        numeric = (cost(*moved(R, t, step)).cost - cost(*moved(R, t, -step)).cost) / 2e-6
         assert np.abs(numeric - b[:, k]).max() < 1e-5 * np.abs(b).max()
 
 
-def test_the_watched_points_bound_the_body_like_all_of_them() -> None:
+def test_the_outline_candidates_bound_the_body_like_all_its_points() -> None:
     R, t = poses()
-    joint = joint_of(problem(), 1.0, LabelConfig())
-    everything = replace(joint, watched=np.stack([joint.cloud] * 3))
-    watching = joint.watching(R, t)
-    assert watching.watched.shape[2] < joint.cloud.shape[1] / 2
-    assert watching.watches_enough(R, t, np.arange(3))
-    assert not replace(watching, watched=0.9 * watching.watched).watches_enough(R, t, np.arange(3))
-    assert np.array_equal(watching.local(R, t).cost, everything.local(R, t).cost)
+    joint = joint_cost_of(problem(), 1.0, LabelConfig())
+    everything = np.stack([joint.body_points] * 3)
+    outline = joint.outline_candidates(R, t)
+    assert outline.shape[2] < joint.body_points.shape[1] / 2
+    assert joint.outline_is_complete(outline, R, t)
+    assert not joint.outline_is_complete(0.9 * outline, R, t)
+    of_outline, of_everything = (joint.local_model(x, R, t).cost for x in (outline, everything))
+    assert np.array_equal(of_outline, of_everything)
 
 
 def test_a_descent_never_costs_more_and_stays_before_the_camera() -> None:
-    sight, (R, t) = costs()[0], poses(8)
-    before = sight.local(R, t).cost
+    cost_at, (R, t) = costs()[0], poses(8)
+    before = cost_at(R, t).cost
     for rounds in (1, 2, 5, 20):
-        R_end, t_end, cost, _ = descend(sight.local, R, t, rounds)
+        R_end, t_end, cost, _ = descend(cost_at, R, t, rounds)
         assert (cost <= before * (1 + 1e-12)).all()
-        assert np.allclose(cost, sight.local(R_end, t_end).cost)
+        assert np.allclose(cost, cost_at(R_end, t_end).cost)
         assert np.isfinite(cost).all()
 
 
 def test_what_is_found_already_has_settled_at_once() -> None:
-    sight, (R, t) = costs()[0], poses(1)
-    R, t, cost, settled = descend(sight.local, R, t, 100)
+    cost_at, (R, t) = costs()[0], poses(1)
+    R, t, cost, settled = descend(cost_at, R, t, 100)
     assert settled
-    *_, again, settled = descend(sight.local, R, t, 2)
+    *_, again, settled = descend(cost_at, R, t, 2)
     assert settled
     assert again == pytest.approx(cost, rel=1e-9)
 
@@ -133,28 +139,30 @@ def test_the_joint_cost_is_brought_as_low_as_by_scipy(wild: int) -> None:
     assert given.mask_box is not None
     t, vertices, mask_box = (
         t + np.array([0, 0, 3.0]),
-        given.vertices_world.numpy(),
-        given.mask_box.numpy(),
+        given.vertices_world,
+        given.mask_box,
     )
-    joint = joint_of(given, 1.0, LabelConfig())
-    joint = replace(joint, watched=joint.cloud[None])
+    joint = joint_cost_of(given, 1.0, LabelConfig())
 
     def residuals(x: Array) -> Array:
         R_here, t_here = moved(R[0], t[0], x)
-        cam = given.points_world.numpy() @ R_here.T + t_here
+        cam = given.points_world @ R_here.T + t_here
         px = (cam @ K.numpy().T)[:, :2] / cam[:, 2:]
-        off = (px - given.points_px.numpy()) * joint.by[:, : len(px)].T
+        off = (px - given.points_px) * joint.weight[:, : len(px)].T
         body = vertices @ R_here.T + t_here
         body_px = (body @ K.numpy().T)[:, :2] / body[:, 2:]
         beyond = np.concatenate((body_px.min(0), body_px.max(0))) - mask_box
         return np.concatenate(
-            (off.ravel(), (beyond - beyond.clip(-MASK_SLACK_PX, MASK_SLACK_PX)) * joint.by[0, -2])
+            (
+                off.ravel(),
+                (beyond - beyond.clip(-MASK_SLACK_PX, MASK_SLACK_PX)) * joint.weight[0, -2],
+            )
         )
 
     expected = least_squares(
         residuals, np.zeros(6), loss="cauchy", f_scale=CAUCHY_95, xtol=1e-12, ftol=1e-12, gtol=1e-12
     ).cost
-    *_, cost, _ = descend(joint.local, R, t, 60)
+    *_, cost, _ = descend(partial(joint.local_model, joint.body_points[None]), R, t, 60)
     assert cost[0] <= expected * (1 + 1e-6)
 
 
@@ -165,11 +173,10 @@ def test_bounds_that_differ_by_less_than_a_mask_can_tell_cost_nothing(
     R, t = poses(1)
     given = problem()
     assert given.vertices_world is not None
-    px, _ = project(K, given.vertices_world @ torch.from_numpy(R[0]).mT + torch.from_numpy(t[0]))
-    box = torch.cat((px.amin(0), px.amax(0))) + off_px * torch.tensor([1.0, -1, 1, -1], dtype=F64)
-    off, by_step, _ = (
-        joint_of(replace(given, mask_box=box), 1.0, LabelConfig()).watching(R, t).residuals(R, t)
-    )
+    px, _ = project(given.K, given.vertices_world @ R[0].T + t[0])
+    box = np.concatenate((px.min(0), px.max(0))) + off_px * np.array([1.0, -1, 1, -1])
+    joint = joint_cost_of(replace(given, mask_box=box), 1.0, LabelConfig())
+    off, by_step, _ = joint.residuals(joint.outline_candidates(R, t), R, t)
     beyond, slopes = (x.reshape(-1, 2, 30)[:, SIDES, 26 + np.arange(4)] for x in (off, by_step[0]))
     assert (bool(beyond.all()), bool(slopes.any())) == (costs, costs)
     assert bool(beyond.any()) == costs
@@ -192,13 +199,13 @@ def test_small_turns_are_rotations_and_those_by_their_vectors_to_first_order() -
 def test_keypoints_that_are_exact_but_for_rounding_are_settled_at_once(off_px: float) -> None:
     R, t = poses(1)
     given = problem()
-    noise = torch.from_numpy(np.random.default_rng(0).normal(size=given.points_px.shape))
-    px, _ = project(K, given.points_world @ torch.from_numpy(R[0]).mT + torch.from_numpy(t[0]))
-    joint = joint_of(
+    noise = np.random.default_rng(0).normal(size=given.points_px.shape)
+    px, _ = project(given.K, given.points_world @ R[0].T + t[0])
+    joint = joint_cost_of(
         replace(given, points_px=px + off_px * noise, vertices_world=None, mask_box=None),
         1.0,
         LabelConfig(),
     )
-    *_, cost, settled = descend(joint.local, R, t, 6)
+    *_, cost, settled = descend(partial(joint.local_model, np.zeros((1, 3, 0))), R, t, 6)
     assert settled
     assert 0 < cost[0] < 26 * off_px**2

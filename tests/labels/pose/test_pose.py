@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 from animals import IMAGE_HW, K, camera_round, keypoints_seen, toy_landmarks, toy_mesh
+from numpy.typing import NDArray
 from torch import Tensor
-from torch.testing import assert_close
 
 from animal3dbox.geometry.rigid import rotation_angle, rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig, Method, Residual
@@ -34,15 +34,20 @@ def problem_of(
 ) -> PoseProblem:
     keypoints = keypoints_seen(R, t) if keypoints is None else keypoints
     return PoseProblem(
-        toy_landmarks(),
-        keypoints[:, :2],
-        torch.full((26,), 2.0, dtype=F64),
-        K,
-        IMAGE_HW,
-        EYE,
-        toy_mesh()[0],
-        mask_box,
+        points_world=toy_landmarks().numpy(),
+        points_px=keypoints[:, :2].numpy(),
+        sigma_px=np.full(26, 2.0),
+        K=K.numpy(),
+        image_hw=IMAGE_HW,
+        R_box=np.eye(3),
+        vertices_world=toy_mesh()[0].numpy(),
+        mask_box=None if mask_box is None else mask_box.numpy(),
     )
+
+
+def angle(R: NDArray[np.float64], expected: Tensor) -> float:
+    """The angle between an estimated and a true rotation, in radians."""
+    return float(rotation_angle(torch.from_numpy(R), expected))
 
 
 def found(problem: PoseProblem, config: LabelConfig) -> PoseEstimate:
@@ -58,8 +63,8 @@ def test_without_noise_every_method_finds_the_true_camera(
 ) -> None:
     R, t = camera_round(*view)
     estimate = found(problem_of(R, t), LabelConfig(method=method))
-    assert float(rotation_angle(estimate.R, R)) < 1e-5
-    assert_close(estimate.t, t, atol=1e-4, rtol=0)
+    assert angle(estimate.R, R) < 1e-5
+    assert np.allclose(estimate.t, t, atol=1e-4, rtol=0)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -69,23 +74,19 @@ def test_the_pose_does_not_depend_on_the_meshs_unit_or_frame(method: Method) -> 
     keypoints = keypoints_seen(R, t)
     keypoints[:, :2] += torch.randn(26, 2, generator=generator, dtype=F64)
     plain = found(problem_of(R, t, keypoints), LabelConfig(method=method))
-    turn, shift, unit = (
-        rotation_from_axis_angle(torch.tensor([0.3, -2.0, 0.9], dtype=F64)),
-        torch.tensor([5.0, -700, 3], dtype=F64),
-        1000.0,
-    )
+    turn = rotation_from_axis_angle(np.array([0.3, -2.0, 0.9]))
+    shift, unit = np.array([5.0, -700, 3]), 1000.0
     landmarks, vertices = (
-        unit * points @ turn.mT + shift for points in (toy_landmarks(), toy_mesh()[0])
+        unit * points.numpy() @ turn.T + shift for points in (toy_landmarks(), toy_mesh()[0])
     )
     moved = replace(
         problem_of(R, t, keypoints), points_world=landmarks, vertices_world=vertices, R_box=turn
     )
     other = found(moved, LabelConfig(method=method))
-    loose = (
-        100 if method == "basic" else 1
-    )  # on noisy points EPnP's own answer depends a little on the frame
-    assert_close(other.R @ turn, plain.R, atol=1e-5 * loose, rtol=0)
-    assert_close((other.t + other.R @ shift) / unit, plain.t, atol=1e-4 * loose, rtol=0)
+    # On noisy points EPnP's own answer depends a little on the frame.
+    loose = 100 if method == "basic" else 1
+    assert np.allclose(other.R @ turn, plain.R, atol=1e-5 * loose, rtol=0)
+    assert np.allclose((other.t + other.R @ shift) / unit, plain.t, atol=1e-4 * loose, rtol=0)
 
 
 def test_the_default_survives_a_third_of_wild_keypoints() -> None:
@@ -98,13 +99,8 @@ def test_the_default_survives_a_third_of_wild_keypoints() -> None:
         wild = torch.randperm(26, generator=generator)[:8]
         keypoints[wild, 0] = torch.rand(8, generator=generator, dtype=F64) * 640
         keypoints[wild, 1] = torch.rand(8, generator=generator, dtype=F64) * 480
-        angles.append(
-            float(
-                torch.rad2deg(
-                    rotation_angle(found(problem_of(R, t, keypoints), LabelConfig()).R, R)
-                )
-            )
-        )
+        estimate = found(problem_of(R, t, keypoints), LabelConfig())
+        angles.append(np.degrees(angle(estimate.R, R)))
     assert np.median(angles) < 2
     assert max(angles) < 8
 
@@ -116,8 +112,8 @@ def test_a_skewed_camera_is_respected_by_every_method() -> None:
     cam = toy_landmarks() @ R.mT + t
     px = (cam @ skewed.mT)[:, :2] / cam[:, 2:]
     for method in METHODS:
-        problem = replace(problem_of(R, t), points_px=px, K=skewed)
-        assert float(rotation_angle(found(problem, LabelConfig(method=method)).R, R)) < 1e-4
+        problem = replace(problem_of(R, t), points_px=px.numpy(), K=skewed.numpy())
+        assert angle(found(problem, LabelConfig(method=method)).R, R) < 1e-4
 
 
 def test_a_given_hypothesis_is_tried() -> None:
@@ -125,10 +121,12 @@ def test_a_given_hypothesis_is_tried() -> None:
     noisy = keypoints_seen(R, t)
     noisy[:, :2] += 2 * torch.randn(26, 2, generator=torch.Generator().manual_seed(1), dtype=F64)
     estimate = estimate_pose(
-        problem_of(R, t, noisy), LabelConfig(), (PoseEstimate(R, t, "hypothesis_0"),)
+        problem_of(R, t, noisy),
+        LabelConfig(),
+        (PoseEstimate(R.numpy(), t.numpy(), "hypothesis_0"),),
     )
     assert isinstance(estimate, PoseEstimate)
-    assert float(torch.rad2deg(rotation_angle(estimate.R, R))) < 3
+    assert np.degrees(angle(estimate.R, R)) < 3
 
 
 def test_the_same_problem_gives_the_same_pose_whatever_ran_before() -> None:
@@ -146,8 +144,8 @@ def test_the_same_problem_gives_the_same_pose_whatever_ran_before() -> None:
         again = estimate_pose(problem_of(R, t, keypoints), config)
         if isinstance(first, PoseEstimate):
             assert isinstance(again, PoseEstimate)
-            assert torch.equal(first.R, again.R)
-            assert torch.equal(first.t, again.t)
+            assert np.array_equal(first.R, again.R)
+            assert np.array_equal(first.t, again.t)
         else:
             assert first == again
 
@@ -158,7 +156,7 @@ def test_the_same_problem_gives_the_same_pose_whatever_ran_before() -> None:
 def test_a_pose_behind_the_camera_or_beyond_belief_is_no_answer(depth: float, reason: str) -> None:
     failure = checked_pose(
         problem_of(*camera_round(0, 0)),
-        PoseEstimate(EYE, torch.tensor([0, 0, depth], dtype=F64), "epnp_ransac"),
+        PoseEstimate(np.eye(3), np.array([0, 0, depth]), "epnp_ransac"),
     )
     assert isinstance(failure, PoseFailure)
     assert failure.reason == reason
@@ -185,7 +183,7 @@ def test_a_failed_ransac_does_not_return_the_pose_of_an_earlier_call() -> None:
 def test_keypoints_all_at_one_pixel_are_rejected(method: Method) -> None:
     R, t = camera_round(5, 5)
     failure = estimate_pose(
-        replace(problem_of(R, t), points_px=torch.zeros(26, 2, dtype=F64)),
+        replace(problem_of(R, t), points_px=np.zeros((26, 2))),
         LabelConfig(method=method),
     )
     assert isinstance(failure, PoseFailure)
@@ -194,7 +192,7 @@ def test_keypoints_all_at_one_pixel_are_rejected(method: Method) -> None:
 
 def test_landmarks_in_one_plane_are_rejected() -> None:
     R, t = camera_round(5, 5)
-    flat = toy_landmarks()
+    flat = toy_landmarks().numpy()
     flat[:, 1] = 0
     failure = estimate_pose(replace(problem_of(R, t), points_world=flat), LabelConfig())
     assert isinstance(failure, PoseFailure)
@@ -203,7 +201,7 @@ def test_landmarks_in_one_plane_are_rejected() -> None:
 
 def test_coinciding_landmarks_count_once() -> None:
     R, t = camera_round(5, 5)
-    few = toy_landmarks()
+    few = toy_landmarks().numpy()
     few[5:] = few[4]
     failure = estimate_pose(replace(problem_of(R, t), points_world=few), LabelConfig())
     assert isinstance(failure, PoseFailure)
@@ -254,7 +252,7 @@ def test_the_bbox_term_is_the_difference_of_the_boxes_coordinate_by_coordinate()
         np.concatenate(([0.0, 0, 0], t.numpy()))
     )
     px = problem.points_px
-    assert_close(torch.from_numpy(off), torch.cat((px.amin(0), px.amax(0))), atol=1e-9, rtol=0)
+    assert np.abs(off - np.concatenate((px.min(0), px.max(0)))).max() < 1e-9
 
 
 def test_the_literal_reading_has_the_least_unsquared_energy() -> None:
@@ -266,25 +264,21 @@ def test_the_literal_reading_has_the_least_unsquared_energy() -> None:
     keypoints[3, :2] += 120
     px = keypoints_seen(R, t)[:, :2]
     problem = problem_of(R, t, keypoints, mask_box=torch.cat((px.amin(0) - 6, px.amax(0) + 6)))
-    start = PoseEstimate(R, t, "given")
+    start = PoseEstimate(R.numpy(), t.numpy(), "given")
     energies: dict[str, float] = {}
     readings: tuple[Residual, ...] = ("vector", "literal")
     for reading in readings:
         config = LabelConfig(method="paper", residual=reading)
         refined = refined_pose(problem, start, config)
         assert isinstance(refined, PoseEstimate)
-        cost = joint_cost(problem, refined.R.numpy(), "keypoints")
-        energies[reading] = literal_energy(
-            cost, np.concatenate((np.zeros(3), refined.t.numpy())), config
-        )
+        cost = joint_cost(problem, refined.R, "keypoints")
+        energies[reading] = literal_energy(cost, np.concatenate((np.zeros(3), refined.t)), config)
         generator = np.random.default_rng(0)
         if reading == "literal":
             for _ in range(200):
                 nudge = generator.normal(size=6) * 1e-3
                 assert (
-                    literal_energy(
-                        cost, np.concatenate((np.zeros(3), refined.t.numpy())) + nudge, config
-                    )
+                    literal_energy(cost, np.concatenate((np.zeros(3), refined.t)) + nudge, config)
                     >= energies["literal"] - 1e-3
                 )
     assert energies["literal"] < energies["vector"]
@@ -296,4 +290,4 @@ def test_no_mask_term_is_used_when_the_mask_touches_the_border() -> None:
     assert problem_of(R, t, mask_box=wrong).is_cut
     assert not problem_of(R, t, mask_box=torch.tensor([0.5, 50, 300, 470], dtype=F64)).is_cut
     estimate = found(problem_of(R, t, mask_box=wrong), LabelConfig())
-    assert float(reprojection_errors(problem_of(R, t), estimate.R, estimate.t)[0].amax()) < 1e-6
+    assert float(reprojection_errors(problem_of(R, t), estimate.R, estimate.t)[0].max()) < 1e-6

@@ -8,14 +8,11 @@ from torch.testing import assert_close
 
 from animal3dbox.datasets.synthetic.scenes import exact_keypoints
 from animal3dbox.geometry.rasterizer import silhouette
+from animal3dbox.geometry.visible_surface import surface_share, visible_vertices
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel
-from animal3dbox.labels.visibility.visible_surface import (
-    superimposed_mask,
-    surface_share,
-    visible_keypoints,
-    visible_vertices,
-)
+from animal3dbox.labels.visibility.superimposed_mask import superimposed_mask
+from animal3dbox.labels.visibility.visible_keypoints import visible_keypoints
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.quadruped.poses import POSES, named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas, quadruped_names
@@ -136,7 +133,7 @@ def test_from_its_left_an_animal_shows_its_left_keypoints_and_its_left_surface()
         for name in ("left_eye", "left_shoulder", "left_front_paw", "left_back_knee", "left_ear")
     )
     assert not any(seen[name] for name in ("right_eye", "right_shoulder", "right_mouth"))
-    share = surface_share(cam, model.faces, R, K, IMAGE_HW)
+    share = surface_share(cam, model.faces, R, K=K, image_hw=IMAGE_HW)
     assert int(share.argmax()) == 2
     assert abs(float(share.sum()) - 1) < 1e-12
     assert float(share[3]) < 0.05
@@ -162,7 +159,7 @@ def test_the_surface_shares_of_a_cube_are_those_of_its_faces() -> None:
         config=None,
     )
     assert not isinstance(label, CuboidLabel)  # a bare cube does not say where its nose is
-    share = surface_share(corners @ R.mT + t, faces, R, K, IMAGE_HW)
+    share = surface_share(corners @ R.mT + t, faces, R, K=K, image_hw=IMAGE_HW)
     ray = -(
         R.mT @ t
     )  # the camera, seen from the cube: areas go with the cosines, perspective aside
@@ -182,7 +179,9 @@ def test_a_label_tells_the_side_of_the_surface_beside_that_of_the_box() -> None:
     assert label.surface_side == label.side == "right"
     assert_close(
         label.surface_share,
-        surface_share(model.v_template @ R.mT + t, model.faces, label.rotation, K, IMAGE_HW),
+        surface_share(
+            model.v_template @ R.mT + t, model.faces, label.rotation, K=K, image_hw=IMAGE_HW
+        ),
     )
     bare = label_animal(IMAGE_HW, vertices=model.v_template, template=model, K=K, pose=(R, t))
     assert isinstance(bare, CuboidLabel)

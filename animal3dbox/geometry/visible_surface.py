@@ -1,16 +1,14 @@
-"""What is really seen of an animal: its own surface rather than its box."""
+"""What a camera really sees of a mesh: its own surface, side by side and vertex by vertex."""
 
 import math
-from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.arrays import AnyArray
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_rotation
-from animal3dbox.geometry.rasterizer import rasterize, silhouette
-from animal3dbox.geometry.rigid import rigid, transform_points
-from animal3dbox.smal.keypoints.vocabulary import Groups, Vocabulary
+from animal3dbox.geometry.rasterizer import rasterize
 
 RESOLUTION = 192
 """Pixels along the longer side of the animal, whatever its size in the image."""
@@ -22,14 +20,15 @@ PAIRS_AT_ONCE = 1 << 18
 
 
 def surface_share(
-    vertices_cam: Tensor,
+    vertices_cam: AnyArray,
     faces: Tensor,
-    R_cam_box: Tensor,
-    K: Tensor,
+    R_cam_box: AnyArray,
+    *,
+    K: AnyArray,
     image_hw: tuple[int, int],
-    bent: Tensor | None = None,
-) -> Tensor:
-    """Parts of an animal's visible surface by the side it faces, from a z-buffer that is fitted to it.
+    bent: AnyArray | None = None,
+) -> AnyArray:
+    """Parts of a body's visible surface by the side it faces, from a z-buffer that is fitted to it.
 
     Args:
         vertices_cam: (V, 3) camera frame.
@@ -41,22 +40,33 @@ def surface_share(
 
     Returns:
         (6,) in the order front, back, left, right, top, bottom; sums to 1, all 0 if nothing is
-        seen.
+        seen. An array or a tensor, as the vertices came.
 
     """
     check_rotation("R_cam_box", R_cam_box)
-    shown = vertices_cam if bent is None else bent
-    window = _window(shown, K, image_hw)
+    vertices, axes, intrinsics = (torch.as_tensor(part) for part in (vertices_cam, R_cam_box, K))
+    in_picture = vertices if bent is None else torch.as_tensor(bent)
+    shares = _surface_share(vertices, faces, axes, in_picture, intrinsics, image_hw)
+    result: AnyArray = shares if isinstance(vertices_cam, Tensor) else shares.numpy()
+    return result
+
+
+def _surface_share(
+    vertices: Tensor, faces: Tensor, R: Tensor, bent: Tensor, K: Tensor, image_hw: tuple[int, int]
+) -> Tensor:
+    """The shares (6,) of surface_share, in torch."""
+    window = _window(bent, K, image_hw)
     if window is None:
-        return torch.zeros(6, dtype=vertices_cam.dtype)
+        return torch.zeros(6, dtype=vertices.dtype)
     H_out_in, window_hw = _zoom(window)
-    face_index = rasterize(shown, faces, H_out_in @ K, window_hw).face_index
-    seen = face_index[face_index >= 0]
-    a, b, c = vertices_cam[faces].unbind(1)
-    normals = torch.linalg.cross(b - a, c - a) @ R_cam_box
+    face_index = rasterize(bent, faces, H_out_in @ K, window_hw).face_index
+    on_mesh = face_index[face_index >= 0]
+    a, b, c = vertices[faces].unbind(1)
+    normals = torch.linalg.cross(b - a, c - a) @ R
     axis = normals.abs().argmax(-1)
     side = 2 * axis + (normals.gather(1, axis[:, None])[:, 0] < 0)
-    return torch.bincount(side[seen], minlength=6).to(vertices_cam.dtype) / max(len(seen), 1)
+    counts = torch.bincount(side[on_mesh], minlength=6).to(vertices.dtype)
+    return counts / max(len(on_mesh), 1)
 
 
 def visible_vertices(
@@ -104,67 +114,6 @@ def visible_vertices(
         own = (faces[f] == v[:, None]).any(1)
         hidden[v[~own & (crossed < depth[v] - gap)]] = True
     return (inside & ~hidden)[asked]
-
-
-def visible_keypoints(
-    vocabulary: Vocabulary,
-    groups: Groups,
-    vertices_cam: Tensor,
-    faces: Tensor,
-    K: Tensor,
-    image_hw: tuple[int, int],
-    body: tuple[int, int] | None = None,
-) -> Tensor:
-    """Which keypoints (J,) bool the camera sees: those of whose vertices it sees any.
-
-    See visible_vertices.
-
-    A group's mean lies inside the flesh, so its own ray would always be blocked.
-
-    Args:
-        vocabulary: the keypoints.
-        groups: the body's places, as vocabulary.on_body takes them.
-        vertices_cam: (V, 3) of the body, or of a whole scene.
-        faces: (F, 3) likewise.
-        K: (3, 3) in px.
-        image_hw: height and width.
-        body: first and last + 1 of the body's vertices in a scene; None: all are its.
-
-    """
-    first, stop = body or (0, len(vertices_cam))
-    places = [
-        [] if place is None else [first + i for i in _ids(place)]
-        for place in vocabulary.places(groups, stop - first)
-    ]
-    asked = torch.tensor(sorted({i for ids in places for i in ids}), dtype=torch.int64)
-    seen = set(asked[visible_vertices(vertices_cam, faces, K, image_hw, asked)].tolist())
-    return torch.tensor([any(i in seen for i in ids) for ids in places])
-
-
-def superimposed_mask(
-    vertices: Tensor,
-    faces: Tensor,
-    K: Tensor,
-    pose: tuple[Tensor, Tensor],
-    image_hw: tuple[int, int],
-) -> Tensor:
-    """The mask (H, W) bool of a mesh laid over its image by the dataset's own camera (section 2.2.2, superimposition).
-
-    Never use a pose that is being estimated: such a mask agrees with any pose.
-
-    Args:
-        vertices: (V, 3) in the mesh's frame.
-        faces: (F, 3).
-        K: (3, 3) in px.
-        pose: (R, t), X_cam = R X + t.
-        image_hw: height and width.
-
-    """
-    return silhouette(transform_points(rigid(*pose), vertices), faces, K, image_hw)
-
-
-def _ids(place: Sequence[int] | Tensor) -> list[int]:
-    return place.nonzero()[:, 0].tolist() if isinstance(place, Tensor) else list(place)
 
 
 def _window(
