@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
-from animal3dbox.geometry.box_iou import box_iou
+from animal3dbox.geometry.box_overlap import box_iou
 
 Array = NDArray[np.float64]
 Boxes = tuple[Array, Array, Array]

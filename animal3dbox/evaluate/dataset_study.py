@@ -17,9 +17,9 @@ from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
-from animal3dbox.geometry.box_iou import box_iou
+from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
 TRUTH = "truth.json"

@@ -8,7 +8,7 @@ from torch import Tensor
 from animal3dbox.geometry.arrays import AnyArray, namespace
 from animal3dbox.geometry.checks import check_image_hw, check_intrinsics, check_shape
 from animal3dbox.geometry.distortion import distort
-from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.rigid_transforms import transform_points
 
 
 def intrinsics(

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from animal3dbox.geometry.arrays import as_numpy, norm
-from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import CORNER_SIGNS, Cuboid
-from animal3dbox.geometry.face_visibility import (
+from animal3dbox.geometry.box_visibility import (
     corners_visibility,
     near_depth_of_corners,
     visible_faces,
 )
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import CORNER_SIGNS, Cuboid
 from animal3dbox.labels.observation import Array, Observation
 from animal3dbox.labels.pose.problem import PoseEstimate
 from animal3dbox.labels.types import CuboidLabel, Quality

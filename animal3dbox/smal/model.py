@@ -15,10 +15,10 @@ from torch import Tensor
 from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import AnyArray, as_numpy, has_derivatives, is_plain
 from animal3dbox.geometry.checks import check_shape
-from animal3dbox.geometry.rigid import nearest_rotation
+from animal3dbox.geometry.rigid_transforms import nearest_rotation
+from animal3dbox.smal.array_skinning import BODIES_AT_ONCE, SkinMaps, array_maps, skin, skin_maps
 from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
-from animal3dbox.smal.skinning import BODIES_AT_ONCE, SkinMaps, array_maps, skin, skin_maps
 
 SPINE_JOINTS = tuple(
     range(7)
@@ -191,7 +191,7 @@ class SmalModel:
 
         A few bodies at a time, which stay in the processor's cache.
 
-        vertices_in is the type in which vertices are computed before trans is added (skinning.py);
+        vertices_in is the type in which vertices are computed before trans is added (array_skinning.py);
         None: the model's, as of any whose template stands so far from its origin that float32 would
         tell.
         """

@@ -15,7 +15,7 @@ from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.storage.packed import PackedMapping
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
-from animal3dbox.smal.keypoints.smal_landmarks import (
+from animal3dbox.smal.keypoints.smal_topology import (
     SMAL_EXTRA_LANDMARKS,
     SMAL_LANDMARKS,
     SMAL_VERTICES,

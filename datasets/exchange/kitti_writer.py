@@ -31,7 +31,7 @@ from animal3dbox.datasets.readers.cuboids.visible_boxes import (
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
-from animal3dbox.geometry.box_iou import box_iou
+from animal3dbox.geometry.box_overlap import box_iou
 
 
 def write_kitti(cuboids: CuboidSet, folder: Path, *, scale_free: bool = False) -> Exported:

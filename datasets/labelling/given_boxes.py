@@ -8,10 +8,10 @@ import torch
 
 from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.errors import SampleError, ShapeError
+from animal3dbox.geometry.box_visibility import corners_in_front, face_visibility, near_depth
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_intrinsics, check_rotation
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.face_visibility import corners_in_front, face_visibility, near_depth
 from animal3dbox.labels.assemble import points_box
 from animal3dbox.labels.types import CuboidLabel, Quality
 

@@ -13,7 +13,7 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at, project
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.homography import apply_homography, oriented_homography, rq, update_camera
-from animal3dbox.geometry.rigid import (
+from animal3dbox.geometry.rigid_transforms import (
     axis_angle_from_rotation,
     invert_rigid,
     nearest_rotation,

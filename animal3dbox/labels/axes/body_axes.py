@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.geometry.arrays import AnyArray, as_numpy
-from animal3dbox.geometry.rigid import nearest_rotation
+from animal3dbox.geometry.rigid_transforms import nearest_rotation
 from animal3dbox.labels.axes.landmarks import BodyAxes, landmark_axes
 from animal3dbox.labels.axes.pca import pca_axes
 from animal3dbox.labels.observation import Observation

@@ -9,7 +9,7 @@ from torch import Tensor
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_rotation
 from animal3dbox.geometry.rasterizer import rasterize, silhouette
-from animal3dbox.geometry.rigid import rigid, transform_points
+from animal3dbox.geometry.rigid_transforms import rigid, transform_points
 from animal3dbox.smal.keypoints.vocabulary import Groups, Vocabulary
 
 RESOLUTION = 192

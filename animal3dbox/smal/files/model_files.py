@@ -20,7 +20,7 @@ from animal3dbox.smal.files.model_checks import (
     checked_model,
 )
 from animal3dbox.smal.files.safetensors_file import load_safetensors
-from animal3dbox.smal.keypoints.smal_landmarks import (
+from animal3dbox.smal.keypoints.smal_topology import (
     SMAL_EXTRA_LANDMARKS,
     SMAL_LANDMARKS,
     SMAL_VERTICES,

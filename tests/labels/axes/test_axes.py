@@ -6,7 +6,7 @@ from strategies import rotations, vector
 from torch import Tensor
 from torch.testing import assert_close
 
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.axes.body_axes import torso_axes, trunk_axes
 from animal3dbox.labels.axes.landmarks import axes_from_directions, landmark_axes
 from animal3dbox.labels.axes.pca import pca_axes

@@ -8,7 +8,7 @@ import torch
 
 from animal3dbox.smal.files.model_files import load_smal
 from animal3dbox.smal.files.pickle_writer import write_smal_pickle
-from animal3dbox.smal.keypoints.smal_landmarks import SMAL_JOINTS
+from animal3dbox.smal.keypoints.smal_topology import SMAL_JOINTS
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 

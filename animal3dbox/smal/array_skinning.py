@@ -2,7 +2,7 @@
 
 Over tensors, differentiable and on any device, or over arrays, for a loader's worker.
 
-Arrays leave out what is zero of most constants (products.py), in forms that torch cannot
+Arrays leave out what is zero of most constants (row_tables.py), in forms that torch cannot
 differentiate in all directions. Points are kept coordinate by coordinate, (B, 3, V): bounds and
 projections of a body then run along memory.
 
@@ -21,8 +21,8 @@ import torch
 from torch import Tensor
 
 from animal3dbox.geometry.arrays import AnyArray, as_numpy, is_plain, like, namespace
-from animal3dbox.geometry.rigid import IDENTITY, rotation_from_axis_angle
-from animal3dbox.smal.products import row_table
+from animal3dbox.geometry.rigid_transforms import IDENTITY, rotation_from_axis_angle
+from animal3dbox.smal.row_tables import row_table
 
 BODIES_AT_ONCE = 16
 """Arrays of so many bodies at a time: more of them fall out of the processor's cache."""
@@ -43,7 +43,7 @@ class SkinMaps(Generic[AnyArray]):
         jumps: for each joint, and a last one that stands still: the ancestor 1, 2, 4, ... steps up
             the tree.
 
-    Of arrays, columns and weights are RowTables (products.py), which may be in float32 beside
+    Of arrays, columns and weights are RowTables (row_tables.py), which may be in float32 beside
     joints in float64.
     """
 

@@ -9,8 +9,8 @@ from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
+from animal3dbox.geometry.box_visibility import corners_in_front, face_visibility, near_depth
 from animal3dbox.geometry.cuboid import OPPOSITE_FACES, Cuboid
-from animal3dbox.geometry.face_visibility import corners_in_front, face_visibility, near_depth
 
 Camera = tuple[Tensor, tuple[int, int]]
 

@@ -3,7 +3,7 @@ import pytest
 import torch
 from numpy.typing import DTypeLike
 
-from animal3dbox.smal.products import BLOCK, BlockTable, SplitTable, row_table
+from animal3dbox.smal.row_tables import BLOCK, BlockTable, SplitTable, row_table
 
 SHAPES = [(1, 1, 1), (7, 3, BLOCK), (7, 3, BLOCK + 1), (40, 2, 3 * BLOCK - 1)]
 

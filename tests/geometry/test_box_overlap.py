@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.box_iou import box_intersection_volume, box_iou, pairwise_box_iou
+from animal3dbox.geometry.box_overlap import box_intersection_volume, box_iou, pairwise_box_iou
 
 F64 = torch.float64
 Array = NDArray[np.float64]
