@@ -1,6 +1,6 @@
 """The embedded quadruped.
 
-A licence-free body of SMAL's structure, made by `animal3dbox.smal.quadruped.build`.
+A licence-free body of SMAL's structure, made by `animal3dbox.smal.quadruped.modelling`.
 
 The template frame is x forward, y to the animal's left, z up; the soles stand on z = 0. It is about
 one unit long from nose to rump, and so are all presets: the column `size` (or a camera further

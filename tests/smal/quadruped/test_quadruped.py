@@ -381,7 +381,7 @@ def test_unknown_names_are_refused_with_the_known_ones() -> None:
 
 @pytest.mark.slow
 def test_the_asset_is_what_the_tables_give(tmp_path: Path) -> None:
-    from animal3dbox.smal.quadruped.build import assemble, asset
+    from animal3dbox.smal.quadruped.modelling import assemble, asset
 
     asset.write_asset(assemble.build_parts(), tmp_path / "fresh.npz")
     shipped = resources.files("animal3dbox.smal").joinpath("assets/quadruped.npz").read_bytes()

@@ -5,9 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.anatomy import FOOT_BLOBS, Table
-from animal3dbox.smal.quadruped.build.edits import FORE_PARTS, HIND_PARTS, moved_head, scaled, shifted, stretched, swung, warped, with_entry
-from animal3dbox.smal.quadruped.build.implicit import Array
+from animal3dbox.smal.quadruped.modelling.anatomy import FOOT_BLOBS, Table
+from animal3dbox.smal.quadruped.modelling.edits import FORE_PARTS, HIND_PARTS, moved_head, scaled, shifted, stretched, swung, warped, with_entry
+from animal3dbox.smal.quadruped.modelling.implicit import Array
 
 Edit = Callable[[Table], Table]
 

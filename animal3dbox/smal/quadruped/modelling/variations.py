@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.anatomy import Table
-from animal3dbox.smal.quadruped.build.edits import FORE_PARTS, HIND_PARTS, scaled, shifted, swung, with_entry
-from animal3dbox.smal.quadruped.build.measures import Edit
+from animal3dbox.smal.quadruped.modelling.anatomy import Table
+from animal3dbox.smal.quadruped.modelling.edits import FORE_PARTS, HIND_PARTS, scaled, shifted, swung, with_entry
+from animal3dbox.smal.quadruped.modelling.measures import Edit
 
 _EAR_TURN_DEG = 20.0
 

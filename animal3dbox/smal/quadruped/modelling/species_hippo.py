@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.species_bear import BEAR_ROWS
+from animal3dbox.smal.quadruped.modelling.species_bear import BEAR_ROWS
 
 HIPPO_ROWS = {
     **BEAR_ROWS,

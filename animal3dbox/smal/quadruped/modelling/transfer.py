@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.implicit import Array, Primitive, all_distances, from_local, local_coordinates
-from animal3dbox.smal.quadruped.build.meshing import HalfMesh, neighbour_average, project, relax, untangled
+from animal3dbox.smal.quadruped.modelling.implicit import Array, Primitive, all_distances, from_local, local_coordinates
+from animal3dbox.smal.quadruped.modelling.meshing import HalfMesh, neighbour_average, project, relax, untangled
 
 _REACH = 0.010  # how far, in trunk lengths, a primitive that is not the nearest still has a say
 _MIRROR = np.array([1.0, -1.0, 1.0])

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.assemble import Parts
-from animal3dbox.smal.quadruped.build.implicit import Array
-from animal3dbox.smal.quadruped.build.skinning import JOINT_NAMES, MAX_INFLUENCES, PARENTS
+from animal3dbox.smal.quadruped.modelling.assemble import Parts
+from animal3dbox.smal.quadruped.modelling.implicit import Array
+from animal3dbox.smal.quadruped.modelling.skinning import JOINT_NAMES, MAX_INFLUENCES, PARENTS
 
 PROVENANCE = (
-    "Made by animal3dbox.smal.quadruped.build from hand-written tables of stations; no scan, no SMAL data. MIT licence as the package. "
+    "Made by animal3dbox.smal.quadruped.modelling from hand-written tables of stations; no scan, no SMAL data. MIT licence as the package. "
     "Only the left half is stored: seam vertices (y = 0) first."
 )
 _INT16 = 32767

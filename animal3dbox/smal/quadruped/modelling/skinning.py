@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from animal3dbox.smal.quadruped.build.anatomy import Table, chains_of, joints_of
-from animal3dbox.smal.quadruped.build.implicit import Array, Primitive
-from animal3dbox.smal.quadruped.build.meshing import Faces, HalfMesh, neighbour_average
-from animal3dbox.smal.quadruped.build.transfer import shares
+from animal3dbox.smal.quadruped.modelling.anatomy import Table, chains_of, joints_of
+from animal3dbox.smal.quadruped.modelling.implicit import Array, Primitive
+from animal3dbox.smal.quadruped.modelling.meshing import Faces, HalfMesh, neighbour_average
+from animal3dbox.smal.quadruped.modelling.transfer import shares
 
 SPINE = ("pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3")
 JOINT_NAMES = (

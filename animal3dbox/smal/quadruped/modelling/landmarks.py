@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.anatomy import Table, chains_of, head_to_body
-from animal3dbox.smal.quadruped.build.implicit import Array
-from animal3dbox.smal.quadruped.build.meshing import Faces, HalfMesh
+from animal3dbox.smal.quadruped.modelling.anatomy import Table, chains_of, head_to_body
+from animal3dbox.smal.quadruped.modelling.implicit import Array
+from animal3dbox.smal.quadruped.modelling.meshing import Faces, HalfMesh
 from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
 
 EXTRA_NAMES = ("withers", "throat", "left_hip", "right_hip", "left_ear_base", "right_ear_base", "left_ear_tip", "right_ear_tip")

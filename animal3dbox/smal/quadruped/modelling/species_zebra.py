@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.species_horse import HORSE_ROWS
+from animal3dbox.smal.quadruped.modelling.species_horse import HORSE_ROWS
 
 ZEBRA_ROWS = {
     **HORSE_ROWS,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.species_cow import COW_ROWS
+from animal3dbox.smal.quadruped.modelling.species_cow import COW_ROWS
 
 PIG_ROWS = {
     **COW_ROWS,

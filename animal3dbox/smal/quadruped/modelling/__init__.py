@@ -1,4 +1,4 @@
-"""The maker of the embedded quadruped: `python -m animal3dbox.smal.quadruped.build OUT.npz`.
+"""The maker of the embedded quadruped: `python -m animal3dbox.smal.quadruped.modelling OUT.npz`.
 
 Every number in this package was chosen by hand for this project; nothing is taken from SMAL or from any scan.
 The steps, one file each: `species_*` (tables) -> `anatomy` (tables to primitives and joints) -> `implicit`

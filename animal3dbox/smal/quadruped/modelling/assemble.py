@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.smal.quadruped.build.anatomy import Table, joints_of, mean_table, primitives_of
-from animal3dbox.smal.quadruped.build.implicit import Array
-from animal3dbox.smal.quadruped.build.landmarks import landmark_groups
-from animal3dbox.smal.quadruped.build.measures import MEASURE_EDITS
-from animal3dbox.smal.quadruped.build.meshing import HalfMesh, mesh_half, mirror_weld
-from animal3dbox.smal.quadruped.build.skinning import joint_regressor, skin_weights
-from animal3dbox.smal.quadruped.build.species import MASTER_SHARES, SPECIES, TEMPLATE_SHARES
-from animal3dbox.smal.quadruped.build.transfer import transferred
-from animal3dbox.smal.quadruped.build.variations import VARIATION_EDITS
+from animal3dbox.smal.quadruped.modelling.anatomy import Table, joints_of, mean_table, primitives_of
+from animal3dbox.smal.quadruped.modelling.implicit import Array
+from animal3dbox.smal.quadruped.modelling.landmarks import landmark_groups
+from animal3dbox.smal.quadruped.modelling.measures import MEASURE_EDITS
+from animal3dbox.smal.quadruped.modelling.meshing import HalfMesh, mesh_half, mirror_weld
+from animal3dbox.smal.quadruped.modelling.skinning import joint_regressor, skin_weights
+from animal3dbox.smal.quadruped.modelling.species import MASTER_SHARES, SPECIES, TEMPLATE_SHARES
+from animal3dbox.smal.quadruped.modelling.transfer import transferred
+from animal3dbox.smal.quadruped.modelling.variations import VARIATION_EDITS
 
 SHAPE_COLUMNS = 41
 UNIT = 0.65  # template units in a trunk length: the template is about 1 long from nose to rump

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
-from animal3dbox.smal.quadruped.build.implicit import Array, Primitive, surface_gradient, surface_value
+from animal3dbox.smal.quadruped.modelling.implicit import Array, Primitive, surface_gradient, surface_value
 
 Faces = NDArray[np.int64]
 _COARSE = 4  # fine cells along a coarse cell

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.implicit import Array, Primitive
+from animal3dbox.smal.quadruped.modelling.implicit import Array, Primitive
 
 Table = Mapping[str, Array]
 

@@ -1,11 +1,11 @@
-"""Command line: `python -m animal3dbox.smal.quadruped.build OUT.npz`."""
+"""Command line: `python -m animal3dbox.smal.quadruped.modelling OUT.npz`."""
 
 import argparse
 import time
 from pathlib import Path
 
-from animal3dbox.smal.quadruped.build.assemble import build_parts
-from animal3dbox.smal.quadruped.build.asset import write_asset
+from animal3dbox.smal.quadruped.modelling.assemble import build_parts
+from animal3dbox.smal.quadruped.modelling.asset import write_asset
 
 
 def main() -> None:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.anatomy import BODY_BLOBS, FOOT_BLOBS, Table
-from animal3dbox.smal.quadruped.build.implicit import Array
+from animal3dbox.smal.quadruped.modelling.anatomy import BODY_BLOBS, FOOT_BLOBS, Table
+from animal3dbox.smal.quadruped.modelling.implicit import Array
 
 Change = Callable[[Array], Array]
 

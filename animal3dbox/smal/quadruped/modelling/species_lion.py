@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.build.species_cat import CAT_ROWS
+from animal3dbox.smal.quadruped.modelling.species_cat import CAT_ROWS
 
 LION_ROWS = {
     **CAT_ROWS,
