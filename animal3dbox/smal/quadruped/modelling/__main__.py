@@ -17,7 +17,9 @@ def main() -> None:
     parts = build_parts()
     write_asset(parts, out)
     count = 2 * len(parts.half.vertices) - parts.half.seam
-    print(f"{out}: {count} vertices, {len(parts.columns)} columns, {out.stat().st_size / 1e6:.2f} MB, {time.perf_counter() - start:.0f} s")
+    print(
+        f"{out}: {count} vertices, {len(parts.columns)} columns, {out.stat().st_size / 1e6:.2f} MB, {time.perf_counter() - start:.0f} s"
+    )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,18 @@ from animal3dbox.smal.quadruped.modelling.implicit import Array, Primitive
 
 Table = Mapping[str, Array]
 
-BODY_BLOBS = ("shoulder_muscle", "arm_muscle", "elbow_point", "thigh_muscle", "buttock", "hock_point", "udder", "hump", "breast", "belly")
+BODY_BLOBS = (
+    "shoulder_muscle",
+    "arm_muscle",
+    "elbow_point",
+    "thigh_muscle",
+    "buttock",
+    "hock_point",
+    "udder",
+    "hump",
+    "breast",
+    "belly",
+)
 HEAD_BLOBS = ("cheek", "brow", "eye", "nose_pad", "lip", "chin")
 FOOT_BLOBS = (
     "fore_toe_in",
@@ -41,10 +52,21 @@ STATIONS = {
     "horn": 4,
     "mane": 4,
 }
-_GROUP = {"neck": "trunk", "jaw": "head", "fore_foot": "foot", "hind_foot": "foot", "mane": "detail"}
+_GROUP = {
+    "neck": "trunk",
+    "jaw": "head",
+    "fore_foot": "foot",
+    "hind_foot": "foot",
+    "mane": "detail",
+}
 _CHAIN_PAIRED = ("fore", "hind", "fore_foot", "hind_foot", "ear", "horn")
 _REFINEMENTS = {"trunk": 2, "neck": 2, "fore_foot": 0, "hind_foot": 0, "horn": 0, "mane": 0}
-_INNER_CAP = {"trunk": 0.5, "head": 0.4, "jaw": 0.4, "ear": 0.5}  # full round caps of neighbours would meet in creases, and blunt what tapers
+_INNER_CAP = {
+    "trunk": 0.5,
+    "head": 0.4,
+    "jaw": 0.4,
+    "ear": 0.5,
+}  # full round caps of neighbours would meet in creases, and blunt what tapers
 _SPINE_HEIGHT = 0.70  # of the trunk's depth, above its underline
 
 
@@ -77,20 +99,36 @@ def chains_of(table: Table) -> dict[str, Chain]:
     """The chains of an animal in the template frame (left side only for the paired ones)."""
     ahead = np.array([1.0, 0.0, 0.0])
     x, top, bottom, half_width = table["trunk"].T
-    chains = {"trunk": Chain(_on_midline(x, (top + bottom) / 2), np.stack([half_width, (top - bottom) / 2], axis=1))}
+    chains = {
+        "trunk": Chain(
+            _on_midline(x, (top + bottom) / 2), np.stack([half_width, (top - bottom) / 2], axis=1)
+        )
+    }
     for name in ("neck", "tail", "mane"):
         x, z, through, across = table[name].T
         chains[name] = Chain(_on_midline(x, z), np.stack([across, through], axis=1))
     length = float(table["head_frame"][3])
     for name in ("head", "jaw"):
         u, w, through, across = table[name].T
-        chains[name] = Chain(head_to_body(table, _on_midline(u, w)), length * np.stack([across, through], axis=1))
+        chains[name] = Chain(
+            head_to_body(table, _on_midline(u, w)), length * np.stack([across, through], axis=1)
+        )
     for name in ("fore", "hind", "fore_foot", "hind_foot"):
         rows = table[name]
         chains[name] = Chain(rows[:, :3], rows[:, [4, 3]])
-    facing = head_to_body(table, table["ear_facing"][None, :3])[0] - head_to_body(table, np.zeros((1, 3)))[0]
-    chains["ear"] = Chain(head_to_body(table, table["ear"][:, :3]), length * table["ear"][:, 3:5], facing, float(table["ear_facing"][3]))
-    chains["horn"] = Chain(head_to_body(table, table["horn"][:, :3]), length * table["horn"][:, [3, 3]], ahead)
+    facing = (
+        head_to_body(table, table["ear_facing"][None, :3])[0]
+        - head_to_body(table, np.zeros((1, 3)))[0]
+    )
+    chains["ear"] = Chain(
+        head_to_body(table, table["ear"][:, :3]),
+        length * table["ear"][:, 3:5],
+        facing,
+        float(table["ear_facing"][3]),
+    )
+    chains["horn"] = Chain(
+        head_to_body(table, table["horn"][:, :3]), length * table["horn"][:, [3, 3]], ahead
+    )
     return chains
 
 
@@ -104,10 +142,20 @@ def primitives_of(table: Table) -> list[Primitive]:
         inner = _INNER_CAP.get(name, 1.0)
         for i in range(len(places) - 1):
             ends, pair = places[i : i + 2], radii[i : i + 2]
-            caps = pair.min(axis=1, keepdims=True) * np.array([[1.0 if i == 0 else inner], [1.0 if i == len(places) - 2 else inner]])
+            caps = pair.min(axis=1, keepdims=True) * np.array(
+                [[1.0 if i == 0 else inner], [1.0 if i == len(places) - 2 else inner]]
+            )
             frame = _frame(ends[1] - ends[0], chain.through)
             primitives.append(
-                Primitive(f"{name}.{i}", _GROUP.get(name, name), ends, frame, np.hstack([pair, caps]), chain.cup, name in _CHAIN_PAIRED)
+                Primitive(
+                    f"{name}.{i}",
+                    _GROUP.get(name, name),
+                    ends,
+                    frame,
+                    np.hstack([pair, caps]),
+                    chain.cup,
+                    name in _CHAIN_PAIRED,
+                )
             )
     return primitives + _blobs(table)
 
@@ -124,7 +172,11 @@ def _blobs(table: Table) -> list[Primitive]:
         frame = np.array([[0.0, 1.0, 0.0], [-s, 0.0, c], [c, 0.0, s]])
         group = "detail" if name in HEAD_BLOBS else "foot" if name in FOOT_BLOBS else "muscle"
         ends = np.repeat(center, 2, axis=0)
-        primitives.append(Primitive(name, group, ends, frame, np.stack([radii, radii]), 0.0, name not in _UNPAIRED_BLOBS))
+        primitives.append(
+            Primitive(
+                name, group, ends, frame, np.stack([radii, radii]), 0.0, name not in _UNPAIRED_BLOBS
+            )
+        )
     return primitives
 
 
@@ -136,17 +188,32 @@ def joints_of(table: Table) -> dict[str, Array]:
     height = bottom + _SPINE_HEIGHT * (top - bottom)
     stops = np.linspace(hind[0, 0], neck[0, 0] - 0.02, 7)
     names = ("pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3")
-    joints = {name: np.array([stop, 0.0, np.interp(stop, x, height)]) for name, stop in zip(names, stops, strict=True)}
+    joints = {
+        name: np.array([stop, 0.0, np.interp(stop, x, height)])
+        for name, stop in zip(names, stops, strict=True)
+    }
     joints |= {f"LLeg{i + 1}": fore[k] for i, k in enumerate((1, 3, 5))} | {"LFoot": fore[7]}
-    joints |= {f"LLegBack{i + 1}": hind[k] for i, k in enumerate((0, 2, 4))} | {"LFootBack": hind[6]}
+    joints |= {f"LLegBack{i + 1}": hind[k] for i, k in enumerate((0, 2, 4))} | {
+        "LFootBack": hind[6]
+    }
     joints |= {f"Tail{i + 1}": tail[i] for i in range(7)}
-    joints |= {"Neck": neck[1], "Head": chains["head"].places[0], "Mouth": chains["jaw"].places[0], "LEar": chains["ear"].places[0]}
+    joints |= {
+        "Neck": neck[1],
+        "Head": chains["head"].places[0],
+        "Mouth": chains["jaw"].places[0],
+        "LEar": chains["ear"].places[0],
+    }
     return joints
 
 
 def mean_table(tables: list[Table], shares: list[float]) -> Table:
     """The weighted mean of tables, entry by entry."""
-    return {key: sum((s * t[key] for s, t in zip(shares, tables, strict=True)), np.zeros_like(tables[0][key])) for key in tables[0]}
+    return {
+        key: sum(
+            (s * t[key] for s, t in zip(shares, tables, strict=True)), np.zeros_like(tables[0][key])
+        )
+        for key in tables[0]
+    }
 
 
 def _on_midline(x: Array, z: Array) -> Array:

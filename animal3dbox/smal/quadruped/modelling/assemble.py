@@ -20,7 +20,9 @@ UNIT = 0.65  # template units in a trunk length: the template is about 1 long fr
 SIZE_STEP = 0.1
 _GRID_STEP = 0.0075
 _HALF_FACES = 5850
-_MASTER_HEAD = 1.55  # the mesh is made on an animal with a large head and thick ears, for more vertices there
+_MASTER_HEAD = (
+    1.55  # the mesh is made on an animal with a large head and thick ears, for more vertices there
+)
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,11 @@ def build_parts() -> Parts:
     master_half = mesh_half(master, _GRID_STEP, _HALF_FACES)
     table = template_table()
     primitives = primitives_of(table)
-    half = HalfMesh(transferred(master, primitives, master_half, relax_rounds=4), master_half.faces, master_half.seam)
+    half = HalfMesh(
+        transferred(master, primitives, master_half, relax_rounds=4),
+        master_half.faces,
+        master_half.seam,
+    )
     tables = {name: edit(table) for name, edit in MEASURE_EDITS.items()} | dict(SPECIES)
     tables |= {name: edit(table) for name, edit in VARIATION_EDITS.items()}
     shapes = {}
@@ -67,14 +73,23 @@ def build_parts() -> Parts:
     return _parts(table, half, shapes, tables)
 
 
-def _parts(table: Table, half: HalfMesh, shapes: dict[str, Array], tables: dict[str, Table]) -> Parts:
+def _parts(
+    table: Table, half: HalfMesh, shapes: dict[str, Array], tables: dict[str, Table]
+) -> Parts:
     _, _, symmetry = mirror_weld(half)
     joints = [joints_of(t) for t in (table, *tables.values())]
-    whole = np.stack([mirror_weld(HalfMesh(v, half.faces, half.seam))[0] for v in (half.vertices, *shapes.values())])
+    whole = np.stack(
+        [
+            mirror_weld(HalfMesh(v, half.faces, half.seam))[0]
+            for v in (half.vertices, *shapes.values())
+        ]
+    )
     columns = {"size": SIZE_STEP * UNIT * half.vertices}
     columns |= {name: UNIT * (vertices - half.vertices) for name, vertices in shapes.items()}
     if len(columns) != SHAPE_COLUMNS:
-        raise ValueError(f"SMAL's structure has {SHAPE_COLUMNS} shape columns, the tables give {len(columns)}")
+        raise ValueError(
+            f"SMAL's structure has {SHAPE_COLUMNS} shape columns, the tables give {len(columns)}"
+        )
     return Parts(
         half=HalfMesh(UNIT * half.vertices, half.faces, half.seam),
         columns=columns,
@@ -91,7 +106,12 @@ def template_table() -> Table:
     """The mean of the species but for its ears, which would be neither up nor down: half the cat's, upright; and no horns."""
     table = mean_table([SPECIES[name] for name in TEMPLATE_SHARES], list(TEMPLATE_SHARES.values()))
     cat, dog = SPECIES["cat"], SPECIES["dog"]
-    ear = np.hstack([table["ear"][0, :3] + 0.6 * (cat["ear"][:, :3] - cat["ear"][0, :3]), 0.6 * cat["ear"][:, 3:]])
+    ear = np.hstack(
+        [
+            table["ear"][0, :3] + 0.6 * (cat["ear"][:, :3] - cat["ear"][0, :3]),
+            0.6 * cat["ear"][:, 3:],
+        ]
+    )
     return {**table, "ear": ear, "ear_facing": cat["ear_facing"], "horn": dog["horn"]}
 
 
@@ -100,7 +120,9 @@ def _master_table() -> Table:
     out = {key: value.copy() for key, value in table.items()}
     cat, cow = SPECIES["cat"], SPECIES["cow"]
     out["head_frame"][3] *= _MASTER_HEAD
-    out["ear"][:, :3] = out["ear"][0, :3] + [0.06, 0.02, -0.01] + 0.9 * (cat["ear"][:, :3] - cat["ear"][0, :3])
+    out["ear"][:, :3] = (
+        out["ear"][0, :3] + [0.06, 0.02, -0.01] + 0.9 * (cat["ear"][:, :3] - cat["ear"][0, :3])
+    )
     out["ear"][:, 3:] = 0.9 * cat["ear"][:, 3:]
     out["ear_facing"] = cat["ear_facing"]
     out["horn"] = cow["horn"] + [-0.04, 0.0, 0.02, 0.0]

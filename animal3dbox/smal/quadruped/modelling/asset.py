@@ -35,7 +35,9 @@ def write_asset(parts: Parts, path: Path) -> None:
         preset_names=np.array(" ".join(parts.presets)),
         measure_names=np.array(" ".join(parts.measures)),
         weight_joints=order.astype(np.uint8),
-        weight_values=np.round(np.take_along_axis(parts.weights, order, axis=1) * 65535).astype(np.uint16),
+        weight_values=np.round(np.take_along_axis(parts.weights, order, axis=1) * 65535).astype(
+            np.uint16
+        ),
         regressor_rows=rows.astype(np.uint8),
         regressor_cols=cols.astype(np.uint16),
         regressor_values=parts.regressor[rows, cols],
@@ -43,7 +45,9 @@ def write_asset(parts: Parts, path: Path) -> None:
         parents=np.array(PARENTS, dtype=np.int8),
         landmark_names=np.array(" ".join(names)),
         landmark_counts=np.array([len(parts.landmarks[name]) for name in names], dtype=np.uint8),
-        landmark_vertices=np.concatenate([parts.landmarks[name] for name in names]).astype(np.uint16),
+        landmark_vertices=np.concatenate([parts.landmarks[name] for name in names]).astype(
+            np.uint16
+        ),
     )
 
 

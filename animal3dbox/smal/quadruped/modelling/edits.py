@@ -9,23 +9,50 @@ from animal3dbox.smal.quadruped.modelling.implicit import Array
 
 Change = Callable[[Array], Array]
 
-BODY_POINTS = ("fore", "hind", "fore_foot", "hind_foot", *BODY_BLOBS, *FOOT_BLOBS)  # rows start with x, y, z
+BODY_POINTS = (
+    "fore",
+    "hind",
+    "fore_foot",
+    "hind_foot",
+    *BODY_BLOBS,
+    *FOOT_BLOBS,
+)  # rows start with x, y, z
 MIDLINE_POINTS = ("neck", "tail", "mane")  # rows start with x, z
-FORE_PARTS = ("fore", "fore_foot", "elbow_point", "arm_muscle", "shoulder_muscle", *(n for n in FOOT_BLOBS if n.startswith("fore")))
-HIND_PARTS = ("hind", "hind_foot", "hock_point", "thigh_muscle", "buttock", *(n for n in FOOT_BLOBS if n.startswith("hind")))
+FORE_PARTS = (
+    "fore",
+    "fore_foot",
+    "elbow_point",
+    "arm_muscle",
+    "shoulder_muscle",
+    *(n for n in FOOT_BLOBS if n.startswith("fore")),
+)
+HIND_PARTS = (
+    "hind",
+    "hind_foot",
+    "hock_point",
+    "thigh_muscle",
+    "buttock",
+    *(n for n in FOOT_BLOBS if n.startswith("hind")),
+)
 
 
-def scaled(table: Table, key: str, columns: Sequence[int], factor: float, rows: slice = slice(None)) -> Table:
+def scaled(
+    table: Table, key: str, columns: Sequence[int], factor: float, rows: slice = slice(None)
+) -> Table:
     """Some columns of one entry times a factor; rows only matter for chains."""
     return with_entry(table, key, columns, lambda values: values * factor, rows)
 
 
-def shifted(table: Table, key: str, columns: Sequence[int], offset: float | Array, rows: slice = slice(None)) -> Table:
+def shifted(
+    table: Table, key: str, columns: Sequence[int], offset: float | Array, rows: slice = slice(None)
+) -> Table:
     """Some columns of one entry plus an offset."""
     return with_entry(table, key, columns, lambda values: values + offset, rows)
 
 
-def with_entry(table: Table, key: str, columns: Sequence[int], change: Change, rows: slice = slice(None)) -> Table:
+def with_entry(
+    table: Table, key: str, columns: Sequence[int], change: Change, rows: slice = slice(None)
+) -> Table:
     """A table with some columns of one entry changed by a function of their values."""
     entry = table[key].copy()
     view = entry if entry.ndim == 1 else entry[rows]
@@ -41,7 +68,11 @@ def warped(table: Table, ankle: float, elbow: float, rise: float) -> Table:
 
     out = with_entry(table, "trunk", (1, 2), lambda z: z + rise)
     for key in BODY_POINTS:
-        legs = key in FORE_PARTS + HIND_PARTS and key not in ("shoulder_muscle", "buttock", "thigh_muscle")
+        legs = key in FORE_PARTS + HIND_PARTS and key not in (
+            "shoulder_muscle",
+            "buttock",
+            "thigh_muscle",
+        )
         out = with_entry(out, key, (2,), lifted if legs else lambda z: z + rise)
     for key in MIDLINE_POINTS:
         out = shifted(out, key, (1,), rise)

@@ -75,13 +75,20 @@ def from_local(primitive: Primitive, along: Array, scaled: Array) -> Array:
     radii = _radii_at(primitive, along)
     across = scaled * radii
     across[:, 1] += primitive.cup * across[:, 0] ** 2 / radii[:, 0]
-    places: Array = primitive.ends[0] + along[:, None] * (primitive.ends[1] - primitive.ends[0]) + across @ primitive.frame
+    places: Array = (
+        primitive.ends[0]
+        + along[:, None] * (primitive.ends[1] - primitive.ends[0])
+        + across @ primitive.frame
+    )
     return places
 
 
 def primitive_distance(primitive: Primitive, points: Array) -> Array:
     """About the signed distance (N,) of points (N, 3) to one primitive, negative inside; far away a lower bound of it."""
-    reach = primitive.radii.max() * (1.0 + abs(primitive.cup)) + np.linalg.norm(primitive.ends[1] - primitive.ends[0]) / 2
+    reach = (
+        primitive.radii.max() * (1.0 + abs(primitive.cup))
+        + np.linalg.norm(primitive.ends[1] - primitive.ends[0]) / 2
+    )
     out: Array = np.linalg.norm(points - primitive.ends.mean(axis=0), axis=1) - reach
     near = np.flatnonzero(out < _FAR)
     along, scaled = local_coordinates(primitive, points[near])
@@ -95,7 +102,10 @@ def primitive_distance(primitive: Primitive, points: Array) -> Array:
 def all_distances(primitives: Sequence[Primitive], points: Array) -> Array:
     """Distances (P, N) to the primitives, and after them (P, N) to their mirror images: (2P, N)."""
     direct = [primitive_distance(p, points) for p in primitives]
-    mirrored = [primitive_distance(p, points * _MIRROR) if p.paired else np.full(len(points), np.inf) for p in primitives]
+    mirrored = [
+        primitive_distance(p, points * _MIRROR) if p.paired else np.full(len(points), np.inf)
+        for p in primitives
+    ]
     return np.stack(direct + mirrored)
 
 
@@ -126,8 +136,12 @@ def _chain_distances(primitives: Sequence[Primitive], points: Array) -> tuple[Ar
     rows: dict[tuple[str, int], list[int]] = {}
     for i, primitive in enumerate(primitives):
         for side in (0, 1) if primitive.paired else (0,):
-            rows.setdefault((primitive.name.split(".")[0], side), []).append(i + side * len(primitives))
-    return np.stack([distances[index].min(axis=0) for index in rows.values()]), [primitives[i[0] % len(primitives)].group for i in rows.values()]
+            rows.setdefault((primitive.name.split(".")[0], side), []).append(
+                i + side * len(primitives)
+            )
+    return np.stack([distances[index].min(axis=0) for index in rows.values()]), [
+        primitives[i[0] % len(primitives)].group for i in rows.values()
+    ]
 
 
 def _radii_at(primitive: Primitive, along: Array) -> Array:

@@ -4,12 +4,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
 from animal3dbox.smal.quadruped.modelling.anatomy import Table, chains_of, head_to_body
 from animal3dbox.smal.quadruped.modelling.implicit import Array
 from animal3dbox.smal.quadruped.modelling.meshing import Faces, HalfMesh
-from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
 
-EXTRA_NAMES = ("withers", "throat", "left_hip", "right_hip", "left_ear_base", "right_ear_base", "left_ear_tip", "right_ear_tip")
+EXTRA_NAMES = (
+    "withers",
+    "throat",
+    "left_hip",
+    "right_hip",
+    "left_ear_base",
+    "right_ear_base",
+    "left_ear_tip",
+    "right_ear_tip",
+)
 
 
 @dataclass(frozen=True)
@@ -38,8 +47,18 @@ def landmark_groups(table: Table, half: HalfMesh, symmetry: Faces) -> dict[str, 
             continue
         spot = spots[rest if side == "left" else name]
         pool = half.vertices[: half.seam] if spot.seam else half.vertices
-        free_pool = pool if side != "left" else np.where(np.arange(len(pool))[:, None] < half.seam, np.inf, pool)
-        found = {int(i) for place in spot.places for i in np.argsort(np.linalg.norm(free_pool - place, axis=1), kind="stable")[: spot.count]}
+        free_pool = (
+            pool
+            if side != "left"
+            else np.where(np.arange(len(pool))[:, None] < half.seam, np.inf, pool)
+        )
+        found = {
+            int(i)
+            for place in spot.places
+            for i in np.argsort(np.linalg.norm(free_pool - place, axis=1), kind="stable")[
+                : spot.count
+            ]
+        }
         if side != "left":
             found |= {int(symmetry[i]) for i in found}
         groups[name] = tuple(sorted(found))
@@ -68,8 +87,13 @@ def _head_spots(table: Table) -> dict[str, Spot]:
         "eye": Spot(at(eye[0] + 0.3 * eye[3], eye[1] + eye[4], eye[2]), 4),
         "nose": Spot(at(nose[0] + nose[3], 0.0, nose[2]), 4),
         "chin": Spot(at(chin[0], 0.0, chin[2] - chin[5]), 2, seam=True),
-        "mouth": Spot(at(table["jaw"][1, 0], half_jaw + 0.03, (table["jaw"][1, 1] + table["head"][3, 1]) / 2), 4),
-        "throat": Spot(at(float(table["jaw"][0, 0]) - 0.05, 0.0, -0.42 * min(1.0, length / 0.4)), 2, seam=True),
+        "mouth": Spot(
+            at(table["jaw"][1, 0], half_jaw + 0.03, (table["jaw"][1, 1] + table["head"][3, 1]) / 2),
+            4,
+        ),
+        "throat": Spot(
+            at(float(table["jaw"][0, 0]) - 0.05, 0.0, -0.42 * min(1.0, length / 0.4)), 2, seam=True
+        ),
     }
 
 
@@ -84,7 +108,9 @@ def _body_spots(table: Table) -> dict[str, Spot]:
     return {
         "front_paw": Spot(table["fore_foot"][2:, :3] + ahead * 0.03, 6),
         "back_paw": Spot(table["hind_foot"][2:, :3] + ahead * 0.03, 6),
-        "tail_base": Spot(table["tail"][:1, [0, 0, 1]] * [1, 0, 1] + [[-0.02, 0.0, 0.03]], 2, seam=True),
+        "tail_base": Spot(
+            table["tail"][:1, [0, 0, 1]] * [1, 0, 1] + [[-0.02, 0.0, 0.03]], 2, seam=True
+        ),
         "front_elbow": Spot(table["elbow_point"][None, :3] + 0.02 * out, 4),
         "back_knee": Spot(hind[2:3, :3] + ahead * hind[2, 3], 3),
         "shoulder": Spot(fore[1:2, :3] + out * fore[1, 4] + ahead * 0.02, 4),

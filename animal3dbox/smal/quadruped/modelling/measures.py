@@ -6,7 +6,17 @@ from functools import partial
 import numpy as np
 
 from animal3dbox.smal.quadruped.modelling.anatomy import FOOT_BLOBS, Table
-from animal3dbox.smal.quadruped.modelling.edits import FORE_PARTS, HIND_PARTS, moved_head, scaled, shifted, stretched, swung, warped, with_entry
+from animal3dbox.smal.quadruped.modelling.edits import (
+    FORE_PARTS,
+    HIND_PARTS,
+    moved_head,
+    scaled,
+    shifted,
+    stretched,
+    swung,
+    warped,
+    with_entry,
+)
 from animal3dbox.smal.quadruped.modelling.implicit import Array
 
 Edit = Callable[[Table], Table]
@@ -19,8 +29,12 @@ def leg_length(table: Table) -> Table:
 
 def leg_thickness(table: Table) -> Table:
     """Legs 15 % thicker below elbow and knee."""
-    out = scaled(scaled(table, "fore", (3, 4), 1.15, slice(3, None)), "hind", (3, 4), 1.15, slice(3, None))
-    return scaled(scaled(out, "fore_foot", (3, 4), 1.15, slice(0, 1)), "hind_foot", (3, 4), 1.15, slice(0, 1))
+    out = scaled(
+        scaled(table, "fore", (3, 4), 1.15, slice(3, None)), "hind", (3, 4), 1.15, slice(3, None)
+    )
+    return scaled(
+        scaled(out, "fore_foot", (3, 4), 1.15, slice(0, 1)), "hind_foot", (3, 4), 1.15, slice(0, 1)
+    )
 
 
 def foot_size(table: Table) -> Table:
@@ -103,7 +117,9 @@ def muzzle_length(table: Table) -> Table:
 def ear_size(table: Table) -> Table:
     """The ears 20 % longer and wider."""
     base = table["ear"][0, :3]
-    return scaled(with_entry(table, "ear", (0, 1, 2), lambda p: base + 1.2 * (p - base)), "ear", (3,), 1.2)
+    return scaled(
+        with_entry(table, "ear", (0, 1, 2), lambda p: base + 1.2 * (p - base)), "ear", (3,), 1.2
+    )
 
 
 def tail_length(table: Table) -> Table:

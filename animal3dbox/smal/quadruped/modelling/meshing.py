@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
-from animal3dbox.smal.quadruped.modelling.implicit import Array, Primitive, surface_gradient, surface_value
+from animal3dbox.smal.quadruped.modelling.implicit import (
+    Array,
+    Primitive,
+    surface_gradient,
+    surface_value,
+)
 
 Faces = NDArray[np.int64]
 _COARSE = 4  # fine cells along a coarse cell
@@ -34,8 +39,12 @@ def mesh_half(primitives: Sequence[Primitive], step: float, face_count: int) -> 
     vertices, faces = _polygonise(primitives, step)
     thin_vertices, thin_faces = vertices.astype(np.float32), faces.astype(np.int32)
     while len(thin_faces) > 1.02 * face_count:
-        thin_vertices, thin_faces = fast_simplification.simplify(thin_vertices, thin_faces, target_count=face_count, agg=3.0)
-    half = _seam_first(np.asarray(thin_vertices, dtype=np.float64), np.asarray(thin_faces, dtype=np.int64))
+        thin_vertices, thin_faces = fast_simplification.simplify(
+            thin_vertices, thin_faces, target_count=face_count, agg=3.0
+        )
+    half = _seam_first(
+        np.asarray(thin_vertices, dtype=np.float64), np.asarray(thin_faces, dtype=np.int64)
+    )
     half = _split_chords(half)
     return HalfMesh(relax(primitives, half.vertices, half, rounds=6), half.faces, half.seam)
 
@@ -55,12 +64,21 @@ def project(primitives: Sequence[Primitive], vertices: Array, seam: int, rounds:
     for _ in range(rounds):
         gradient = surface_gradient(primitives, vertices)
         squared = np.maximum((gradient**2).sum(axis=1), 0.25)
-        move = -(np.clip(surface_value(primitives, vertices), -0.03, 0.03) / squared)[:, None] * gradient
+        move = (
+            -(np.clip(surface_value(primitives, vertices), -0.03, 0.03) / squared)[:, None]
+            * gradient
+        )
         vertices = _on_its_side(vertices + move, seam)
     return vertices
 
 
-def relax(primitives: Sequence[Primitive], vertices: Array, half: HalfMesh, rounds: int, share: float = 0.35) -> Array:
+def relax(
+    primitives: Sequence[Primitive],
+    vertices: Array,
+    half: HalfMesh,
+    rounds: int,
+    share: float = 0.35,
+) -> Array:
     """Move vertices along the surface towards their neighbours' mean, then back onto the zero set."""
     average = neighbour_average(half)
     for _ in range(rounds):
@@ -68,11 +86,15 @@ def relax(primitives: Sequence[Primitive], vertices: Array, half: HalfMesh, roun
         normal = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-9)
         pull = average(vertices) - vertices
         pull -= (pull * normal).sum(axis=1, keepdims=True) * normal
-        vertices = project(primitives, _on_its_side(vertices + share * pull, half.seam), half.seam, rounds=1)
+        vertices = project(
+            primitives, _on_its_side(vertices + share * pull, half.seam), half.seam, rounds=1
+        )
     return project(primitives, vertices, half.seam)
 
 
-def untangled(primitives: Sequence[Primitive], vertices: Array, half: HalfMesh, rounds: int = 14) -> Array:
+def untangled(
+    primitives: Sequence[Primitive], vertices: Array, half: HalfMesh, rounds: int = 14
+) -> Array:
     """Even out around faces that look inwards, until there are none or the rounds are over."""
     average = neighbour_average(half)
     for _ in range(rounds):
@@ -91,7 +113,9 @@ def untangled(primitives: Sequence[Primitive], vertices: Array, half: HalfMesh, 
         moved = _on_its_side(vertices + 0.6 * share * (average(vertices) - vertices), half.seam)
         order = np.concatenate([loose[loose < half.seam], loose[loose >= half.seam]])
         vertices = vertices.copy()
-        vertices[order] = project(primitives, moved[order], int((loose < half.seam).sum()), rounds=2)
+        vertices[order] = project(
+            primitives, moved[order], int((loose < half.seam).sum()), rounds=2
+        )
     return vertices
 
 
@@ -99,11 +123,15 @@ class neighbour_average:  # noqa: N801
     """A function: values (H, C) -> the mean over each vertex's neighbours, seam vertices averaging along the seam."""
 
     def __init__(self, half: HalfMesh) -> None:
-        edges = np.concatenate([half.faces[:, [0, 1]], half.faces[:, [1, 2]], half.faces[:, [2, 0]]])
+        edges = np.concatenate(
+            [half.faces[:, [0, 1]], half.faces[:, [1, 2]], half.faces[:, [2, 0]]]
+        )
         edges = np.unique(np.sort(edges, axis=1), axis=0)
         pairs = np.concatenate([edges, edges[:, ::-1]])
         self._pairs = pairs[(pairs[:, 0] >= half.seam) | (pairs[:, 1] < half.seam)]
-        self._count = np.maximum(np.bincount(self._pairs[:, 0], minlength=len(half.vertices)), 1)[:, None]
+        self._count = np.maximum(np.bincount(self._pairs[:, 0], minlength=len(half.vertices)), 1)[
+            :, None
+        ]
 
     def __call__(self, values: Array) -> Array:
         """See the class."""
@@ -125,8 +153,12 @@ def _polygonise(primitives: Sequence[Primitive], step: float) -> tuple[Array, Fa
     coarse = surface_value(primitives, _grid(low, step * _COARSE, cells + 1)).reshape(cells + 1)
     near = np.abs(coarse) < 1.5 * step * _COARSE
     shape = cells * _COARSE + 1
-    fine = np.repeat(np.repeat(np.repeat(coarse, _COARSE, 0), _COARSE, 1), _COARSE, 2)[: shape[0], : shape[1], : shape[2]]
-    wanted = np.repeat(np.repeat(np.repeat(_grown(near), _COARSE, 0), _COARSE, 1), _COARSE, 2)[: shape[0], : shape[1], : shape[2]]
+    fine = np.repeat(np.repeat(np.repeat(coarse, _COARSE, 0), _COARSE, 1), _COARSE, 2)[
+        : shape[0], : shape[1], : shape[2]
+    ]
+    wanted = np.repeat(np.repeat(np.repeat(_grown(near), _COARSE, 0), _COARSE, 1), _COARSE, 2)[
+        : shape[0], : shape[1], : shape[2]
+    ]
     index = np.argwhere(wanted)
     fine[wanted] = surface_value(primitives, low + step * index)
     vertices, faces, _, _ = marching_cubes(fine, 0.0, spacing=(step, step, step))  # type: ignore[no-untyped-call]
@@ -164,7 +196,9 @@ def _seam_first(vertices: Array, faces: Faces) -> HalfMesh:
     border[keys[counts == 1].ravel()] = True
     order = np.concatenate([np.flatnonzero(border), np.flatnonzero(~border)])
     number = np.argsort(order)
-    return HalfMesh(_on_its_side(vertices[order], int(border.sum())), number[faces], int(border.sum()))
+    return HalfMesh(
+        _on_its_side(vertices[order], int(border.sum())), number[faces], int(border.sum())
+    )
 
 
 def _split_chords(half: HalfMesh) -> HalfMesh:
@@ -187,7 +221,13 @@ def _split_chords(half: HalfMesh) -> HalfMesh:
     return HalfMesh(np.stack(vertices), np.array(faces, dtype=np.int64), half.seam)
 
 
-def _reown(owners: dict[tuple[int, int], list[int]], old: tuple[int, ...], first: int, second: int, kept: int) -> None:
+def _reown(
+    owners: dict[tuple[int, int], list[int]],
+    old: tuple[int, ...],
+    first: int,
+    second: int,
+    kept: int,
+) -> None:
     """After a face was split, its edge away from `kept` belongs to the second half."""
     for a, b in zip(old, old[1:] + old[:1], strict=True):
         if kept not in (a, b):

@@ -17,11 +17,53 @@ JOINT_NAMES = (
     "LLegBack1", "LLegBack2", "LLegBack3", "LFootBack", "RLegBack1", "RLegBack2", "RLegBack3", "RFootBack",
     *(f"Tail{i}" for i in range(1, 8)), "Mouth", "LEar", "REar",
 )  # fmt: skip
-PARENTS = (-1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 6, 11, 12, 13, 6, 15, 0, 17, 18, 19, 0, 21, 22, 23, 0, 25, 26, 27, 28, 29, 30, 16, 16, 16)
+PARENTS = (
+    -1,
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    6,
+    11,
+    12,
+    13,
+    6,
+    15,
+    0,
+    17,
+    18,
+    19,
+    0,
+    21,
+    22,
+    23,
+    0,
+    25,
+    26,
+    27,
+    28,
+    29,
+    30,
+    16,
+    16,
+    16,
+)
 MAX_INFLUENCES = 4
 _HEAD_BLOBS = ("cheek", "brow", "eye", "nose_pad", "lip")
 _FORE_STATIONS = (("trunk", 1.2), ("LLeg1", 3.0), ("LLeg2", 5.0), ("LLeg3", 7.0), ("LFoot", np.inf))
-_HIND_STATIONS = (("trunk", 0.15), ("LLegBack1", 2.0), ("LLegBack2", 4.0), ("LLegBack3", 6.0), ("LFootBack", np.inf))
+_HIND_STATIONS = (
+    ("trunk", 0.15),
+    ("LLegBack1", 2.0),
+    ("LLegBack2", 4.0),
+    ("LLegBack3", 6.0),
+    ("LFootBack", np.inf),
+)
 _SMOOTHING_ROUNDS = {"trunk": 20, "limb": 5, "fine": 4}
 _REGRESSOR_CANDIDATES = 60
 _REGRESSOR_PER_DIRECTION = 4
@@ -44,7 +86,13 @@ def skin_weights(table: Table, primitives: Sequence[Primitive], half: HalfMesh) 
     for v, place in enumerate(half.vertices):
         name = _region(table, primitives[owner[v]].name, place)
         hard[v, JOINT_NAMES.index(name)] = 1.0
-        rounds[v] = _SMOOTHING_ROUNDS["trunk" if name in (*SPINE, "Neck", "LLegBack1", "LLeg1") else "limb" if "Leg" in name else "fine"]
+        rounds[v] = _SMOOTHING_ROUNDS[
+            "trunk"
+            if name in (*SPINE, "Neck", "LLegBack1", "LLeg1")
+            else "limb"
+            if "Leg" in name
+            else "fine"
+        ]
     average = neighbour_average(half)
     weights = hard
     for i in range(max(_SMOOTHING_ROUNDS.values())):
@@ -83,7 +131,11 @@ def _region(table: Table, primitive: str, place: Array) -> str:
 
 def _limb_region(table: Table, limb: str, chain: str, place: Array) -> str:
     stations = table[limb][:, :3]
-    along = float(len(stations)) if chain.endswith("foot") or "_toe" in chain else _station_at(stations, place)
+    along = (
+        float(len(stations))
+        if chain.endswith("foot") or "_toe" in chain
+        else _station_at(stations, place)
+    )
     for name, end in _FORE_STATIONS if limb == "fore" else _HIND_STATIONS:
         if along < end:
             return _spine_region(table, place) if name == "trunk" else name
@@ -102,7 +154,13 @@ def _station_at(stations: Array, place: Array) -> float:
 def _neck_region(table: Table, place: Array) -> str:
     places = chains_of(table)["neck"].places
     along = _station_at(places, place)
-    return _spine_region(table, place) if along < 0.8 else "Neck" if along < len(places) - 1.15 else "Head"
+    return (
+        _spine_region(table, place)
+        if along < 0.8
+        else "Neck"
+        if along < len(places) - 1.15
+        else "Head"
+    )
 
 
 def _spine_region(table: Table, place: Array) -> str:
@@ -111,7 +169,9 @@ def _spine_region(table: Table, place: Array) -> str:
     return ahead[-1] if ahead else "pelvis"
 
 
-def joint_regressor(left_joints: Sequence[Mapping[str, Array]], vertices: Array, symmetry: Faces, half_count: int) -> Array:
+def joint_regressor(
+    left_joints: Sequence[Mapping[str, Array]], vertices: Array, symmetry: Faces, half_count: int
+) -> Array:
     """A sparse non-negative regressor (J, V), rows summing to 1, that gives the joints of all shapes as well as can be.
 
     Args:
@@ -125,7 +185,9 @@ def joint_regressor(left_joints: Sequence[Mapping[str, Array]], vertices: Array,
         row = JOINT_NAMES.index(name)
         near = _candidates(vertices[0, :half_count] - rest)
         middle = mirrored_joint(name) == name
-        places = (vertices[:, near] + vertices[:, symmetry[near]]) / 2 if middle else vertices[:, near]
+        places = (
+            (vertices[:, near] + vertices[:, symmetry[near]]) / 2 if middle else vertices[:, near]
+        )
         wanted = np.stack([joints[name] for joints in left_joints])
         share = _convex_fit(places, wanted, np.linalg.norm(vertices[0, near] - rest, axis=1))
         regressor[row, near] += share / 2 if middle else share
@@ -149,7 +211,9 @@ def _convex_fit(places: Array, wanted: Array, distances: Array) -> Array:
     """Non-negative shares (C,), summing to 1, with sum of share x places (N, C, 3) near wanted (N, 3); the farther, the less."""
     rows = np.moveaxis(places - wanted[:, None], 1, 2).reshape(-1, places.shape[1])
     rows[:3] *= 10.0  # the template counts most
-    system = np.vstack([rows, 1e-2 * np.diag(distances / distances.mean()), 1e3 * np.ones((1, rows.shape[1]))])
+    system = np.vstack(
+        [rows, 1e-2 * np.diag(distances / distances.mean()), 1e3 * np.ones((1, rows.shape[1]))]
+    )
     share, _ = nnls(system, np.concatenate([np.zeros(len(system) - 1), [1e3]]))
     share = np.where(share < _REGRESSOR_KEPT * share.max(), 0.0, share)
     return np.asarray(share / share.sum(), dtype=np.float64)

@@ -4,14 +4,28 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from animal3dbox.smal.quadruped.modelling.implicit import Array, Primitive, all_distances, from_local, local_coordinates
-from animal3dbox.smal.quadruped.modelling.meshing import HalfMesh, neighbour_average, project, relax, untangled
+from animal3dbox.smal.quadruped.modelling.implicit import (
+    Array,
+    Primitive,
+    all_distances,
+    from_local,
+    local_coordinates,
+)
+from animal3dbox.smal.quadruped.modelling.meshing import (
+    HalfMesh,
+    neighbour_average,
+    project,
+    relax,
+    untangled,
+)
 
 _REACH = 0.010  # how far, in trunk lengths, a primitive that is not the nearest still has a say
 _MIRROR = np.array([1.0, -1.0, 1.0])
 
 
-def transferred(source: Sequence[Primitive], target: Sequence[Primitive], half: HalfMesh, relax_rounds: int) -> Array:
+def transferred(
+    source: Sequence[Primitive], target: Sequence[Primitive], half: HalfMesh, relax_rounds: int
+) -> Array:
     """Vertices (H, 3) on the target animal.
 
     Args:
@@ -33,7 +47,11 @@ def transferred(source: Sequence[Primitive], target: Sequence[Primitive], half: 
     for _ in range(2):
         shift = 0.5 * shift + 0.5 * average(shift)
     placed = project(target, half.vertices + shift, half.seam, rounds=2)
-    placed = relax(target, placed, half, relax_rounds) if relax_rounds else project(target, placed, half.seam, rounds=1)
+    placed = (
+        relax(target, placed, half, relax_rounds)
+        if relax_rounds
+        else project(target, placed, half.seam, rounds=1)
+    )
     return untangled(target, placed, half) if relax_rounds else placed
 
 

@@ -5,7 +5,14 @@ from functools import partial
 import numpy as np
 
 from animal3dbox.smal.quadruped.modelling.anatomy import Table
-from animal3dbox.smal.quadruped.modelling.edits import FORE_PARTS, HIND_PARTS, scaled, shifted, swung, with_entry
+from animal3dbox.smal.quadruped.modelling.edits import (
+    FORE_PARTS,
+    HIND_PARTS,
+    scaled,
+    shifted,
+    swung,
+    with_entry,
+)
 from animal3dbox.smal.quadruped.modelling.measures import Edit
 
 _EAR_TURN_DEG = 20.0
@@ -52,11 +59,17 @@ def _tail_curl(table: Table) -> Table:
 
 VARIATION_EDITS: dict[str, Edit] = {
     "head_width": lambda t: scaled(scaled(t, "head", (3,), 1.12), "jaw", (3,), 1.12),
-    "muzzle_depth": lambda t: scaled(scaled(t, "head", (2,), 1.15, slice(3, None)), "jaw", (2,), 1.15, slice(1, None)),
-    "muzzle_width": lambda t: scaled(scaled(t, "head", (3,), 1.15, slice(3, None)), "jaw", (3,), 1.15, slice(1, None)),
+    "muzzle_depth": lambda t: scaled(
+        scaled(t, "head", (2,), 1.15, slice(3, None)), "jaw", (2,), 1.15, slice(1, None)
+    ),
+    "muzzle_width": lambda t: scaled(
+        scaled(t, "head", (3,), 1.15, slice(3, None)), "jaw", (3,), 1.15, slice(1, None)
+    ),
     "head_pitch": _head_pitch,
     "ear_droop": _ear_droop,
-    "horn_length": lambda t: with_entry(t, "horn", (0, 1, 2), lambda p: t["horn"][0, :3] + 1.3 * (p - t["horn"][0, :3])),
+    "horn_length": lambda t: with_entry(
+        t, "horn", (0, 1, 2), lambda p: t["horn"][0, :3] + 1.3 * (p - t["horn"][0, :3])
+    ),
     "tail_raise": _tail_raise,
     "tail_curl": _tail_curl,
     "tail_tuft": lambda t: scaled(t, "tail", (2, 3), 1.5, slice(5, 7)),
