@@ -123,9 +123,7 @@ def _remeshed_rows(index: int, given: Annotated) -> list[AccuracyRow]:
             config=config,
         )
         if isinstance(label, CuboidLabel):
-            shared = box_iou(
-                label.center, label.rotation, label.size, truth.center, truth.rotation, truth.size
-            )
+            shared = box_iou(label.cuboid, truth)
             rows.append(
                 AccuracyRow(
                     index, animal.pose, rule, _angle(label.rotation, truth.rotation), float(shared)

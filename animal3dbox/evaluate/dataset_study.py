@@ -139,16 +139,7 @@ def _row(
         row,
         rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
         corner_percent=100 * float(apart),
-        iou3d=float(
-            box_iou(
-                outcome.center,
-                outcome.rotation,
-                outcome.size,
-                truth.center,
-                truth.rotation,
-                truth.size,
-            )
-        ),
+        iou3d=float(box_iou(outcome.cuboid, truth)),
     )
 
 

@@ -149,9 +149,7 @@ def _row(
         torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean()
         / truth.diagonal
     )
-    shared = box_iou(
-        outcome.center, outcome.rotation, outcome.size, truth.center, truth.rotation, truth.size
-    )
+    shared = box_iou(outcome.cuboid, truth)
     return PoseRow(
         index,
         setting,

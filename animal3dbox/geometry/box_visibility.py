@@ -1,4 +1,4 @@
-"""Which faces of a box are seen, and how much of the picture each fills.
+"""Which faces of a box a camera sees, and how much of the picture each of them fills.
 
 The visible faces of a convex box tile its silhouette, and so do the hidden ones: the area of the
 silhouette is the sum over the hidden faces, which stays true when the box is cut by the near plane.
@@ -17,7 +17,6 @@ from animal3dbox.geometry.arrays import (
     at_least,
     clip,
     cross,
-    like,
     namespace,
     norm,
     rows_at,
@@ -25,19 +24,18 @@ from animal3dbox.geometry.arrays import (
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_image_hw, check_shape
 from animal3dbox.geometry.cuboid import FACES, Cuboid
+from animal3dbox.geometry.frame import in_frame
 from animal3dbox.geometry.polygon import area_in_frame, clip_to_near, polygon_area
 
 QUADS = np.array(list(FACES.values()))
+"""The corners (6, 4) of the faces."""
 NEAR_PER_DIAGONAL = 1e-2
-"""The near plane stands at this fraction of the box diagonal.
-
-Nearer things have no useful projection.
-"""
+"""The near plane stands at this fraction of the box diagonal: nearer things project to nowhere."""
 
 
 @dataclass(frozen=True)
 class FaceVisibility(Generic[AnyArray]):
-    """What a camera sees of boxes; faces in FACES' order.
+    """The faces of boxes that a camera sees, and their areas; faces in FACES' order.
 
     Attributes:
         visible: (..., 6) bool, n . v > 0 of the paper; nothing is visible from inside the box.
@@ -47,6 +45,12 @@ class FaceVisibility(Generic[AnyArray]):
         share_in_image: (..., 6) the same of the areas clipped by the frame.
         truncation: (...,) 1 - (silhouette inside the frame) / silhouette; 0 if there is no
             silhouette.
+
+    Example:
+        >>> K = torch.tensor([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]])
+        >>> ahead = Cuboid(torch.tensor([0.0, 0, 5]), torch.eye(3), torch.full((3,), 2.0))
+        >>> face_visibility(ahead, K, (101, 101)).share.tolist()  # the bottom: box z is depth here
+        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
     """
 
     visible: AnyArray
@@ -57,7 +61,7 @@ class FaceVisibility(Generic[AnyArray]):
 
 
 def face_normals(corners: AnyArray) -> AnyArray:
-    """Outward unit normals of boxes' faces by the cross product of two edges (section 2.3.1, n).
+    """The outward unit normals of boxes' faces, from two edges' cross product (section 2.3.1, n).
 
     Args:
         corners: (..., 8, 3) in CORNER_SIGNS' order.
@@ -65,6 +69,10 @@ def face_normals(corners: AnyArray) -> AnyArray:
     Returns:
         (..., 6, 3); zero for a face without area.
 
+    Example:
+        >>> box = Cuboid(torch.zeros(3), torch.eye(3), torch.tensor([4.0, 2.0, 1.0]))
+        >>> face_normals(box.corners())[0].tolist()  # the front
+        [1.0, 0.0, 0.0]
     """
     check_shape("corners", corners, "... 8 3")
     normals = _outward(corners, rows_at(corners, QUADS))
@@ -73,22 +81,26 @@ def face_normals(corners: AnyArray) -> AnyArray:
 
 
 def _outward(corners: AnyArray, quads: AnyArray) -> AnyArray:
-    """Outward normals (..., 6, 3) of the faces (..., 6, 4, 3) of boxes (..., 8, 3), as long as
-    their faces are large."""
+    """The outward normals (..., 6, 3) of boxes' faces, as long as the faces are large.
+
+    Args:
+        corners: (..., 8, 3) of the boxes.
+        quads: (..., 6, 4, 3) of their faces.
+
+    """
     first = quads[..., 0, :]
     normals = cross(quads[..., 1, :] - first, quads[..., 3, :] - first)
-    outward = (
-        quads.sum(-2) - corners.sum(-2)[..., None, :] / 2
-    )  # four times the way from the box's middle to the face's
+    # Four times the way from the box's middle to the face's
+    outward = quads.sum(-2) - corners.sum(-2)[..., None, :] / 2
     inwards = (normals * outward).sum(-1)[..., None] < 0
-    turned: AnyArray = normals * (1 - 2 * as_type_of(inwards, normals))
-    return turned
+    oriented: AnyArray = normals * (1 - 2 * as_type_of(inwards, normals))
+    return oriented
 
 
 def visible_faces(corners: AnyArray, camera_center: AnyArray) -> AnyArray:
-    """Which faces turn towards the camera: n .
+    """Which faces of boxes turn towards the camera (section 2.3.2, visibility and v).
 
-    V > 0 with v from the face's centre to the camera (section 2.3.2, visibility and v).
+    A face does where n . v > 0, with n its outward normal and v from its centre to the camera.
 
     Args:
         corners: (..., 8, 3) in any frame.
@@ -97,10 +109,14 @@ def visible_faces(corners: AnyArray, camera_center: AnyArray) -> AnyArray:
     Returns:
         (..., 6) bool.
 
+    Example:
+        >>> box = Cuboid(torch.zeros(3), torch.eye(3), torch.tensor([4.0, 2.0, 1.0]))
+        >>> visible_faces(box.corners(), torch.tensor([9.0, 9.0, 0.0])).tolist()  # front and left
+        [True, False, True, False, False, False]
     """
     check_shape("corners", corners, "... 8 3")
     quads = rows_at(corners, QUADS)
-    view = 4 * camera_center[..., None, :] - quads.sum(-2)
+    view = 4 * camera_center[..., None, :] - quads.sum(-2)  # 4 v
     visible: AnyArray = (_outward(corners, quads) * view).sum(-1) > 0
     return visible
 
@@ -126,22 +142,32 @@ def near_depth(cuboid: Cuboid) -> Tensor:
 
 
 def near_depth_of_corners(corners: AnyArray) -> AnyArray:
-    """The near plane's depth for boxes given by their corners (..., 8, 3) in any frame, (...,), in
-    their unit."""
+    """The near plane's depth (...,) for boxes given by their corners (..., 8, 3), in their unit."""
     near: AnyArray = NEAR_PER_DIAGONAL * norm(corners[..., 6, :] - corners[..., 0, :])
     return near
 
 
 def corners_in_front(cuboid_cam: Cuboid) -> Tensor:
-    """Which corners lie beyond the near plane, so that their projection means something, (..., 8)
-    bool."""
+    """Which corners of boxes lie beyond the near plane, so that their projection means something.
+
+    Args:
+        cuboid_cam: boxes (...,) in the camera frame.
+
+    Returns:
+        (..., 8) bool.
+
+    Example:
+        >>> around_the_camera = Cuboid(torch.zeros(3), torch.eye(3), torch.full((3,), 2.0))
+        >>> corners_in_front(around_the_camera).tolist()
+        [False, False, False, False, True, True, True, True]
+    """
     return cuboid_cam.corners()[..., 2] > near_depth(cuboid_cam)[..., None]
 
 
 def face_visibility(
     cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int]
 ) -> FaceVisibility[Tensor]:
-    """What a camera sees of boxes given in its frame.
+    """The faces of boxes that a camera sees, from boxes given in its frame.
 
     Args:
         cuboid_cam: boxes (...,) in the camera frame.
@@ -151,6 +177,12 @@ def face_visibility(
     Returns:
         Booleans, areas and shares of the faces (section 2.3), and the truncation.
 
+    Example:
+        >>> K = torch.tensor([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]])
+        >>> ahead = Cuboid(torch.tensor([0.0, 0, 5]), torch.eye(3), torch.full((3,), 2.0))
+        >>> seen = face_visibility(ahead, K, (101, 101))
+        >>> seen.visible.tolist(), seen.area[5].item()  # the bottom face: 50 by 50 px
+        ([False, False, False, False, False, True], 2500.0)
     """
     corners_cam = cuboid_cam.corners()
     return corners_visibility(
@@ -178,11 +210,12 @@ def projected_faces(
         return rows_at(project(K, corners_cam, distortion)[0], QUADS)
     quads = rows_at(corners_cam, QUADS)
     if isinstance(quads, Tensor):
-        return project(K[..., None, :, :], clip_to_near(quads, near[..., None, None]), distortion)[
-            0
-        ]
-    clipped = clip_to_near(torch.from_numpy(quads), torch.from_numpy(near)[..., None, None]).numpy()
-    return project(K[..., None, :, :], clipped, distortion)[0]
+        clipped = clip_to_near(quads, near[..., None, None])
+        return project(K[..., None, :, :], clipped, distortion)[0]
+    clipped_array = clip_to_near(
+        torch.from_numpy(quads), torch.from_numpy(near)[..., None, None]
+    ).numpy()
+    return project(K[..., None, :, :], clipped_array, distortion)[0]
 
 
 def corners_visibility(
@@ -190,9 +223,12 @@ def corners_visibility(
     K: AnyArray,
     image_hw: tuple[int, int],
     visible: AnyArray,
+    *,
     distortion: AnyArray | None = None,
 ) -> FaceVisibility[AnyArray]:
-    """What a camera sees of boxes whose visible faces are known already, such as after a map of pixels, which changes none.
+    """The areas and shares of boxes' faces, where it is known already which of them are visible.
+
+    A map of pixels, for one, changes the areas but never which faces are visible.
 
     Args:
         corners_cam: (..., 8, 3) in the camera frame, in CORNER_SIGNS' order.
@@ -208,16 +244,12 @@ def corners_visibility(
     check_shape("K", K, "... 3 3")
     check_image_hw("image_hw", image_hw)
     quads_px = projected_faces(corners_cam, K, distortion)
-    beyond = like(quads_px, [image_hw[1] - 0.5, image_hw[0] - 0.5])
-    inside: Any = (
-        ((quads_px >= -0.5) & (quads_px <= beyond)).all(-1).all(-1)
-    )  # (..., 6): each face by itself, whatever else is in the batch
-    area = polygon_area(quads_px)
-    area_in_image = (
-        area
-        if bool(inside.all())
-        else namespace(area).where(inside, area, area_in_frame(quads_px, image_hw))
-    )
+    # (..., 6): each face by itself, whatever else is in the batch
+    inside: Any = in_frame(quads_px, image_hw).all(-1)
+    area = area_in_image = polygon_area(quads_px)
+    if not bool(inside.all()):
+        area_in_image = namespace(area).where(inside, area, area_in_frame(quads_px, image_hw))
+    # The hidden faces tile the silhouette too, and do so when the near plane cuts the box
     silhouette, silhouette_in_image = ((a * ~visible).sum(-1) for a in (area, area_in_image))
     truncation = (1 - silhouette_in_image / (silhouette + (silhouette <= 0))) * (silhouette > 0)
     area, area_in_image = area * visible, area_in_image * visible

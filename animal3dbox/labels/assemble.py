@@ -134,7 +134,7 @@ def _assemble_alike(animals: Sequence[Prepared]) -> list[CuboidLabel]:
     corners = center[:, None] + (SIGNS * size[:, None]) @ rotation.mT
     corners_2d, depth = project(K, corners, distortion)
     faces = corners_visibility(
-        corners, K, image_hw, visible_faces(corners, np.zeros_like(center)), distortion
+        corners, K, image_hw, visible_faces(corners, np.zeros_like(center)), distortion=distortion
     )
     in_front = depth > near_depth_of_corners(corners)[:, None]
     behind, truncation, fit = (

@@ -211,7 +211,9 @@ def _seen(
             if "face_visible" in out
             else visible_faces(corners, corners[:, 0] * 0)
         )
-        visibility = corners_visibility(corners, out["K"], image_hw, visible, out.get("distortion"))
+        visibility = corners_visibility(
+            corners, out["K"], image_hw, visible, distortion=out.get("distortion")
+        )
         seen |= {name: getattr(visibility, attribute) for name, attribute in wanted.items()}
     return seen
 

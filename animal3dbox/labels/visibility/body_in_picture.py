@@ -10,7 +10,8 @@ from torch import Tensor
 
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.distortion import bent_points
-from animal3dbox.geometry.mesh_bounds import bounds_in_frame, frame_box
+from animal3dbox.geometry.frame import frame_box
+from animal3dbox.geometry.mesh_bounds import bounds_in_frame
 from animal3dbox.geometry.rasterizer import covered_part
 from animal3dbox.labels.assemble import ShownBody, mask_box, points_box
 from animal3dbox.labels.config import LabelConfig
