@@ -71,7 +71,7 @@ def test_what_is_zero_is_not_kept() -> None:
     rows[1, 2, 2 * BLOCK + 7] = 1
     rows[4, 0] = 1
     assert len(BlockTable.of(rows, 1).blocks) == 5
-    assert SplitTable.of(rows).few.shape == (rows[0].size, 4)
+    assert SplitTable.of(rows).sparse.shape == (rows[0].size, 4)
 
 
 def test_rows_without_any_number_have_sums_of_zero() -> None:
