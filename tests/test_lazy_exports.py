@@ -1,7 +1,6 @@
 """The doors: packages that load what they export on first use."""
 
 import ast
-import inspect
 import subprocess
 import sys
 from importlib import import_module
@@ -27,7 +26,7 @@ def package_of(path: Path) -> str:
 
 
 DOORS = {package_of(path): path for path in FILES}
-EXAMPLES = ("animal3dbox.geometry",)
+EXAMPLES = ("animal3dbox.geometry", "animal3dbox.smal")
 """Doors whose every name shows a value."""
 
 
@@ -97,7 +96,7 @@ def test_every_exported_name_has_an_example_that_shows_a_value(package: str) -> 
     door, without = import_module(package), []
     for module, name in sorted(table_of(DOORS[package])):
         value = getattr(door, name)
-        if inspect.isfunction(value) or inspect.isclass(value):
+        if callable(value):
             text = value.__doc__ or ""
             shown = "Example:" in text and ">>> " in text
         else:  # a constant's example stands in its module's docstring, where doctest finds it

@@ -1,13 +1,11 @@
-"""Facts about SMAL's public topology.
-
-Which vertices its keypoints are, and its joints' names and tree.
-"""
+"""SMAL's public topology: the vertices of its keypoints, the names and the tree of its joints."""
 
 from collections.abc import Mapping, Sequence
 
 from torch import Tensor
 
 SMAL_VERTICES = 3889
+"""How many vertices the models have that these facts are about."""
 
 SMAL_LANDMARKS: dict[str, tuple[int, ...]] = {
     "left_eye": (1068, 1080, 1029, 1226),
@@ -72,10 +70,15 @@ def joint_names(parents: tuple[int, ...]) -> tuple[str, ...]:
 
 
 def misplaced_sides(v_template: Tensor, landmarks: Mapping[str, Sequence[int]]) -> tuple[str, ...]:
-    """The left landmarks that lie no further left than their right twins, on a template (V, 3) with y to the animal's left.
+    """The left landmarks that lie no further left than their right twins.
 
-    Any such means that the vertices are not in the order for which the landmarks were made, or the
-    frame is another.
+    Any such means that the vertices are not in the order for which the landmarks were made, or that
+    the frame is another.
+
+    Args:
+        v_template: (V, 3) with y to the animal's left.
+        landmarks: name -> vertex ids.
+
     """
     y = {name: float(v_template[list(ids), 1].mean()) for name, ids in landmarks.items()}
     twins = {name: name.replace("left_", "right_") for name in y if name.startswith("left_")}

@@ -17,8 +17,10 @@ def main() -> None:
     parts = build_parts()
     write_asset(parts, out)
     count = 2 * len(parts.half.vertices) - parts.half.seam
+    seconds = time.perf_counter() - start
     print(
-        f"{out}: {count} vertices, {len(parts.columns)} columns, {out.stat().st_size / 1e6:.2f} MB, {time.perf_counter() - start:.0f} s"
+        f"{out}: {count} vertices, {len(parts.columns)} columns,"
+        f" {out.stat().st_size / 1e6:.2f} MB, {seconds:.0f} s"
     )
 
 

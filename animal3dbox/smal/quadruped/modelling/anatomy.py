@@ -1,8 +1,8 @@
 """From a species' table of stations to the primitives of its skin and the joints of its skeleton.
 
-A table holds, in trunk lengths, the stations of chains: places along a limb or the trunk with the half sizes of
-its cross-section there. All species have the same chains with the same number of stations, so tables can be
-averaged, and a place on one animal has its counterpart on every other.
+A table holds, in trunk lengths, the stations of chains: places along a limb or the trunk with the
+half sizes of its cross-section there. All species have the same chains with the same number of
+stations, so tables can be averaged, and a place on one animal has its counterpart on every other.
 """
 
 from collections.abc import Mapping
@@ -77,7 +77,8 @@ class Chain:
     Attributes:
         places: (S, 3) in the template frame.
         radii: (S, 2) half sizes: across (sideways; for an ear its half width) and through.
-        through: (3,) roughly the direction of the second radius; None: the first one is sideways, along y.
+        through: (3,) roughly the direction of the second radius; None: the first one is sideways,
+            along y.
         cup: see Primitive.
     """
 
@@ -88,7 +89,10 @@ class Chain:
 
 
 def head_to_body(table: Table, points: Array) -> Array:
-    """Points (N, 3) of the head's frame (u to the nose, y left, w up, in head lengths) in the template frame."""
+    """Points (N, 3) of the head in the template frame.
+
+    The head's frame has u to the nose, y left and w up, in head lengths.
+    """
     x, z, pitch_deg, length = table["head_frame"]
     c, s = np.cos(np.deg2rad(pitch_deg)), np.sin(np.deg2rad(pitch_deg))
     u, y, w = (points * length).T
@@ -230,7 +234,10 @@ def _refined(values: Array) -> Array:
 
 
 def _frame(axis: Array, through: Array | None) -> Array:
-    """Rows across, through, along; across is perpendicular to axis and through, or as near to y as it can be."""
+    """The rows across, through and along of a chain's frame.
+
+    Across is perpendicular to axis and through, or as near to y as it can be.
+    """
     along = axis / np.linalg.norm(axis)
     sideways = np.array([0.0, 1.0, 0.0])
     across = sideways - (sideways @ along) * along if through is None else np.cross(through, along)

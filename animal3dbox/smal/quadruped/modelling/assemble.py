@@ -103,7 +103,10 @@ def _parts(
 
 
 def template_table() -> Table:
-    """The mean of the species but for its ears, which would be neither up nor down: half the cat's, upright; and no horns."""
+    """The mean of the species, without horns, and with ears of half the cat's size, upright.
+
+    The ears' own mean would be neither up nor down.
+    """
     table = mean_table([SPECIES[name] for name in TEMPLATE_SHARES], list(TEMPLATE_SHARES.values()))
     cat, dog = SPECIES["cat"], SPECIES["dog"]
     ear = np.hstack(

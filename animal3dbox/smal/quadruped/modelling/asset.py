@@ -1,4 +1,4 @@
-"""Packing of the parts into one small .npz of plain arrays; `animal3dbox.smal.quadruped.preset_bodies` unpacks it."""
+"""Packing of the parts into one small .npz of plain arrays, which preset_bodies.py unpacks."""
 
 from pathlib import Path
 
@@ -9,14 +9,15 @@ from animal3dbox.smal.quadruped.modelling.implicit import Array
 from animal3dbox.smal.quadruped.modelling.skinning import JOINT_NAMES, MAX_INFLUENCES, PARENTS
 
 PROVENANCE = (
-    "Made by animal3dbox.smal.quadruped.modelling from hand-written tables of stations; no scan, no SMAL data. MIT licence as the package. "
-    "Only the left half is stored: seam vertices (y = 0) first."
+    "Made by animal3dbox.smal.quadruped.modelling from hand-written tables of stations; no scan, no"
+    " SMAL data. MIT licence as the package. Only the left half is stored: seam vertices (y = 0)"
+    " first."
 )
 _INT16 = 32767
 
 
 def write_asset(parts: Parts, path: Path) -> None:
-    """Write the asset: int16 lengths with a scale, indices, and names joined by spaces; see `quadruped.py` for their meaning."""
+    """Write the asset: int16 lengths with a scale, indices, and names joined by spaces."""
     vertices, vertices_scale = _quantised(parts.half.vertices)
     packed = [_quantised(column) for column in parts.columns.values()]
     order = np.argsort(-parts.weights, axis=1, kind="stable")[:, :MAX_INFLUENCES]

@@ -61,7 +61,7 @@ def with_entry(
 
 
 def warped(table: Table, ankle: float, elbow: float, rise: float) -> Table:
-    """Longer legs: everything above the elbow rises, what lies between ankle and elbow in proportion; heads and tails too."""
+    """Longer legs: all above the elbow rises, and what is below it in proportion."""
 
     def lifted(z: Array) -> Array:
         return z + rise * np.clip((z - ankle) / (elbow - ankle), 0.0, 1.0)
@@ -80,7 +80,7 @@ def warped(table: Table, ankle: float, elbow: float, rise: float) -> Table:
 
 
 def stretched(table: Table, amount: float) -> Table:
-    """A longer trunk: the shoulders and all before them go ahead, the hips and all behind them back, in trunk lengths."""
+    """A longer trunk, in trunk lengths: all from the shoulders on goes ahead, the hips go back."""
 
     def along(x: Array) -> Array:
         return x + amount * np.clip(x / 0.35, -1.0, 1.0)

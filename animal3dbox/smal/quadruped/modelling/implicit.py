@@ -1,4 +1,4 @@
-"""A smooth union of tapered elliptic capsules: the surface of an animal as the zero set of a function."""
+"""The surface of an animal as a function's zero set: a smooth union of elliptic capsules."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ def local_coordinates(primitive: Primitive, points: Array) -> tuple[Array, Array
 
     Returns:
         along: (N,) in [0, 1], start to end.
-        scaled: (N, 3) offset from the axis in units of the radii there, along the rows of the frame.
+        scaled: (N, 3) offset from the axis in units of the radii there, along the frame's rows.
     """
     start, axis = primitive.ends[0], primitive.ends[1] - primitive.ends[0]
     offset = points - start
@@ -84,7 +84,10 @@ def from_local(primitive: Primitive, along: Array, scaled: Array) -> Array:
 
 
 def primitive_distance(primitive: Primitive, points: Array) -> Array:
-    """About the signed distance (N,) of points (N, 3) to one primitive, negative inside; far away a lower bound of it."""
+    """About the signed distance (N,) of points (N, 3) to one primitive, negative inside.
+
+    Far away a lower bound of it.
+    """
     reach = (
         primitive.radii.max() * (1.0 + abs(primitive.cup))
         + np.linalg.norm(primitive.ends[1] - primitive.ends[0]) / 2
@@ -110,7 +113,7 @@ def all_distances(primitives: Sequence[Primitive], points: Array) -> Array:
 
 
 def surface_value(primitives: Sequence[Primitive], points: Array) -> Array:
-    """The function whose zero set is the skin: (N,) at points (N, 3), negative inside, about a distance."""
+    """The function (N,) at points (N, 3) whose zero set is the skin; about a distance outwards."""
     chains, groups = _chain_distances(primitives, points)
     value: Array | None = None
     for group, (inner, outer) in GROUPS.items():
@@ -131,7 +134,10 @@ def surface_gradient(primitives: Sequence[Primitive], points: Array, step: float
 
 
 def _chain_distances(primitives: Sequence[Primitive], points: Array) -> tuple[Array, list[str]]:
-    """Distances (C, N) to whole chains, both sides, and the group of each (blending segments would ring a limb with bumps)."""
+    """The distances (C, N) to whole chains on both sides, and the group of each.
+
+    Blending segments instead would ring a limb with bumps.
+    """
     distances = all_distances(primitives, points)
     rows: dict[tuple[str, int], list[int]] = {}
     for i, primitive in enumerate(primitives):

@@ -140,6 +140,9 @@ def _grown(points: Array, about: Array) -> Array:
 
 MEASURE_EDITS: dict[str, Edit] = {
     f.__name__: f
-    for f in (leg_length, leg_thickness, foot_size, trunk_length, trunk_width, chest_depth, belly, neck_length, neck_thickness, neck_raise,
-              head_size, muzzle_length, ear_size, tail_length, tail_thickness)
-}  # fmt: skip
+    for f in (
+        *(leg_length, leg_thickness, foot_size, trunk_length, trunk_width, chest_depth, belly),
+        *(neck_length, neck_thickness, neck_raise, head_size, muzzle_length, ear_size),
+        *(tail_length, tail_thickness),
+    )
+}

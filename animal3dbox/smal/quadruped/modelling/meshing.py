@@ -50,7 +50,7 @@ def mesh_half(primitives: Sequence[Primitive], step: float, face_count: int) -> 
 
 
 def mirror_weld(half: HalfMesh) -> tuple[Array, Faces, NDArray[np.int64]]:
-    """The whole mesh: vertices (2H - seam, 3), faces (2F, 3), and the vertex permutation of the mirror."""
+    """The whole mesh: vertices (2H - seam, 3), faces (2F, 3), and the mirror's permutation."""
     count, free = len(half.vertices), len(half.vertices) - half.seam
     mirrored = half.vertices[half.seam :] * np.array([1.0, -1.0, 1.0])
     partner = np.concatenate([np.arange(half.seam), np.arange(count, count + free)])
@@ -79,7 +79,7 @@ def relax(
     rounds: int,
     share: float = 0.35,
 ) -> Array:
-    """Move vertices along the surface towards their neighbours' mean, then back onto the zero set."""
+    """The vertices moved along the surface to their neighbours' mean, then back to the zero set."""
     average = neighbour_average(half)
     for _ in range(rounds):
         gradient = surface_gradient(primitives, vertices)
@@ -120,7 +120,10 @@ def untangled(
 
 
 class neighbour_average:  # noqa: N801
-    """A function: values (H, C) -> the mean over each vertex's neighbours, seam vertices averaging along the seam."""
+    """The function that maps values (H, C) to their mean over each vertex's neighbours.
+
+    Vertices on the seam take the mean along the seam.
+    """
 
     def __init__(self, half: HalfMesh) -> None:
         edges = np.concatenate(
@@ -146,7 +149,7 @@ def _on_its_side(vertices: Array, seam: int) -> Array:
 
 
 def _polygonise(primitives: Sequence[Primitive], step: float) -> tuple[Array, Faces]:
-    """Marching cubes on y >= 0 with a grid plane on y = 0; only cells near the surface are evaluated finely."""
+    """Marching cubes on y >= 0 with a grid plane on y = 0, fine only near the surface."""
     low, high = _bounds(primitives)
     low[1] = 0.0
     cells = np.ceil((high - low) / (step * _COARSE)).astype(int)

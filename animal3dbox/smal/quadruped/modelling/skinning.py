@@ -14,7 +14,8 @@ from animal3dbox.smal.quadruped.modelling.transfer import shares
 SPINE = ("pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3")
 JOINT_NAMES = (
     *SPINE, "LLeg1", "LLeg2", "LLeg3", "LFoot", "RLeg1", "RLeg2", "RLeg3", "RFoot", "Neck", "Head",
-    "LLegBack1", "LLegBack2", "LLegBack3", "LFootBack", "RLegBack1", "RLegBack2", "RLegBack3", "RFootBack",
+    "LLegBack1", "LLegBack2", "LLegBack3", "LFootBack", "RLegBack1", "RLegBack2", "RLegBack3",
+    "RFootBack",
     *(f"Tail{i}" for i in range(1, 8)), "Mouth", "LEar", "REar",
 )  # fmt: skip
 PARENTS = (
@@ -172,7 +173,9 @@ def _spine_region(table: Table, place: Array) -> str:
 def joint_regressor(
     left_joints: Sequence[Mapping[str, Array]], vertices: Array, symmetry: Faces, half_count: int
 ) -> Array:
-    """A sparse non-negative regressor (J, V), rows summing to 1, that gives the joints of all shapes as well as can be.
+    """A sparse regressor (J, V) that gives the joints of all shapes as well as can be.
+
+    Its entries are not negative, and its rows sum to 1.
 
     Args:
         left_joints: for each of N shapes the joints of the left and the middle.
@@ -197,7 +200,12 @@ def joint_regressor(
 
 
 def _candidates(offsets: Array) -> NDArray[np.int64]:
-    """Ids of the vertices near a joint, and of the nearest ones in each direction, so that they surround it: from offsets (H, 3)."""
+    """The indices of vertices that surround a joint: the nearest ones, and some in each direction.
+
+    Args:
+        offsets: (H, 3) of the vertices from the joint.
+
+    """
     distances = np.linalg.norm(offsets, axis=1)
     order = np.argsort(distances, kind="stable")
     found = set(order[:_REGRESSOR_CANDIDATES].tolist())
@@ -208,7 +216,10 @@ def _candidates(offsets: Array) -> NDArray[np.int64]:
 
 
 def _convex_fit(places: Array, wanted: Array, distances: Array) -> Array:
-    """Non-negative shares (C,), summing to 1, with sum of share x places (N, C, 3) near wanted (N, 3); the farther, the less."""
+    """The shares (C,) of places (N, C, 3) whose weighted sums are nearest to wanted ones (N, 3).
+
+    Not negative and summing to 1; the farther a place (C,) is, the less it gets.
+    """
     rows = np.moveaxis(places - wanted[:, None], 1, 2).reshape(-1, places.shape[1])
     rows[:3] *= 10.0  # the template counts most
     system = np.vstack(

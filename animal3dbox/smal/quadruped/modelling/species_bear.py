@@ -1,4 +1,7 @@
-"""A brown bear: heavy trunk with a shoulder hump, thick legs on flat broad paws, broad head, small round ears, stub of a tail."""
+"""A brown bear: heavy trunk with a shoulder hump, thick legs on flat broad paws, broad head.
+
+Small round ears, and a stub of a tail.
+"""
 
 import numpy as np
 

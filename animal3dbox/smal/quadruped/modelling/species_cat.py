@@ -1,4 +1,7 @@
-"""A house cat: slender trunk, round head, short muzzle, upright triangular ears, long tail. In trunk lengths, see `anatomy`."""
+"""A house cat: slender trunk, round head, short muzzle, upright triangular ears, long tail.
+
+In trunk lengths, see `anatomy`.
+"""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""A dairy cow: deep boxy trunk, short neck, broad head with horns, udder, thin tail with a tuft. In trunk lengths, see `anatomy`."""
+"""A dairy cow: deep boxy trunk, short neck, broad head with horns, udder, thin tail with a tuft.
+
+In trunk lengths, see `anatomy`.
+"""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""A stag: light trunk on long thin legs, slender neck, wedge head with leaf-shaped ears and swept antlers, short tail."""
+"""A stag: light trunk on long thin legs, slender neck, wedge head, short tail.
+
+Leaf-shaped ears and swept antlers.
+"""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""A dog of the retriever kind: deep chest, tucked belly, drop ears, sabre tail. In trunk lengths, see `anatomy`."""
+"""A dog of the retriever kind: deep chest, tucked belly, drop ears, sabre tail.
+
+In trunk lengths, see `anatomy`.
+"""
 
 import numpy as np
 

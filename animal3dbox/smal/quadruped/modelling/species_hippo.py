@@ -1,4 +1,7 @@
-"""A hippopotamus: a barrel that nearly touches the ground, pillars for legs, a huge head with a broad square muzzle, tiny ears."""
+"""A hippopotamus: a barrel that nearly touches the ground, pillars for legs, a huge head.
+
+A broad square muzzle, and tiny ears.
+"""
 
 import numpy as np
 

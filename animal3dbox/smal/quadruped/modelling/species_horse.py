@@ -1,4 +1,7 @@
-"""A riding horse: long legs with hooves, barrel, arched neck, long head, falling tail. In trunk lengths, see `anatomy`."""
+"""A riding horse: long legs with hooves, barrel, arched neck, long head, falling tail.
+
+In trunk lengths, see `anatomy`.
+"""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""A male lion: a cat grown heavy, with a mane round the neck, a deep muzzle, round ears, thick legs and a tufted tail."""
+"""A male lion: a cat grown heavy, with a mane round the neck, thick legs and a tufted tail.
+
+A deep muzzle and round ears.
+"""
 
 import numpy as np
 

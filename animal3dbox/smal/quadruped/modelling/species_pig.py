@@ -1,4 +1,7 @@
-"""A domestic pig: long barrel on short legs with cloven hooves, no neck to speak of, wedge head with a disc of a snout, hooked tail."""
+"""A domestic pig: long barrel on short legs with cloven hooves, no neck to speak of, wedge head.
+
+A disc of a snout, and a hooked tail.
+"""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""A zebra: a stocky horse with a rounder barrel, a brush of an upright mane, rounder ears and a tasselled tail."""
+"""A zebra: a stocky horse with a rounder barrel, a brush of an upright mane, rounder ears.
+
+And a tasselled tail.
+"""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The same mesh on another animal: every vertex keeps its place along and around its bones and muscles."""
+"""The same mesh on another animal: vertices keep their places along and around the bones."""
 
 from collections.abc import Sequence
 
@@ -56,7 +56,12 @@ def transferred(
 
 
 def shares(primitives: Sequence[Primitive], points: Array) -> Array:
-    """How much each primitive, then each mirrored one, shapes the skin at points (N, 3): (2P, N), columns summing to 1."""
+    """How much each primitive, then each mirrored one, shapes the skin at points (N, 3).
+
+    Returns:
+        (2P, N), columns summing to 1.
+
+    """
     distances = all_distances(primitives, points)
     say = np.exp(-(distances - distances.min(axis=0)) / _REACH)
     return np.asarray(say / say.sum(axis=0), dtype=np.float64)
