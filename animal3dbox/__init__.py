@@ -4,8 +4,9 @@ The names below are loaded when first used (PEP 562), so that ``import animal3db
 line do not wait for torch.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from animal3dbox.geometry.cuboid import Cuboid as Cuboid
@@ -17,31 +18,13 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Cuboid": "animal3dbox.geometry.cuboid",
-    "CuboidLabel": "animal3dbox.labels.types",
-    "LabelConfig": "animal3dbox.labels.config",
-    "Rejection": "animal3dbox.labels.types",
-    "label_animal": "animal3dbox.labels.label",
-    "label_many": "animal3dbox.labels.label",
-}
-
-__all__ = [
-    "Cuboid",
-    "CuboidLabel",
-    "LabelConfig",
-    "Rejection",
-    "__version__",
-    "label_animal",
-    "label_many",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'animal3dbox' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_exports(
+    __name__,
+    {
+        "geometry.cuboid": ("Cuboid",),
+        "labels.config": ("LabelConfig",),
+        "labels.label": ("label_animal", "label_many"),
+        "labels.types": ("CuboidLabel", "Rejection"),
+    },
+    defined_here=("__version__",),
+)

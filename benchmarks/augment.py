@@ -25,10 +25,10 @@ import kornia.augmentation as K  # noqa: N812
 import numpy as np
 import torch
 
+from animal3dbox.geometry.box_visibility import corners_in_front, face_visibility
 from animal3dbox.geometry.camera import intrinsics, project
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.face_visibility import corners_in_front, face_visibility
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.transforms import (
     ColorJitter,
     Compose,

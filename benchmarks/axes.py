@@ -5,7 +5,7 @@ Run: python benchmarks/axes.py
 
 import torch
 
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.axes.body_axes import torso_axes, trunk_axes
 from animal3dbox.labels.axes.landmarks import landmark_axes
 from animal3dbox.labels.axes.pca import pca_axes

@@ -1,4 +1,6 @@
-"""Box IoU against half-space intersection (SciPy) on 10,000 pairs of every awkward kind, and its time a pair.
+"""Box IoU against SciPy's half-space intersection, and its time a pair.
+
+On 10,000 pairs of every awkward kind.
 
 Run: OMP_NUM_THREADS=1 python benchmarks/box_iou.py
 """
@@ -14,10 +16,16 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
-from animal3dbox.geometry.box_iou import box_iou
+from animal3dbox.geometry import Cuboid, box_iou
 
 Array = NDArray[np.float64]
 Boxes = tuple[Array, Array, Array]
+
+
+def cuboid(boxes: Boxes) -> Cuboid:
+    """The package's boxes of center, rotation and size."""
+    center, rotation, size = (torch.from_numpy(x) for x in boxes)
+    return Cuboid(center, rotation, size)
 
 
 def half_spaces(center: Array, rotation: Array, size: Array) -> Array:
@@ -27,11 +35,10 @@ def half_spaces(center: Array, rotation: Array, size: Array) -> Array:
 
 
 def reference_volume(a: Boxes, b: Boxes) -> float:
-    """Volume of the intersection by SciPy: Chebyshev centre, half-space intersection, hull.
+    """The volume of the intersection by SciPy: Chebyshev centre, half-space intersection, hull.
 
-    0 if it is thinner than 1e-10.
-
-    In the axes and half sizes of the first box: Qhull's own tolerances spoil needles otherwise.
+    In the axes and half sizes of the first box: Qhull's own tolerances spoil needles otherwise. 0
+    where the intersection is thinner than 1e-10.
     """
     center = a[1].T @ (b[0] - a[0]) / (a[2] / 2)
     planes = half_spaces(np.zeros(3), np.eye(3), np.full(3, 2.0))
@@ -138,7 +145,7 @@ KINDS = (
 def compare(kind: str, rng: np.random.Generator, n: int) -> tuple[Array, Array]:
     """IoU (N,) of N pairs by box_iou and by the reference."""
     a, b = pairs(kind, rng, n)
-    ours = box_iou(*(torch.from_numpy(x) for x in (*a, *b))).numpy()
+    ours = box_iou(cuboid(a), cuboid(b)).numpy()
     volume = np.array(
         [
             reference_volume((a[0][k], a[1][k], a[2][k]), (b[0][k], b[1][k], b[2][k]))
@@ -174,11 +181,11 @@ def main() -> None:
             f" {np.abs(ours - theirs).max():.1e}"
         )
     print(f"greatest difference of {n * len(KINDS)} pairs: {worst:.1e}")
-    a, b = (tuple(torch.from_numpy(x) for x in boxes) for boxes in pairs("generic", rng, 4096))
-    apart = (b[0] + 100.0, *b[1:])
+    a, b = (cuboid(boxes) for boxes in pairs("generic", rng, 4096))
+    apart = Cuboid(b.center + 100.0, b.rotation, b.size)
     print(
-        f"{microseconds(lambda: box_iou(*a, *b), 4096):.1f} us a pair,"
-        f" {microseconds(lambda: box_iou(*a, *apart), 4096):.2f} us a pair far apart"
+        f"{microseconds(lambda: box_iou(a, b), 4096):.1f} us a pair,"
+        f" {microseconds(lambda: box_iou(a, apart), 4096):.2f} us a pair far apart"
     )
 
 

@@ -44,7 +44,7 @@ def seen_in_zbuffer(animal: SyntheticAnimal, vertices_cam: Tensor) -> Tensor:
 
 
 def main() -> None:
-    """Print the mask's greatest error and the part of vertices on which the two visibilities agree."""
+    """Print the mask's greatest error, and the share of vertices on which visibilities agree."""
     torch.set_num_threads(1)
     off, agree = [], []
     for image_hw in SIZES:

@@ -132,9 +132,8 @@ def main() -> None:
         ),
     }
     times: dict[str, list[float]] = {name: [] for name in ways}
-    for _ in range(
-        repeats
-    ):  # interleaved, so that a busy machine slows all of them; each after one call of its own to warm up
+    # Interleaved, so that a busy machine slows all of them; each after one call of its own
+    for _ in range(repeats):
         for name, work in ways.items():
             work()
             times[name] += [seconds(work) for _ in range(5)]

@@ -9,8 +9,9 @@ if __name__ != "animal3dbox.datasets":
         " root off sys.path"
     )
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from animal3dbox.datasets.batches import collate as collate
@@ -31,34 +32,23 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.labelling.scale import SpeciesScale as SpeciesScale
     from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet as SyntheticSet
 
-_HOMES = {
-    "AltitudeScale": "labelling.scale",
-    "Animal3DDataset": "format_datasets",
-    "AnnotatedDataset": "format_datasets",
-    "CocoKeypointsDataset": "format_datasets",
-    "DeepLabCutDataset": "format_datasets",
-    "KnownScale": "labelling.scale",
-    "LabelDataset": "label_dataset",
-    "LabelFilter": "labelling.filters",
-    "MeshFolderDataset": "format_datasets",
-    "Omni3DDataset": "format_datasets",
-    "Skipped": "label_dataset",
-    "SpeciesScale": "labelling.scale",
-    "StanfordExtraDataset": "format_datasets",
-    "SyntheticDataset": "format_datasets",
-    "SyntheticSet": "synthetic.synthetic_set",
-    "collate": "batches",
-    "collate_stacked": "batches",
-}
-
-__all__ = sorted(_HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'animal3dbox.datasets' has no attribute {name!r}")
-    return getattr(import_module(f"animal3dbox.datasets.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_exports(
+    __name__,
+    {
+        "batches": ("collate", "collate_stacked"),
+        "format_datasets": (
+            "Animal3DDataset",
+            "AnnotatedDataset",
+            "CocoKeypointsDataset",
+            "DeepLabCutDataset",
+            "MeshFolderDataset",
+            "Omni3DDataset",
+            "StanfordExtraDataset",
+            "SyntheticDataset",
+        ),
+        "label_dataset": ("LabelDataset", "Skipped"),
+        "labelling.filters": ("LabelFilter",),
+        "labelling.scale": ("AltitudeScale", "KnownScale", "SpeciesScale"),
+        "synthetic.synthetic_set": ("SyntheticSet",),
+    },
+)

@@ -42,8 +42,10 @@ def camera(
 def shaded(
     vertices_world: Tensor, faces: Tensor, azimuth_deg: float, span: float, side_px: int = SIDE_PX
 ) -> Tensor:
-    """A picture (side_px, side_px, 3) uint8 of a mesh, span of its units wide, lit from above the
-    camera's left shoulder."""
+    """A picture (side_px, side_px, 3) uint8 of a mesh, lit from above the camera's left shoulder.
+
+    It is span of the mesh's units wide.
+    """
     size = side_px * OVERSAMPLING
     distance = 6.0
     target = (vertices_world.amin(dim=0) + vertices_world.amax(dim=0)) / 2

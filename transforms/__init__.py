@@ -9,8 +9,9 @@ if __name__ != "animal3dbox.transforms":
         " checkout's root off sys.path"
     )
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from animal3dbox.geometry.camera import project_in_front as project_in_front
@@ -54,51 +55,26 @@ if TYPE_CHECKING:
     from animal3dbox.transforms.steps import Plan as Plan
     from animal3dbox.transforms.transform import Transform as Transform
 
-_HOMES = {
-    "CameraAugmentationSequential": "kornia_bridge.sequential",
-    "CenterCrop": "augmentations.resizing",
-    "ColorJitter": "augmentations.colour",
-    "Compose": "compose",
-    "KorniaTransform": "kornia_bridge.operations",
-    "LetterBox": "augmentations.resizing",
-    "Normalize": "augmentations.colour",
-    "PadTo": "augmentations.resizing",
-    "PerspectiveCrop": "augmentations.virtual_camera",
-    "Plan": "steps",
-    "RandomAffine": "augmentations.affine",
-    "RandomErasing": "augmentations.erasing",
-    "RandomGaussianBlur": "augmentations.noise",
-    "RandomGaussianNoise": "augmentations.noise",
-    "RandomGrayscale": "augmentations.colour",
-    "RandomHorizontalFlip": "augmentations.flips",
-    "RandomPerspective": "augmentations.perspective",
-    "RandomResizedCrop": "augmentations.crops",
-    "RandomRotation": "augmentations.affine",
-    "RandomVerticalFlip": "augmentations.flips",
-    "RandomVirtualCamera": "augmentations.virtual_camera",
-    "Resize": "augmentations.resizing",
-    "Transform": "transform",
-    "inverse": "camera_law.target",
-    "transform_target": "camera_law.target",
-    "Relabelling": "camera_law.relabel",
-    "project_in_front": "animal3dbox.geometry.camera",
-    "update_camera": "animal3dbox.geometry.homography",
-}
-
-__all__ = sorted(_HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'animal3dbox.transforms' has no attribute {name!r}")
-    home = _HOMES[name]
-    return getattr(
-        import_module(
-            home if home.startswith("animal3dbox.") else f"animal3dbox.transforms.{home}"
-        ),
-        name,
-    )
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_exports(
+    __name__,
+    {
+        "augmentations.affine": ("RandomAffine", "RandomRotation"),
+        "augmentations.colour": ("ColorJitter", "Normalize", "RandomGrayscale"),
+        "augmentations.crops": ("RandomResizedCrop",),
+        "augmentations.erasing": ("RandomErasing",),
+        "augmentations.flips": ("RandomHorizontalFlip", "RandomVerticalFlip"),
+        "augmentations.noise": ("RandomGaussianBlur", "RandomGaussianNoise"),
+        "augmentations.perspective": ("RandomPerspective",),
+        "augmentations.resizing": ("CenterCrop", "LetterBox", "PadTo", "Resize"),
+        "augmentations.virtual_camera": ("PerspectiveCrop", "RandomVirtualCamera"),
+        "camera_law.relabel": ("Relabelling",),
+        "camera_law.target": ("inverse", "transform_target"),
+        "compose": ("Compose",),
+        "kornia_bridge.operations": ("KorniaTransform",),
+        "kornia_bridge.sequential": ("CameraAugmentationSequential",),
+        "steps": ("Plan",),
+        "transform": ("Transform",),
+        "animal3dbox.geometry.camera": ("project_in_front",),
+        "animal3dbox.geometry.homography": ("update_camera",),
+    },
+)

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from animal3dbox.geometry.arrays import as_numpy
-from animal3dbox.geometry.face_visibility import (
+from animal3dbox.geometry.box_visibility import (
     near_depth_of_corners,
     projected_faces,
     visible_faces,

@@ -9,7 +9,7 @@ from pathlib import Path
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import SAFETENSORS_SUFFIX, load_model
 from animal3dbox.smal.files.safetensors_file import save_safetensors
-from animal3dbox.smal.keypoints.smal_landmarks import misplaced_sides
+from animal3dbox.smal.keypoints.smal_topology import misplaced_sides
 
 
 def convert_model(source: Path, target: Path) -> int:

@@ -21,7 +21,7 @@ from animal3dbox.evaluate.config import METHODS
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import FACE_NAMES
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection

@@ -15,8 +15,8 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.orientation import RULES, axes_of
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import Cell, Table, quantile
-from animal3dbox.geometry.box_iou import box_iou
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.box_overlap import box_iou
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel
@@ -123,9 +123,7 @@ def _remeshed_rows(index: int, given: Annotated) -> list[AccuracyRow]:
             config=config,
         )
         if isinstance(label, CuboidLabel):
-            shared = box_iou(
-                label.center, label.rotation, label.size, truth.center, truth.rotation, truth.size
-            )
+            shared = box_iou(label.cuboid, truth)
             rows.append(
                 AccuracyRow(
                     index, animal.pose, rule, _angle(label.rotation, truth.rotation), float(shared)

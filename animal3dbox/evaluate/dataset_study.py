@@ -21,9 +21,9 @@ from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
-from animal3dbox.geometry.box_iou import box_iou
+from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
@@ -151,16 +151,7 @@ def _row(
         row,
         rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
         corner_percent=100 * float(apart),
-        iou3d=float(
-            box_iou(
-                outcome.center,
-                outcome.rotation,
-                outcome.size,
-                truth.center,
-                truth.rotation,
-                truth.size,
-            )
-        ),
+        iou3d=float(box_iou(outcome.cuboid, truth)),
     )
 
 

@@ -11,9 +11,9 @@ from animal3dbox.datasets.synthetic.ray_shares import face_shares_by_rays
 from animal3dbox.evaluate.face_views import BEHIND, CLASSES, draw_view
 from animal3dbox.evaluate.subject import Subject
 from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
+from animal3dbox.geometry.box_visibility import face_visibility, projected_faces
 from animal3dbox.geometry.cuboid import FACES, Cuboid
-from animal3dbox.geometry.face_visibility import face_visibility, projected_faces
-from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.rigid_transforms import transform_points
 from animal3dbox.geometry.visible_surface import surface_share
 
 RAYS = 256

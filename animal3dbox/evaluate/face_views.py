@@ -9,9 +9,9 @@ from torch import Tensor
 
 from animal3dbox.datasets.synthetic.world.cameras import draw_camera
 from animal3dbox.datasets.synthetic.world.config import CLEAR, WorldConfig, world_generator
+from animal3dbox.geometry.box_visibility import face_visibility, near_depth
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.face_visibility import face_visibility, near_depth
 
 _ANY = WorldConfig(truncated=0.0, uav=0.35)
 _DRAWN = {

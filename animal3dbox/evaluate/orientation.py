@@ -10,7 +10,7 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean
 from animal3dbox.geometry.orthogonal_frames import frame_from_directions
-from animal3dbox.geometry.rigid import alignment_variation, rotation_angle
+from animal3dbox.geometry.rigid_transforms import alignment_variation, rotation_angle
 from animal3dbox.labels.axes.body_axes import body_axes
 from animal3dbox.labels.body import Body
 from animal3dbox.labels.config import Axes, LabelConfig

@@ -20,9 +20,9 @@ from animal3dbox.datasets.synthetic.world.scene import plan_scene
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.plots import has_matplotlib, new_figure, png_of
 from animal3dbox.evaluate.subject import Subject, subject
+from animal3dbox.geometry.box_visibility import face_visibility
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at
 from animal3dbox.geometry.cuboid import EDGES, FACE_NAMES, FACES, Cuboid
-from animal3dbox.geometry.face_visibility import face_visibility
 from animal3dbox.labels.axes.pca import pca_axes
 from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.config import LabelConfig

@@ -11,9 +11,9 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, percent, quantile
-from animal3dbox.geometry.box_iou import box_iou
+from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
 EVERYWHERE = {
@@ -149,9 +149,7 @@ def _row(
         torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean()
         / truth.diagonal
     )
-    shared = box_iou(
-        outcome.center, outcome.rotation, outcome.size, truth.center, truth.rotation, truth.size
-    )
+    shared = box_iou(outcome.cuboid, truth)
     return PoseRow(
         index,
         setting,

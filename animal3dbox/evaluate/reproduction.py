@@ -14,9 +14,9 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, percent, quantile
-from animal3dbox.geometry.face_visibility import face_visibility
+from animal3dbox.geometry.box_visibility import face_visibility
 from animal3dbox.geometry.pixel_boxes import mask_box
-from animal3dbox.geometry.rigid import rigid
+from animal3dbox.geometry.rigid_transforms import rigid
 from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.pose.epnp_ransac import basic_pose
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma

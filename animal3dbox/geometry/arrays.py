@@ -1,4 +1,4 @@
-"""One formula, two kinds of arrays.
+"""Functions that take tensors and NumPy arrays alike: one formula for two kinds of arrays.
 
 Labels and training need the geometry in torch: batched, on any device, differentiable. A
 DataLoader's worker needs the same formulas for the few numbers of one image, where NumPy costs a
@@ -15,12 +15,13 @@ from torch import Tensor
 from torch.autograd.forward_ad import unpack_dual
 
 NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-"""Of each coordinate, the one after it and the one before."""
+"""The coordinates y, z, x and z, x, y: of each, the one after it and the one before."""
 AnyArray = TypeVar("AnyArray", Tensor, np.ndarray)
+"""A tensor or an array, the same kind throughout a signature."""
 
 
 def namespace(array: Tensor | np.ndarray) -> Any:
-    """The library whose functions take this array: torch or numpy."""
+    """The library whose functions take this array, torch or numpy."""
     return torch if isinstance(array, Tensor) else np
 
 
@@ -38,7 +39,7 @@ def has_derivatives(tensor: Tensor) -> bool:
 
 
 def is_plain(tensor: Tensor) -> bool:
-    """Whether an array holds all of a tensor: on the host, without derivatives."""
+    """Whether a tensor is on the host and without derivatives: an array can then stand for it."""
     return tensor.is_cpu and not has_derivatives(tensor)
 
 
@@ -50,33 +51,30 @@ def like(array: AnyArray, values: Any) -> AnyArray:
 
 
 def rows_at(points: AnyArray, ids: np.ndarray) -> AnyArray:
-    """Rows of points (..., N, D) by their numbers, an array of whole numbers of any shape (I, ...).
-
-    (..., I, ..., D).
-    """
+    """The rows (..., I, ..., D) of points (..., N, D) that indices (I, ...) of any shape name."""
     if isinstance(points, Tensor):
         return points[..., torch.from_numpy(ids).to(points.device), :]
     return points.take(ids, -2)
 
 
 def as_type_of(array: AnyArray, other: AnyArray) -> AnyArray:
-    """The array in another's floating-point type."""
+    """The array in the floating-point type of another."""
     if isinstance(array, Tensor):
         return array.to(other.dtype)
     return array.astype(other.dtype, copy=False)
 
 
 def cross(a: AnyArray, b: AnyArray) -> AnyArray:
-    """Cross products (..., 3) of vectors (..., 3)."""
+    """The cross products (..., 3) of vectors (..., 3)."""
     if isinstance(a, Tensor):
-        turned: Tensor = torch.linalg.cross(a, b)
-        return turned
+        tensor: Tensor = torch.linalg.cross(a, b)
+        return tensor
     product: np.ndarray = a.take(NEXT, -1) * b.take(LAST, -1) - a.take(LAST, -1) * b.take(NEXT, -1)
     return product
 
 
 def norm(vectors: AnyArray) -> AnyArray:
-    """Lengths (...,) of vectors (..., D)."""
+    """The lengths (...,) of vectors (..., D)."""
     if isinstance(vectors, Tensor):
         length: Tensor = torch.linalg.vector_norm(vectors, dim=-1)
         return length
@@ -85,15 +83,15 @@ def norm(vectors: AnyArray) -> AnyArray:
 
 
 def clip(array: AnyArray, low: float, high: float) -> AnyArray:
-    """Values held in [low, high]."""
+    """The values clamped to [low, high]."""
     if isinstance(array, Tensor):
         return array.clamp(low, high)
-    held: np.ndarray = np.minimum(np.maximum(array, low), high)
-    return held
+    clipped: np.ndarray = np.minimum(np.maximum(array, low), high)
+    return clipped
 
 
 def at_least(array: AnyArray, least: float) -> AnyArray:
-    """Values that are at least a tiny positive number, to divide by."""
+    """The values clamped from below, as by a tiny positive number to divide by."""
     if isinstance(array, Tensor):
         return array.clamp_min(least)
     floored: np.ndarray = np.maximum(array, least)
@@ -101,41 +99,36 @@ def at_least(array: AnyArray, least: float) -> AnyArray:
 
 
 def transposed(matrix: np.ndarray) -> np.ndarray:
-    """The transpose (N, M) of a matrix (M, N) of floating-point numbers, in memory as it is
-    counted."""
+    """The transpose (N, M) of a matrix (M, N) of floating-point numbers, contiguous in memory."""
     if not matrix.size:
         return matrix.T.copy()
-    turned: np.ndarray = cv2.transpose(matrix)  # in blocks: half the time of a copy along columns
-    return turned
+    columns: np.ndarray = cv2.transpose(matrix)  # in blocks: half the time of a copy along columns
+    return columns
 
 
 def take(array: AnyArray, index: AnyArray) -> AnyArray:
-    """Elements (N,) of an array (M,) by their indices (N,).
-
-    In both libraries faster than array[index].
-    """
-    taken: AnyArray = (
-        array.index_select(0, index) if isinstance(array, Tensor) else array.take(index)
-    )
-    return taken
+    """The elements (N,) of an array (M,) at indices (N,), faster than array[index]."""
+    if isinstance(array, Tensor):
+        return array.index_select(0, index)
+    return array.take(index)
 
 
 def whole(array: AnyArray) -> AnyArray:
-    """Whole numbers as int64."""
+    """The values of an array as int64, decimals cut off."""
     if isinstance(array, Tensor):
         return array.to(torch.int64)
     return array.astype(np.int64)
 
 
 def counting(array: AnyArray, count: int) -> AnyArray:
-    """0, 1, .. count - 1 as int64, of the same kind and device as the array."""
+    """The numbers 0 .. count - 1 as int64, of the same kind and device as the array."""
     if isinstance(array, Tensor):
         return torch.arange(count, device=array.device)
     return np.arange(count)
 
 
 def repeated(array: AnyArray, counts: AnyArray) -> AnyArray:
-    """Each element (N,) so often (N,), in order."""
+    """Each element (N,) repeated as often as its count (N,) says, in order."""
     if isinstance(array, Tensor):
         return array.repeat_interleave(counts)
     return np.repeat(array, counts)

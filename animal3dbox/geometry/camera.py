@@ -1,20 +1,22 @@
-"""The pinhole camera: x right, y down, z forward; pixel centres at whole numbers."""
+"""The pinhole camera: x right, y down, z forward; pixel centres lie at whole numbers."""
 
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from animal3dbox.geometry.arrays import AnyArray, namespace
 from animal3dbox.geometry.checks import check_image_hw, check_intrinsics, check_shape
 from animal3dbox.geometry.distortion import distort
-from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.frame import in_frame
+from animal3dbox.geometry.rigid_transforms import rigid, transform_points
 
 
 def intrinsics(
     focal_px: float | tuple[float, float], image_hw: tuple[int, int], skew: float = 0.0
 ) -> Tensor:
-    """Intrinsics with the principal point at the centre of the image.
+    """The intrinsics K of a camera whose principal point is the centre of the image.
 
     Args:
         focal_px: one focal length in pixels, or (fx, fy).
@@ -24,6 +26,9 @@ def intrinsics(
     Returns:
         (3, 3) float64.
 
+    Example:
+        >>> intrinsics(500.0, (480, 640)).tolist()
+        [[500.0, 0.0, 319.5], [0.0, 500.0, 239.5], [0.0, 0.0, 1.0]]
     """
     check_image_hw("image_hw", image_hw)
     fx, fy = focal_px if isinstance(focal_px, tuple) else (focal_px, focal_px)
@@ -39,6 +44,8 @@ def project(
 ) -> tuple[AnyArray, AnyArray]:
     """Project points of the camera frame to pixels (section 2.2, P).
 
+    u = (fx x + skew y) / z + cx, v = fy y / z + cy.
+
     Args:
         K: (..., 3, 3).
         points_cam: (..., N, 3).
@@ -49,22 +56,27 @@ def project(
             project_in_front.
         depth: (..., N) along the optical axis, positive in front of the camera.
 
+    Example:
+        >>> K = intrinsics(100.0, (11, 21))
+        >>> px, depth = project(K, torch.tensor([[0.4, -0.1, 2.0]], dtype=torch.float64))
+        >>> px.tolist(), depth.tolist()
+        ([[30.0, 0.0]], [2.0])
     """
     depth = points_cam[..., 2]
     xp = namespace(depth)
-    safe = xp.where(abs(depth) < 1e-12, xp.full_like(depth, 1e-12), depth)
+    divisor = xp.where(abs(depth) < 1e-12, xp.full_like(depth, 1e-12), depth)[..., None]
     if distortion is None:
-        return (points_cam @ K.mT)[..., :2] / safe[..., None], depth
-    bent = distort(points_cam[..., :2] / safe[..., None], distortion)
+        return (points_cam @ K.mT)[..., :2] / divisor, depth
+    bent = distort(points_cam[..., :2] / divisor, distortion)
     return bent @ K[..., :2, :2].mT + K[..., None, :2, 2], depth
 
 
 def project_in_front(
     K: Tensor, points_cam: Tensor, near: float | Tensor = 0.0, distortion: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
-    """Project points of the camera frame to pixels.
+    """Project points of the camera frame to pixels, and say which of them a camera can see.
 
-    A point behind the camera never comes back as one that is seen.
+    Those behind the camera come back as pixel 0, 0 and False, never as pixels that look valid.
 
     Args:
         K: (..., 3, 3).
@@ -77,6 +89,11 @@ def project_in_front(
         points_px: (..., N, 2), exactly 0 where the point is not in front.
         in_front: (..., N) bool.
 
+    Example:
+        >>> K = intrinsics(100.0, (11, 21))
+        >>> px, in_front = project_in_front(K, torch.tensor([[1.0, 0, 8], [1.0, 0, -8]]).double())
+        >>> px.tolist(), in_front.tolist()
+        ([[22.5, 5.0], [0.0, 0.0]], [True, False])
     """
     points_px, depth = project(K, points_cam, distortion)
     in_front = (depth > near) & torch.isfinite(points_px).all(-1)
@@ -85,12 +102,23 @@ def project_in_front(
 
 @dataclass(frozen=True)
 class PinholeCamera:
-    """A camera without lens distortion.
+    """A camera without lens distortion: where it stands, and how it maps the world to pixels.
 
     Attributes:
         K: (3, 3) intrinsics in pixels of an image of image_hw; skew allowed.
-        T_cam_world: (4, 4).
+        T_cam_world: (4, 4); see `rigid` for one of R and t.
         image_hw: height and width.
+
+    Raises:
+        ShapeError: an attribute has the wrong shape, or K is none.
+
+    Example:
+        >>> up = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
+        >>> T_cam_world = look_at(eye=-4 * up.roll(1), target=0 * up, up=up)
+        >>> camera = PinholeCamera(intrinsics(100.0, (11, 21)), T_cam_world, (11, 21))
+        >>> px, depth = camera.project(torch.tensor([[0.0, 0.0, 0.2]], dtype=torch.float64))
+        >>> px.tolist(), depth.tolist()
+        ([[10.0, 0.0]], [4.0])
     """
 
     K: Tensor
@@ -103,12 +131,23 @@ class PinholeCamera:
         check_image_hw("image_hw", self.image_hw)
 
     @property
+    def R_cam_world(self) -> Tensor:
+        """The rotation (3, 3) from world to camera."""
+        return self.T_cam_world[:3, :3]
+
+    @property
+    def t_cam_world(self) -> Tensor:
+        """The translation (3,) from world to camera: the world's origin in the camera frame."""
+        return self.T_cam_world[:3, 3]
+
+    @property
     def center_world(self) -> Tensor:
-        """Where the camera stands, (3,) in world (section 2.3.1, C_pos)."""
-        return -self.T_cam_world[:3, :3].mT @ self.T_cam_world[:3, 3]
+        """The place (3,) in world where the camera stands (section 2.3.1, C_pos)."""
+        # C = -R^T t
+        return -self.R_cam_world.mT @ self.t_cam_world
 
     def project(self, points_world: Tensor) -> tuple[Tensor, Tensor]:
-        """Project points to pixels.
+        """Project points of the world to pixels.
 
         Args:
             points_world: (N, 3).
@@ -121,16 +160,25 @@ class PinholeCamera:
         check_shape("points_world", points_world, "N 3")
         return project(self.K, transform_points(self.T_cam_world, points_world))
 
+    def sees(self, points_world: Tensor) -> Tensor:
+        """Which points (N, 3) in world lie in front of the camera and inside its frame, (N,)."""
+        points_px, depth = self.project(points_world)
+        return (depth > 0) & in_frame(points_px, self.image_hw)
+
     def resized(self, H_out_in: Tensor, image_hw: tuple[int, int]) -> "PinholeCamera":
         """The camera of the cropped and resized image.
 
-        H_out_in only scales and shifts (any other map turns the camera: update_camera).
+        Args:
+            H_out_in: (3, 3), only scales and shifts; any other map turns the camera as well, see
+                update_camera.
+            image_hw: of the new image.
+
         """
         return replace(self, K=H_out_in @ self.K, image_hw=image_hw)
 
 
 def look_at(eye: Tensor, target: Tensor, up: Tensor) -> Tensor:
-    """T_cam_world of a camera at eye that looks at target with up pointing up in the image.
+    """The T_cam_world of a camera at eye that looks at target, with up pointing up in the image.
 
     Args:
         eye: (..., 3) in world.
@@ -140,14 +188,14 @@ def look_at(eye: Tensor, target: Tensor, up: Tensor) -> Tensor:
     Returns:
         (..., 4, 4).
 
+    Example:
+        >>> eye, target, up = torch.eye(3).neg().unbind()
+        >>> T_cam_world = look_at(eye, target, -up)
+        >>> [round(float(x), 3) for x in T_cam_world[:3, :3] @ eye + T_cam_world[:3, 3]]
+        [0.0, 0.0, 0.0]
     """
-    forward = torch.nn.functional.normalize(target - eye, dim=-1)
-    right = torch.nn.functional.normalize(
-        torch.linalg.cross(forward, up.expand_as(forward)), dim=-1
-    )
+    forward = normalize(target - eye, dim=-1)
+    right = normalize(torch.linalg.cross(forward, up.expand_as(forward)), dim=-1)
+    # The rows of R are the camera's axes in world: right, down, forward
     R = torch.stack((right, torch.linalg.cross(forward, right), forward), dim=-2)
-    t = -(R @ eye[..., None])
-    bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=eye.dtype, device=eye.device).expand(
-        *R.shape[:-2], 1, 4
-    )
-    return torch.cat((torch.cat((R, t), dim=-1), bottom), dim=-2)
+    return rigid(R, -(R @ eye[..., None])[..., 0])

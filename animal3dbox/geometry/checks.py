@@ -1,7 +1,6 @@
-"""Checks of the arrays that come in through the public functions."""
+"""Checks of the arrays and tensors that come in through the public functions."""
 
 import math
-from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +11,7 @@ from animal3dbox.geometry.arrays import as_numpy, cross
 
 IDENTITY = np.eye(3)
 FEW = 4
-"""Up to so many matrices are checked number by number."""
+"""Up to so many matrices are checked number by number, in less time than NumPy's calls take."""
 
 
 def check_shape(name: str, tensor: Tensor | np.ndarray, spec: str) -> None:
@@ -39,8 +38,13 @@ def check_shape(name: str, tensor: Tensor | np.ndarray, spec: str) -> None:
 
 @lru_cache
 def _parsed(spec: str) -> tuple[bool, int, tuple[tuple[int, int], ...]]:
-    """Whether batch dimensions may lead, how many others there are, and the sizes asked for by
-    their places counted from the last."""
+    """A spec of check_shape, parsed.
+
+    Returns:
+        Whether batch dimensions may lead, how many others there are, and the (place, size) of those
+        that have a fixed size, places counted from the last.
+
+    """
     words = spec.split()
     batched = words[0] == "..."
     words = words[batched:]
@@ -94,13 +98,13 @@ def check_rotation(name: str, tensor: Tensor | np.ndarray, tolerance: float = 1e
 
 
 def _off_rotations(R: np.ndarray) -> tuple[float, float]:
-    """The greatest entry of R R^T - 1 over matrices (..., 3, 3), and the least determinant."""
+    """The greatest entry of R R^T - I over matrices (..., 3, 3), and the least determinant."""
     determinants = (R[..., 0, :] * cross(R[..., 1, :], R[..., 2, :])).sum(-1)
     return float(np.abs(R @ R.mT - IDENTITY).max()), float(determinants.min())
 
 
 def _off_few_rotations(matrices: list[list[list[float]]]) -> tuple[float, float]:
-    """The same in plain numbers: nine of them are not worth the calls."""
+    """The values of _off_rotations in plain numbers, for a few matrices."""
     off, least = 0.0, math.inf
     for (a, b, c), (d, e, f), (g, h, i) in matrices:
         lengths = a * a + b * b + c * c - 1, d * d + e * e + f * f - 1, g * g + h * h + i * i - 1
@@ -111,12 +115,14 @@ def _off_few_rotations(matrices: list[list[list[float]]]) -> tuple[float, float]
 
 
 def check_intrinsics(name: str, K: Tensor | np.ndarray) -> None:
-    """Raise a ShapeError unless K is (..., 3, 3), upper triangular, with positive focal lengths and
-    K[2, 2] = 1."""
+    """Raise a ShapeError naming the argument unless it holds intrinsics (..., 3, 3).
+
+    That is: upper triangular, with positive focal lengths and K[2, 2] = 1.
+    """
     check_shape(name, K, "... 3 3")
     check_finite(name, K)
-    for (fx, _, _), (skewed, fy, _), (low, lower, one) in as_numpy(K).reshape(-1, 3, 3).tolist():
-        if max(abs(skewed), abs(low), abs(lower), abs(one - 1)) > 1e-9:
+    for (fx, _, _), (k_10, fy, _), (k_20, k_21, k_22) in as_numpy(K).reshape(-1, 3, 3).tolist():
+        if max(abs(k_10), abs(k_20), abs(k_21), abs(k_22 - 1)) > 1e-9:
             raise ShapeError(
                 f"{name} must be upper triangular with {name}[2, 2] = 1, got {K.tolist()}"
             )
@@ -130,9 +136,3 @@ def check_image_hw(name: str, image_hw: tuple[int, int]) -> None:
         raise ShapeError(
             f"{name} must be (height, width) in whole pixels > 0, got {tuple(image_hw)}"
         )
-
-
-def check_known(name: str, value: str, known: Mapping[str, object] | tuple[str, ...]) -> None:
-    """Raise a ShapeError that lists the known values unless the value is one of them."""
-    if value not in known:
-        raise ShapeError(f"{name} must be one of {', '.join(known)}, got {value!r}")

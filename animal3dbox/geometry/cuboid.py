@@ -2,6 +2,18 @@
 
 The one place that fixes the order of corners, faces and edges; everything else imports it. A box's
 own frame is x forward, y to ITS left, z up.
+
+Example:
+    >>> CORNER_SIGNS[6]  # forward, left, up
+    (1, 1, 1)
+    >>> FACE_NAMES
+    ('front', 'back', 'left', 'right', 'top', 'bottom')
+    >>> FACES["front"], FACE_NAMES[OPPOSITE_FACES[0]]
+    ((1, 2, 6, 5), 'back')
+    >>> EDGES[0], len(EDGES)
+    ((0, 1), 12)
+    >>> MIRRORED_CORNERS[0], FACE_NAMES[MIRRORED_FACES[2]]
+    (3, 'right')
 """
 
 from dataclasses import dataclass
@@ -35,24 +47,19 @@ FACES = {
 """Corners of the six faces, counter-clockwise seen from outside; the order of every (6,) field."""
 
 FACE_NAMES = tuple(FACES)
+"""The names of the six faces, in the order of every (6,) field."""
 OPPOSITE_FACES = (1, 0, 3, 2, 5, 4)
+"""For each face the index of the one on the other side of the box."""
 EDGES = (
-    (0, 1),
-    (1, 2),
-    (2, 3),
-    (3, 0),
-    (4, 5),
-    (5, 6),
-    (6, 7),
-    (7, 4),
-    (0, 4),
-    (1, 5),
-    (2, 6),
-    (3, 7),
+    *((0, 1), (1, 2), (2, 3), (3, 0)),
+    *((4, 5), (5, 6), (6, 7), (7, 4)),
+    *((0, 4), (1, 5), (2, 6), (3, 7)),
 )
+"""The twelve edges by their corners: round the bottom, round the top, then from bottom to top."""
 MIRRORED_CORNERS = (3, 2, 1, 0, 7, 6, 5, 4)
-"""corners' = (Q corners)[MIRRORED_CORNERS] under a mirror Q."""
+"""The order of a mirrored box's corners: corners' = (Q corners)[MIRRORED_CORNERS], Q a mirror."""
 MIRRORED_FACES = (0, 1, 3, 2, 4, 5)
+"""The order of a mirrored box's faces: left and right change places."""
 
 
 def corners_of(center: AnyArray, rotation: AnyArray, size: AnyArray) -> AnyArray:
@@ -93,6 +100,17 @@ class Cuboid:
         center: (..., 3) the centre of the box.
         rotation: (..., 3, 3) columns forward, left, up; det +1.
         size: (..., 3) full length, width, height along those columns.
+
+    Raises:
+        ShapeError: an attribute has the wrong shape, is not finite, is no rotation, or a size is
+            negative.
+
+    Example:
+        >>> box = Cuboid(torch.zeros(3), torch.eye(3), torch.tensor([4.0, 2.0, 1.0]))
+        >>> box.corners()[1].tolist()
+        [2.0, -1.0, -0.5]
+        >>> box.contains(torch.tensor([[1.9, 0, 0], [2.1, 0, 0]])).tolist()
+        [True, False]
     """
 
     center: Tensor
@@ -119,36 +137,37 @@ class Cuboid:
         return cls(*(torch.from_numpy(part.copy()) for part in (center, rotation, size)))
 
     def __getitem__(self, index: int) -> "Cuboid":
-        """One box of a batch, in memory of its own; checked already.
+        """One box of a batch, in memory of its own.
 
-        Raises TypeError if this is one box, and IndexError.
+        Raises:
+            TypeError: this is one box already.
+            IndexError: the batch is shorter.
+
         """
         if self.center.ndim == 1:
             raise TypeError("this is one box, not a batch of them")
-        box = object.__new__(Cuboid)
+        box = object.__new__(Cuboid)  # without the checks, which the batch has passed
         for name in ("center", "rotation", "size"):
-            held = getattr(self, name)
-            one = (
-                torch.from_numpy(held.numpy()[index].copy())
-                if held.is_cpu and not held.requires_grad
-                else held[index].clone()
-            )
+            batch = getattr(self, name)
+            plain = batch.is_cpu and not batch.requires_grad
+            one = torch.from_numpy(batch.numpy()[index].copy()) if plain else batch[index].clone()
             object.__setattr__(box, name, one)
         return box
 
     @property
     def diagonal(self) -> Tensor:
-        """Length of the space diagonal, (...,)."""
+        """The length (...,) of the space diagonal, in the box's unit."""
         length: Tensor = torch.linalg.vector_norm(self.size, dim=-1)
         return length
 
     def corners(self) -> Tensor:
-        """The corners (..., 8, 3) in CORNER_SIGNS' order, see corners_of."""
+        """The eight corners (..., 8, 3) in CORNER_SIGNS' order, see corners_of."""
         return corners_of(self.center, self.rotation, self.size)
 
     def to_box(self, points: Tensor) -> Tensor:
         """Points (..., N, 3) of the box's surroundings in its own frame, about its centre."""
         check_shape("points", points, "... N 3")
+        # rows: R^T (point - center)
         return (points - self.center[..., None, :]) @ self.rotation
 
     def contains(self, points: Tensor, tolerance: float = 0.0) -> Tensor:

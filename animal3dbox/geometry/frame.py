@@ -2,7 +2,20 @@
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from animal3dbox.geometry.arrays import AnyArray, like
+
+
+def frame_box(image_hw: tuple[int, int]) -> NDArray[np.float64]:
+    """The frame of an image as a box (4,) xyxy px, from the outer edges of its border pixels.
+
+    Example:
+        >>> frame_box((3, 4)).tolist()
+        [-0.5, -0.5, 3.5, 2.5]
+    """
+    return np.array([-0.5, -0.5, image_hw[1] - 0.5, image_hw[0] - 0.5])
 
 
 def in_frame(px: AnyArray, image_hw: tuple[int, int]) -> AnyArray:

@@ -1,4 +1,4 @@
-"""What a map of pixels does to the camera that took them.
+"""Maps of pixels, and what they do to the camera that took the picture.
 
 For any invertible H there is exactly one camera whose picture is the mapped picture: with H K = k
 K' Q, K' upper triangular with a positive diagonal and K'[2, 2] = 1, and Q orthogonal, a point seen
@@ -15,7 +15,9 @@ from animal3dbox.geometry.checks import check_finite, check_shape
 
 
 def apply_homography(H_out_in: AnyArray, points_px: AnyArray) -> AnyArray:
-    """Map pixels.
+    """Map pixels by a homography.
+
+    (u', v', w') = H (u, v, 1), and the new pixel is (u' / w', v' / w').
 
     Args:
         H_out_in: (..., 3, 3).
@@ -24,6 +26,11 @@ def apply_homography(H_out_in: AnyArray, points_px: AnyArray) -> AnyArray:
     Returns:
         (..., N, 2).
 
+    Example:
+        >>> import torch
+        >>> half_the_size = torch.diag(torch.tensor([0.5, 0.5, 1.0]))
+        >>> apply_homography(half_the_size, torch.tensor([[4.0, 6.0]])).tolist()
+        [[2.0, 3.0]]
     """
     check_shape("H_out_in", H_out_in, "... 3 3")
     check_shape("points_px", points_px, "... N 2")
@@ -54,7 +61,9 @@ def oriented_homography(H_out_in: AnyArray, anchor_px: AnyArray) -> AnyArray:
 
 
 def rq(A: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """A = U Q with U upper triangular with positive diagonal and Q orthogonal, by Gram-Schmidt from the last row up.
+    """The RQ decomposition A = U Q, by Gram-Schmidt from the last row up.
+
+    U is upper triangular with a positive diagonal, and Q orthogonal.
 
     Args:
         A: (..., 3, 3), invertible.
@@ -71,16 +80,16 @@ def rq(A: AnyArray) -> tuple[AnyArray, AnyArray]:
     rest_1 = row_1 - (row_1 * q_2).sum(-1)[..., None] * q_2
     rest_1 = rest_1 - (rest_1 * q_2).sum(-1)[..., None] * q_2  # twice is enough for full precision
     q_1 = rest_1 / norm(rest_1)[..., None]
-    handed = cross(q_1, q_2)
-    q_0 = handed * xp.sign((row_0 * handed).sum(-1))[..., None]
+    normal = cross(q_1, q_2)
+    q_0 = normal * xp.sign((row_0 * normal).sum(-1))[..., None]
     Q = xp.stack((q_0, q_1, q_2), -2)
     return xp.triu(A @ Q.mT), Q
 
 
 def handedness(A: AnyArray) -> AnyArray:
-    """Determinants (...,) of matrices (..., 3, 3) as triple products of their rows.
+    """The determinants (...,) of matrices (..., 3, 3) as triple products of their rows.
 
-    For what only asks for the sign, without LAPACK.
+    Good enough for a sign, and without LAPACK.
     """
     triple: AnyArray = (A[..., 0, :] * cross(A[..., 1, :], A[..., 2, :])).sum(-1)
     return triple
@@ -88,7 +97,7 @@ def handedness(A: AnyArray) -> AnyArray:
 
 @dataclass(frozen=True)
 class CameraUpdate(Generic[AnyArray]):
-    """What a map of pixels did to a camera.
+    """The camera of a mapped picture, and how it is turned against the old one.
 
     Attributes:
         K: (..., 3, 3) the new intrinsics.
@@ -97,6 +106,12 @@ class CameraUpdate(Generic[AnyArray]):
             map's denominator.
         R: (..., 3, 3) the new R_cam_world, det +1; None if none was given.
         t: (..., 3) the new t_cam_world; None if none was given.
+
+    Example:
+        >>> import torch
+        >>> flip = torch.tensor([[-1.0, 0, 9], [0, 1, 0], [0, 0, 1]])  # u' = 9 - u, 10 px wide
+        >>> bool(update_camera(flip, torch.diag(torch.tensor([50.0, 50, 1]))).mirrored)
+        True
     """
 
     K: AnyArray
@@ -132,6 +147,12 @@ def update_camera(
     Raises:
         ShapeError: H_out_in is singular, or not finite.
 
+    Example:
+        >>> import torch
+        >>> half_the_size = torch.diag(torch.tensor([0.5, 0.5, 1.0]))
+        >>> K = torch.tensor([[100.0, 0, 10], [0, 100, 5], [0, 0, 1]])
+        >>> update_camera(half_the_size, K).K.tolist()
+        [[50.0, 0.0, 5.0], [0.0, 50.0, 2.5], [0.0, 0.0, 1.0]]
     """
     check_shape("H_out_in", H_out_in, "... 3 3")
     check_shape("K", K, "... 3 3")
@@ -146,9 +167,9 @@ def update_camera(
     U, Q = rq(HK)
     k = U[..., 2, 2]
     if R is not None:
-        side = xp.ones_like(Q[..., 0, :])
-        side[..., 1] = xp.sign(handedness(Q))
-        R = Q @ R * side[..., None, :]
-    return CameraUpdate(
-        U / k[..., None, None], Q, k, R, None if t is None else (Q @ t[..., None])[..., 0]
-    )
+        S = xp.ones_like(Q[..., 0, :])  # the diagonal of the world's mirror, if there is one
+        S[..., 1] = xp.sign(handedness(Q))
+        R = Q @ R * S[..., None, :]
+    if t is not None:
+        t = (Q @ t[..., None])[..., 0]
+    return CameraUpdate(U / k[..., None, None], Q, k, R, t)

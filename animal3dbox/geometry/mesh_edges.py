@@ -1,6 +1,6 @@
-"""The edges of a mesh, and those of them that bound what is seen of it.
+"""The edges of a mesh, and its contours: the edges that bound the mesh in a picture.
 
-Worked out once for all poses of one mesh.
+The edges are found once for all poses of one mesh.
 """
 
 from collections import deque
@@ -18,7 +18,7 @@ from animal3dbox.geometry.rasterizer_clip import ProjectedTriangles
 Indices = NDArray[np.int64]
 Steps = NDArray[np.int8]
 KNOWN_MESHES = 8
-"""Meshes whose edges are remembered: about 1 MB each, for a body of 11 700 faces."""
+"""How many meshes' edges are remembered: about 1 MB each, for a body of 11 700 faces."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class MeshEdges:
 
     @cached_property
     def columns(self) -> Indices:
-        """The faces' first, second and third corners, (3, F), each in a row of its own."""
+        """The first, second and third corners of the faces, (3, F), each in a row of its own."""
         return np.ascontiguousarray(as_numpy(self.faces).T)
 
     @cached_property
     def used(self) -> Indices:
-        """Ids (U,) of the vertices that some face has."""
+        """The indices (U,) of the vertices that some face has."""
         return np.unique(self.ends)
 
 
@@ -53,19 +53,17 @@ _known: deque[MeshEdges] = deque(maxlen=KNOWN_MESHES)
 
 
 def mesh_edges(faces: Tensor) -> MeshEdges:
-    """The edges of faces (F, 3) int64.
-
-    Those of the last few meshes are remembered, by what is in them.
-    """
+    """The edges of faces (F, 3) int64; those of the last few meshes are remembered."""
     for known in tuple(_known):
         if known.faces.device == faces.device and torch.equal(known.faces, faces):
             return known
-    found = _edges_of(faces.detach().clone())
-    _known.appendleft(found)
-    return found
+    edges = _edges_of(faces.detach().clone())
+    _known.appendleft(edges)
+    return edges
 
 
 def _edges_of(faces: Tensor) -> MeshEdges:
+    """The edges of faces (F, 3), found by sorting their 3 F half-edges."""
     count = len(faces)
     start, end = faces.T.flatten(), faces.T.roll(-1, 0).flatten()
     runs_back = (start > end).to(torch.int64)
@@ -88,7 +86,7 @@ def _edges_of(faces: Tensor) -> MeshEdges:
 def contour_edges(
     edges: MeshEdges, triangles: ProjectedTriangles[np.ndarray]
 ) -> tuple[Indices, Indices, Steps]:
-    """The edges that bound what is seen: not those between two triangles that face the same way.
+    """The edges of a mesh's contour: all but those between two triangles that face the same way.
 
     Args:
         edges: of the mesh.
@@ -110,15 +108,23 @@ def contour_edges(
         pieces, turns = triangles.corners[:, ~whole], triangles.orientation[~whole].astype(np.int8)
         parts = _open_edges(edges, facing), *((pieces[k - 1], pieces[k], turns) for k in range(3))
         start, end, turn = (np.concatenate(part) for part in zip(*parts, strict=True))
-    rises = triangles.v.take(end) < triangles.v.take(
-        start
-    )  # as left sides do, if the area is positive: v is down
+    # As left sides do if the area is positive, for v is down
+    rises = triangles.v.take(end) < triangles.v.take(start)
     return np.where(rises, end, start), np.where(rises, start, end), np.where(rises, turn, -turn)
 
 
 def _open_edges(edges: MeshEdges, facing: Steps) -> tuple[Indices, Indices, Steps]:
-    """First and second points (N,) of edges whose faces do not cancel, and (N,) how often they run
-    that way; facing is (F + 1,)."""
+    """The edges whose two faces do not cancel.
+
+    Args:
+        edges: of the mesh.
+        facing: (F + 1,) the orientation of each face; 0 at the end, for edges without a face.
+
+    Returns:
+        First and second points, (N,) each, and (N,) how often the edge runs that way.
+
+    """
     ahead, behind = facing.take(edges.sides[0]), facing.take(edges.sides[1])
-    kept = np.flatnonzero(ahead != behind)
-    return edges.ends[0].take(kept), edges.ends[1].take(kept), ahead.take(kept) - behind.take(kept)
+    open_ = np.flatnonzero(ahead != behind)
+    turn = ahead.take(open_) - behind.take(open_)
+    return edges.ends[0].take(open_), edges.ends[1].take(open_), turn

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.geometry.rigid import nearest_rotation
+from animal3dbox.geometry.rigid_transforms import nearest_rotation
 
 Array = NDArray[np.float64]
 PARALLEL = 1e-6

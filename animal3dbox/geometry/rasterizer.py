@@ -1,4 +1,4 @@
-"""Which pixels a mesh covers, and what it shows there.
+"""Rasterisation of meshes: which pixels a mesh covers, and which face is nearest at each.
 
 Silhouettes in NumPy, z-buffers in plain torch.
 
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Raster:
-    """What is seen at each pixel centre.
+    """The nearest face of a mesh at each pixel centre.
 
     Attributes:
         face_index: (H, W) int64, the nearest face (of equally near ones the lowest index), -1 for
@@ -48,6 +48,12 @@ class Raster:
         barycentric: (H, W, 3) weights of that face's corners, of the point on the whole face in 3D,
             also if the near plane cut it; 0 for background.
 
+    Example:
+        >>> triangle = torch.tensor([[-1.0, -1, 2], [1, -1, 2], [-1, 1, 2]], dtype=torch.float64)
+        >>> K = torch.tensor([[2.0, 0, 1], [0, 2, 1], [0, 0, 1]], dtype=torch.float64)
+        >>> raster = rasterize(triangle, torch.tensor([[0, 1, 2]]), K, (3, 3))
+        >>> raster.depth[0].tolist(), raster.barycentric[0, 0].tolist()
+        ([2.0, 2.0, inf], [1.0, 0.0, 0.0])
     """
 
     face_index: Tensor
@@ -60,10 +66,11 @@ def silhouette(
     faces: Tensor,
     K: Tensor,
     image_hw: tuple[int, int],
+    *,
     near: float | None = None,
     cull_backfaces: bool = False,
 ) -> Tensor:
-    """Pixels whose centre any triangle covers.
+    """The silhouette of a mesh: the pixels whose centre any triangle covers.
 
     Args:
         vertices_cam: (V, 3) camera frame, any unit.
@@ -79,10 +86,21 @@ def silhouette(
     Raises:
         ShapeError: an argument has the wrong shape or values; names it.
 
+    Example:
+        >>> triangle = torch.tensor([[-1.0, -1, 2], [1, -1, 2], [-1, 1, 2]])
+        >>> K = torch.tensor([[2.0, 0, 1], [0, 2, 1], [0, 0, 1]])
+        >>> silhouette(triangle, torch.tensor([[0, 1, 2]]), K, (3, 3)).int().tolist()
+        [[1, 1, 0], [1, 0, 0], [0, 0, 0]]
     """
-    check_mesh(vertices_cam, faces, K, image_hw, near)
-    host = (as_numpy(vertices_cam.double()), faces.long(), as_numpy(K.double()))
-    part, place = covered_part(*host, image_hw, near, cull_backfaces)
+    check_mesh(vertices_cam, faces, K, image_hw, near=near)
+    part, place = covered_part(
+        as_numpy(vertices_cam.double()),
+        faces.long(),
+        as_numpy(K.double()),
+        image_hw,
+        near=near,
+        cull_backfaces=cull_backfaces,
+    )
     covered = torch.zeros(*(int(side) for side in image_hw), dtype=torch.bool)
     covered[place] = torch.from_numpy(part)
     return covered.to(faces.device)
@@ -93,15 +111,14 @@ def covered_part(
     faces: Tensor,
     K: Array,
     image_hw: tuple[int, int],
+    *,
     near: float | None = None,
     cull_backfaces: bool = False,
 ) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
-    """The part of a silhouette that holds all that is covered.
-
-    Arguments as silhouette's, float64, and not checked.
+    """The smallest part of a silhouette that holds all covered pixels, and its place in the image.
 
     On the host whatever the faces' device: the contour is about a thousand edges, too few for a
-    GPU.
+    GPU. Arguments as silhouette's, float64, and not checked.
 
     Returns:
         covered: (h, w).
@@ -111,24 +128,33 @@ def covered_part(
     height, width = (int(side) for side in image_hw)
     edges = mesh_edges(faces)
     with np.errstate(all="ignore"):  # an edge along a row has no slope, and meets no row
-        triangles = project_triangles(vertices_cam, edges.columns, K, near, cull_backfaces)
-        upper, lower, step = contour_edges(edges, triangles)
-        sides = sides_between(triangles.u, triangles.v, upper, lower, height)
-        crossing = np.flatnonzero(sides.rows)
-        sides = Sides(
-            *(
-                values.take(crossing)
-                for values in (sides.first_row, sides.rows, sides.first_u, sides.slope)
-            )
+        triangles = project_triangles(
+            vertices_cam, edges.columns, K, near=near, cull_backfaces=cull_backfaces
         )
-    return _filled(sides, step.take(crossing), width)
+        upper, lower, step = contour_edges(edges, triangles)
+        sides = sides_between(triangles.u, triangles.v, upper, lower, height=height)
+        with_rows = np.flatnonzero(sides.rows)
+        sides = Sides(
+            sides.first_row.take(with_rows),
+            sides.rows.take(with_rows),
+            sides.first_u.take(with_rows),
+            sides.slope.take(with_rows),
+        )
+    return _filled(sides, step.take(with_rows), width)
 
 
 def _filled(
     sides: Sides[np.ndarray], step: NDArray[np.int8], width: int
 ) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
-    """What lies between sides that each meet a row, where crossing them from the left adds (N,)
-    steps; see covered_part."""
+    """The pixels between sides, and their place in the image; see covered_part.
+
+    Args:
+        sides: N of them, each of which meets a row.
+        step: (N,) what crossing a side from the left adds; a pixel is covered where the sum is
+            positive.
+        width: of the image.
+
+    """
     if not len(step):
         return np.zeros((0, 0), dtype=np.bool_), (slice(0), slice(0))
     last_u = sides.first_u + (sides.rows - 1) * sides.slope
@@ -155,21 +181,29 @@ def rasterize(
     faces: Tensor,
     K: Tensor,
     image_hw: tuple[int, int],
+    *,
     near: float | None = None,
     cull_backfaces: bool = False,
 ) -> Raster:
-    """The nearest face at every pixel centre, with its depth and the point hit.
+    """Draw a mesh: the nearest face at every pixel centre, with its depth and the point hit.
 
     Arguments and errors as in silhouette.
 
     Returns:
         A Raster in the dtype and unit of vertices_cam; computed in float64.
 
+    Example:
+        >>> triangle = torch.tensor([[-1.0, -1, 2], [1, -1, 2], [-1, 1, 2]])
+        >>> K = torch.tensor([[2.0, 0, 1], [0, 2, 1], [0, 0, 1]])
+        >>> rasterize(triangle, torch.tensor([[0, 1, 2]]), K, (3, 3)).face_index.tolist()
+        [[0, 0, -1], [0, -1, -1], [-1, -1, -1]]
     """
-    check_mesh(vertices_cam, faces, K, image_hw, near)
+    check_mesh(vertices_cam, faces, K, image_hw, near=near)
     height, width = (int(side) for side in image_hw)
     vertices, faces, K_float64 = vertices_cam.detach().double(), faces.long(), K.detach().double()
-    triangles = project_triangles(vertices, faces.T.contiguous(), K_float64, near, cull_backfaces)
+    triangles = project_triangles(
+        vertices, faces.T.contiguous(), K_float64, near=near, cull_backfaces=cull_backfaces
+    )
     weights = _corner_weights(vertices, faces, K_float64)
     planes = _face_planes(weights, vertices, faces)
     depth = torch.full((height * width,), torch.inf, dtype=torch.float64, device=faces.device)
@@ -181,9 +215,9 @@ def rasterize(
         wins = z == nearer.index_select(0, pixel)
         nearest = nearest.scatter_reduce(0, pixel[wins], face[wins], "amin")
         depth = nearer
-    seen = torch.nonzero(nearest < len(faces))[:, 0]
+    covered = torch.nonzero(nearest < len(faces))[:, 0]
     barycentric = torch.zeros(height * width, 3, dtype=torch.float64, device=faces.device)
-    barycentric[seen] = _barycentric(weights[nearest[seen]], seen, width)
+    barycentric[covered] = _barycentric(weights[nearest[covered]], covered, width)
     return Raster(
         torch.where(nearest < len(faces), nearest, -1).reshape(height, width),
         depth.to(vertices_cam.dtype).reshape(height, width),
@@ -192,8 +226,11 @@ def rasterize(
 
 
 def _corner_weights(vertices_cam: Tensor, faces: Tensor, K: Tensor) -> Tensor:
-    """(F, 3, 3) W such that W[f] @ (u, v, 1) is proportional to the weights of the corners where
-    that pixel's ray meets face f."""
+    """Matrices (F, 3, 3) that give the weights of faces' corners at pixels.
+
+    W[f] @ (u, v, 1) is proportional to the weights where that pixel's ray meets face f: the ray is
+    r = K^-1 (u, v, 1), and the weight of corner a is r . (b x c).
+    """
     a, b, c = vertices_cam[faces].unbind(dim=1)
     normals = torch.stack(
         (torch.linalg.cross(b, c), torch.linalg.cross(c, a), torch.linalg.cross(a, b)), dim=1
@@ -204,7 +241,7 @@ def _corner_weights(vertices_cam: Tensor, faces: Tensor, K: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class _FacePlanes:
-    """The depth of faces at pixels: 1 / depth = a u + b v + c.
+    """The planes of faces, as their depth at pixels: 1 / depth = a u + b v + c.
 
     Attributes:
         inverse_depth: a, b, c, (F,) each.
@@ -218,7 +255,7 @@ class _FacePlanes:
     greatest: Tensor
 
     def depth(self, face: Tensor, pixel: Tensor, width: int) -> Tensor:
-        """Depths (N,) of (N,) faces at flat pixels (N,)."""
+        """The depths (N,) of (N,) faces at (N,) flat indices of pixels."""
         a, b, c = (plane.index_select(0, face) for plane in self.inverse_depth)
         z = 1.0 / (a * (pixel % width) + b * (pixel // width) + c)
         # Of a face seen edge-on the plane says little: its corners bound it
@@ -229,7 +266,7 @@ class _FacePlanes:
 
 
 def _face_planes(weights: Tensor, vertices_cam: Tensor, faces: Tensor) -> _FacePlanes:
-    """The planes of (F, 3) faces with these _corner_weights."""
+    """The planes of faces (F, 3) from their _corner_weights."""
     corners = vertices_cam[faces]
     volume = (corners[:, 0] * torch.linalg.cross(corners[:, 1], corners[:, 2])).sum(
         dim=1, keepdim=True
@@ -241,30 +278,37 @@ def _face_planes(weights: Tensor, vertices_cam: Tensor, faces: Tensor) -> _FaceP
 
 
 def _barycentric(weights: Tensor, pixel: Tensor, width: int) -> Tensor:
-    """Weights (N, 3), adding to 1, from N rows of _corner_weights and the (N,) flat indices of
-    pixels those faces cover."""
+    """The weights (N, 3) of faces' corners at pixels that the faces cover, adding to 1.
+
+    Args:
+        weights: (N, 3, 3) of _corner_weights.
+        pixel: (N,) flat indices.
+        width: of the image.
+
+    """
     u, v = (pixel % width).double()[:, None], (pixel // width).double()[:, None]
     shares = weights[..., 0] * u + weights[..., 1] * v + weights[..., 2]
     total = shares.sum(dim=1, keepdim=True)
     # Rounding on a face seen edge-on must not put the point outside of the face
-    shares = torch.where(total == 0, 1.0, shares / torch.where(total == 0, 1.0, total)).clamp(
-        min=0.0, max=1.0
-    )
+    shares = torch.where(total == 0, 1.0, shares / torch.where(total == 0, 1.0, total))
+    shares = shares.clamp(min=0.0, max=1.0)
     return shares / shares.sum(dim=1, keepdim=True)
 
 
 def _fragments(
     triangles: ProjectedTriangles[Tensor], height: int, width: int
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    """The pixels that triangles cover, as (face, flat pixel index) pairs, (N,) each, at most about
-    ROWS_AT_ONCE at a time."""
+    """The pixels that triangles cover, each with its face.
+
+    Yields (N,) faces and (N,) flat indices of pixels, at most about ROWS_AT_ONCE at a time.
+    """
     with_area = torch.nonzero(triangles.orientation)[:, 0]
     owner = with_area if triangles.owner is None else triangles.owner[with_area]
     corners = triangles.corners[:, with_area]
     corners = corners.gather(0, triangles.v[corners].argsort(dim=0))
     top, middle, bottom = corners.unbind(dim=0)
     long_sides, upper_sides, lower_sides = (
-        sides_between(triangles.u, triangles.v, a, b, height)
+        sides_between(triangles.u, triangles.v, a, b, height=height)
         for a, b in ((top, bottom), (top, middle), (middle, bottom))
     )
     for first, last in runs_at_once(long_sides.rows, ROWS_AT_ONCE):
@@ -277,10 +321,8 @@ def _fragments(
             upper_sides.columns(triangle, down, width),
             lower_sides.columns(triangle, below, width),
         )
-        column, length = (
-            torch.minimum(long_column, short_column),
-            (long_column - short_column).abs(),
-        )
+        column = torch.minimum(long_column, short_column)
+        length = (long_column - short_column).abs()
         begin_px = (long_sides.first_row[triangle] + down) * width + column
         for begin, stop in runs_at_once(length, ROWS_AT_ONCE):
             span, right = expand(length[begin:stop])

@@ -11,7 +11,8 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import AnyArray, namespace, take
 from animal3dbox.geometry.checks import check_finite, check_image_hw, check_intrinsics, check_shape
 
-NEAR_SHARE = 1e-6  # of the greatest depth: the near plane if none is given
+NEAR_SHARE = 1e-6
+"""The near plane if none is given, as a share of the greatest depth."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,12 @@ class ProjectedTriangles(Generic[AnyArray]):
 
 
 def check_mesh(
-    vertices_cam: Tensor, faces: Tensor, K: Tensor, image_hw: tuple[int, int], near: float | None
+    vertices_cam: Tensor,
+    faces: Tensor,
+    K: Tensor,
+    image_hw: tuple[int, int],
+    *,
+    near: float | None,
 ) -> None:
     """Raise a ShapeError naming the argument unless all of them can be rasterised."""
     check_shape("vertices_cam", vertices_cam, "V 3")
@@ -61,9 +67,14 @@ def check_mesh(
 
 
 def project_triangles(
-    vertices_cam: AnyArray, corners: AnyArray, K: AnyArray, near: float | None, cull_backfaces: bool
+    vertices_cam: AnyArray,
+    corners: AnyArray,
+    K: AnyArray,
+    *,
+    near: float | None,
+    cull_backfaces: bool,
 ) -> ProjectedTriangles[AnyArray]:
-    """Clip triangles to depth >= near, and project them.
+    """Clip triangles to depth >= near, and project them to the image plane.
 
     Args:
         vertices_cam: (V, 3) float64.
@@ -77,22 +88,21 @@ def project_triangles(
         At most two triangles a face.
 
     """
-    least, greatest = (
-        (float(vertices_cam[:, 2].min()), float(vertices_cam[:, 2].max()))
-        if len(vertices_cam)
-        else (0.0, 0.0)
-    )
+    least = greatest = 0.0
+    if len(vertices_cam):
+        least, greatest = float(vertices_cam[:, 2].min()), float(vertices_cam[:, 2].max())
     near = max(greatest, 0.0) * NEAR_SHARE if near is None else near
     owner = None
     if least < near or not least > 0:
         vertices_cam, corners, owner = _cut(vertices_cam, corners, near)
     u, v = _projected(vertices_cam, K)
+    # In place, for all faces at once: 2 area = (u_b - u_a) (v_c - v_a) - (u_c - u_a) (v_b - v_a)
     (u_a, v_a), (u_b, v_b), (u_c, v_c) = ((take(u, corner), take(v, corner)) for corner in corners)
     for coordinate, start in ((u_b, u_a), (v_b, v_a), (u_c, u_a), (v_c, v_a)):
         coordinate -= start
     u_b *= v_c
     u_c *= v_b
-    u_b -= u_c  # twice the area
+    u_b -= u_c
     orientation = namespace(u).sign(u_b)
     return ProjectedTriangles(
         u, v, corners, owner, orientation * (orientation < 0) if cull_backfaces else orientation
@@ -100,7 +110,8 @@ def project_triangles(
 
 
 def _projected(vertices_cam: AnyArray, K: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Pixels u and v (V,) of vertices (V, 3)."""
+    """The pixels u and v (V,) of vertices (V, 3)."""
+    # u = fx x / z + skew y / z + cx, v = fy y / z + cy
     (fx, skew, cx), (_, fy, cy), _ = K.tolist()
     x, y, z = vertices_cam.T
     u, v = x / z, y / z
@@ -114,7 +125,7 @@ def _projected(vertices_cam: AnyArray, K: AnyArray) -> tuple[AnyArray, AnyArray]
 def _cut(
     vertices_cam: AnyArray, corners: AnyArray, near: float
 ) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """_clip_near of faces by their corners (3, F), of either kind."""
+    """Cut faces by their corners (3, F) at the near plane, arrays or tensors; see _clip_near."""
     if isinstance(vertices_cam, Tensor):
         points, faces, owner = _clip_near(vertices_cam, corners.T, near)
         return points, faces.T.contiguous(), owner
@@ -155,8 +166,8 @@ def _clip_near(vertices_cam: Tensor, faces: Tensor, near: float) -> tuple[Tensor
     second = torch.stack((new_two[0], pair[:, 2], new_two[1]), dim=1)
     owner, order = torch.cat((whole, one, two, two)).sort(stable=True)
     clipped = torch.cat((faces[whole], tip, first, second))[order]
-    # From the corner in front to the one behind, whatever the face: neighbours cut their edge at
-    # the same bits
+    # From the corner in front to the one behind, whatever the face, so that neighbours cut their
+    # edge at the same bits: a + (z_a - near) / (z_a - z_b) (b - a)
     a, b = vertices_cam[inside], vertices_cam[outside]
     share = (a[:, 2:] - near) / (a[:, 2:] - b[:, 2:])
     new = torch.cat(((a + share * (b - a))[:, :2], torch.full_like(share, near)), dim=1)

@@ -1,6 +1,6 @@
-"""Edges as the rows of pixel centres meet them.
+"""The places where edges cross the rows of pixel centres.
 
-One formula for torch and NumPy, so that all that is drawn agrees.
+One formula for torch and NumPy, so that silhouettes and z-buffers agree.
 """
 
 from collections.abc import Iterator
@@ -10,18 +10,18 @@ from typing import Generic
 from animal3dbox.geometry.arrays import AnyArray, clip, counting, namespace, repeated, take, whole
 
 ROWS_AT_ONCE = 1 << 20
-"""Crossings or pixels made at a time: what bounds the memory, at about 100 bytes each."""
+"""Crossings or pixels computed at a time, which bounds the memory at about 100 bytes each."""
 
 
 @dataclass(frozen=True)
 class Sides(Generic[AnyArray]):
-    """Edges from the upper end, included, to the lower one, excluded.
+    """Edges as rows of pixel centres cross them, from the upper end to the lower one, excluded.
 
     Attributes:
-        first_row: (N,) int64, in the image.
-        rows: (N,) int64, how many.
+        first_row: (N,) int64, the first row of the image that each crosses.
+        rows: (N,) int64, how many rows it crosses.
         first_u: (N,) where the edge meets its first row; means nothing if there is none.
-        slope: (N,) how far it moves in a row; likewise.
+        slope: (N,) how far it moves in a row, du / dv; likewise.
 
     """
 
@@ -31,9 +31,16 @@ class Sides(Generic[AnyArray]):
     slope: AnyArray
 
     def columns(self, side: AnyArray, down: AnyArray, width: int) -> AnyArray:
-        """The first columns (N,), 0 ..
+        """The first columns that do not lie left of sides.
 
-        Width, not left of these sides (N,) so many rows (N,) below their first.
+        Args:
+            side: (N,) indices of the sides.
+            down: (N,) rows below the first one of each.
+            width: of the image.
+
+        Returns:
+            (N,) from 0 to width.
+
         """
         u = take(self.first_u, side) + down * take(self.slope, side)
         columns: AnyArray = whole(clip(namespace(u).ceil(u), 0, width))
@@ -41,11 +48,17 @@ class Sides(Generic[AnyArray]):
 
 
 def sides_between(
-    u: AnyArray, v: AnyArray, upper: AnyArray, lower: AnyArray, height: int
+    u: AnyArray, v: AnyArray, upper: AnyArray, lower: AnyArray, *, height: int
 ) -> Sides[AnyArray]:
-    """The edges between (N,) upper and (N,) lower ones of the points (P,).
+    """The sides between points; one without height, or outside the image's rows, has no rows.
 
-    Of one without height, or above or below the image, no rows.
+    Args:
+        u: (P,) px of the points.
+        v: (P,) px.
+        upper: (N,) indices of the upper ends.
+        lower: (N,) of the lower ends.
+        height: of the image.
+
     """
     v_upper, v_lower, u_upper = take(v, upper), take(v, lower), take(u, upper)
     ceil = namespace(v).ceil
@@ -56,8 +69,10 @@ def sides_between(
 
 
 def runs_at_once(counts: AnyArray, limit: int) -> Iterator[tuple[int, int]]:
-    """Split a list of (N,) counts into runs [first, last) whose sums stay under the limit, or of
-    one each."""
+    """Split (N,) counts into runs [first, last) whose sums stay under a limit.
+
+    A count above the limit makes a run of its own.
+    """
     total = counts.cumsum(0)
     if len(counts) == 0 or int(total[-1]) <= limit:
         yield 0, len(counts)
@@ -70,9 +85,11 @@ def runs_at_once(counts: AnyArray, limit: int) -> Iterator[tuple[int, int]]:
 
 
 def expand(counts: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """For (N,) counts.
+    """Number the units of (N,) counts.
 
-    Which of the N each unit belongs to, and its number within, both (sum of counts,).
+    Returns:
+        Which of the N each unit belongs to, and its number there from 0, both (sum of counts,).
+
     """
     index = repeated(counting(counts, len(counts)), counts)
     return index, counting(counts, len(index)) - take(counts.cumsum(0) - counts, index)

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import norm
-from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import corners_of
-from animal3dbox.geometry.face_visibility import (
+from animal3dbox.geometry.box_visibility import (
     corners_visibility,
     near_depth_of_corners,
     visible_faces,
 )
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.pixel_boxes import points_box
 from animal3dbox.labels.drafts import LabelDraft
 from animal3dbox.labels.label_row import NOT_MEASURED, rows_of
@@ -64,7 +64,7 @@ def box_fields(
     corners_2d, depth = project(K, corners, distortion)
     camera_center = np.zeros_like(corners[:, 0])
     visible = visible_faces(corners, camera_center)
-    faces = corners_visibility(corners, K, image_hw, visible, distortion)
+    faces = corners_visibility(corners, K, image_hw, visible, distortion=distortion)
     in_front: NDArray[np.bool_] = depth > near_depth_of_corners(corners)[:, None]
     return {
         "corners_3d": corners,

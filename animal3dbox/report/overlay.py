@@ -5,9 +5,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from animal3dbox.geometry.box_visibility import near_depth, visible_faces
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import EDGES, FACE_NAMES, FACES, Cuboid
-from animal3dbox.geometry.face_visibility import near_depth, visible_faces
 from animal3dbox.geometry.polygon import clip_to_near
 from animal3dbox.labels.types import CuboidLabel
 

@@ -1,9 +1,12 @@
-"""A SMAL-family body.
+"""A body model of the SMAL family: template, shape columns, skeleton and skin.
 
-Template, shape columns, skeleton and skin, and its posing by linear blend skinning.
+Example:
+    >>> SPINE_JOINTS
+    (0, 1, 2, 3, 4, 5, 6)
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -13,35 +16,25 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.arrays import AnyArray, as_numpy, has_derivatives, is_plain
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, is_plain
 from animal3dbox.geometry.checks import check_shape
-from animal3dbox.geometry.rigid import nearest_rotation
+from animal3dbox.geometry.rigid_transforms import nearest_rotation
+from animal3dbox.smal.array_skinning import (
+    BODIES_AT_ONCE,
+    SkinningTables,
+    pose_arrays,
+    skinning_tables,
+)
 from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
-from animal3dbox.smal.skinning import BODIES_AT_ONCE, SkinMaps, array_maps, skin, skin_maps
+from animal3dbox.smal.linear_blend_skinning import PosedBody, linear_blend_skinning
 
-SPINE_JOINTS = tuple(
-    range(7)
-)  # pelvis to the last vertebra before the neck, in every SMAL topology
+SPINE_JOINTS = tuple(range(7))
+"""The joints from the pelvis to the last vertebra before the neck, in every SMAL topology."""
 _TAIL_PREFIX = "Tail"
 _TORSO_WEIGHT = 0.9
 _TAIL_WEIGHT = 0.5
-
-
-@dataclass(frozen=True)
-class PosedBody:
-    """Bodies in some pose, in world.
-
-    Attributes:
-        vertices: (B, V, 3).
-        joints: (B, J, 3).
-        R_world_joint: (B, J, 3, 3) the global rotation of each joint; the identity in the template
-            pose.
-    """
-
-    vertices: Tensor
-    joints: Tensor
-    R_world_joint: Tensor
+_CONSTANTS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +58,19 @@ class SmalModel:
             `keypoints`.
         symmetry: (V,) int64, each vertex's mirror image, or None.
         extra_landmarks: further places of the same form, which other keypoint vocabularies use.
+
+    Raises:
+        ShapeError: the parts do not fit together.
+
+    Example:
+        >>> from animal3dbox.smal import load_quadruped, named_pose, preset_betas
+        >>> model = load_quadruped()
+        >>> model.joint_names[6], model.joint_count
+        ('spine3', 35)
+        >>> dog, sitting = preset_betas("dog")[None], named_pose("sit")[None]
+        >>> body = model.posed(dog, sitting, torch.zeros(1, 3, dtype=torch.float64))
+        >>> body.vertices.shape == (1, model.vertex_count, 3)
+        True
     """
 
     v_template: Tensor
@@ -108,7 +114,7 @@ class SmalModel:
 
     @cached_property
     def landmark_groups(self) -> dict[str, Sequence[int] | Tensor]:
-        """Every place that a keypoint can be read off.
+        """Every place that a keypoint can be read off, by its name.
 
         Landmarks, the extra ones too, as vertex ids; "joint:NAME" as weights (V,).
         """
@@ -120,30 +126,29 @@ class SmalModel:
 
     @property
     def vertex_count(self) -> int:
-        """V."""
+        """The number V of vertices."""
         return self.v_template.shape[0]
 
     @property
     def joint_count(self) -> int:
-        """J."""
+        """The number J of joints."""
         return len(self.parents)
 
     @property
     def beta_count(self) -> int:
-        """S."""
+        """The number S of shape columns."""
         return self.shapedirs.shape[2]
 
     def to(self, dtype: torch.dtype, device: torch.device | str | None = None) -> "SmalModel":
         """The same model in another floating-point type or on another device."""
-        arrays = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
-        changed: dict[str, Any] = {
-            name: getattr(self, name).to(device=device, dtype=dtype) for name in arrays
+        constants: dict[str, Any] = {
+            name: getattr(self, name).to(device=device, dtype=dtype) for name in _CONSTANTS
         }
         symmetry = None if self.symmetry is None else self.symmetry.to(device=device)
-        return replace(self, **changed, faces=self.faces.to(device=device), symmetry=symmetry)
+        return replace(self, **constants, faces=self.faces.to(device=device), symmetry=symmetry)
 
     def shaped(self, betas: Tensor) -> Tensor:
-        """The template with a shape: betas (B, at most S; the rest are 0) -> vertices (B, V, 3)."""
+        """The template with a shape, (B, V, 3), of betas (B, at most S); the rest are 0."""
         check_shape("betas", betas, "B S")
         self._check_beta_count(betas)
         return self.v_template + torch.einsum(
@@ -157,7 +162,7 @@ class SmalModel:
             )
 
     def posed(self, betas: Tensor, pose: Tensor, trans: Tensor) -> PosedBody:
-        """Bodies by linear blend skinning; differentiable in all three arguments.
+        """Pose bodies by linear blend skinning; differentiable in all three arguments.
 
         Args:
             betas: (B, at most S); the rest are 0.
@@ -165,41 +170,56 @@ class SmalModel:
             trans: (B, 3) added at the end, in the template's units.
 
         Returns:
-            The bodies, in the frame in which trans is given; the vertices lie in memory coordinate
-            by coordinate.
+            The bodies, in the frame in which trans is given.
+
+        Raises:
+            ShapeError: an argument has the wrong shape; names it.
+
         """
         check_shape("betas", betas, "B S")
         batch = betas.shape[0]
         check_shape("pose", pose, f"{batch} {self.joint_count} 3")
         check_shape("trans", trans, f"{batch} 3")
         self._check_beta_count(betas)
-        if not all(is_plain(x) for x in (betas, pose, trans, *self._arrays)):
-            vertices, joints, R_world_joint = skin(self._tensor_maps, betas, pose)
-            return PosedBody(
-                (vertices + trans[..., None]).mT, joints + trans[:, None], R_world_joint
-            )
-        return self.posed_arrays(betas.numpy(), pose.numpy(), trans.numpy())
+        constants: dict[str, Any] = {name: getattr(self, name) for name in _CONSTANTS}
+        if all(is_plain(x) for x in (betas, pose, trans, *constants.values())):
+            return self.posed_arrays(betas.numpy(), pose.numpy(), trans.numpy())
+        kind = self.v_template.device.type
+        # In half precision joints would be off by 0.4 %, and every vertex with them
+        with (
+            torch.autocast(kind, enabled=False)
+            if torch.amp.is_autocast_available(kind)
+            else nullcontext()
+        ):
+            return linear_blend_skinning(betas, pose, trans, **constants, parents=self.parents)
 
     def posed_arrays(
         self,
         betas: np.ndarray,
         pose: np.ndarray,
         trans: np.ndarray,
+        *,
         vertices_in: torch.dtype | None = None,
     ) -> PosedBody:
-        """posed, of arrays of the right shapes.
+        """Pose bodies of arrays that have the right shapes, as a loader's worker does.
 
-        A few bodies at a time, which stay in the processor's cache.
+        A few bodies at a time, which stay in the processor's cache; see array_skinning.py.
 
-        vertices_in is the type in which vertices are computed before trans is added (skinning.py);
-        None: the model's, as of any whose template stands so far from its origin that float32 would
-        tell.
+        Args:
+            betas: (B, at most S).
+            pose: (B, J, 3).
+            trans: (B, 3).
+            vertices_in: the type in which vertices are computed before trans is added; None: the
+                model's, as of any model whose template stands so far from its origin that float32
+                would tell.
+
+        Returns:
+            The bodies; their vertices lie in memory coordinate by coordinate.
+
         """
-        maps = self._array_maps(
-            vertices_in
-            if vertices_in is not None and self._is_about_origin
-            else self.v_template.dtype
-        )
+        if vertices_in is None or not self._is_about_origin:
+            vertices_in = self.v_template.dtype
+        tables = self._skinning_tables(vertices_in)
         count, dtype = len(betas), np.result_type(as_numpy(self.v_template), betas, pose, trans)
         vertices = np.empty((count, 3, self.vertex_count), dtype)
         joints, R_world_joint = (
@@ -208,42 +228,25 @@ class SmalModel:
         )
         for k in range(0, count, BODIES_AT_ONCE):
             some = slice(k, k + BODIES_AT_ONCE)
-            about_origin, joints[some], R_world_joint[some] = skin(maps, betas[some], pose[some])
+            about_origin, joints[some], R_world_joint[some] = pose_arrays(
+                tables, betas[some], pose[some]
+            )
             np.add(about_origin, trans[some, :, None], out=vertices[some])
         joints += trans[:, None]
         return PosedBody(
             torch.from_numpy(vertices).mT, torch.from_numpy(joints), torch.from_numpy(R_world_joint)
         )
 
-    @property
-    def _arrays(self) -> tuple[Tensor, ...]:
-        return self.v_template, self.shapedirs, self.posedirs, self.J_regressor, self.weights
-
-    @property
-    def _tensor_maps(self) -> SkinMaps[Tensor]:
-        of_one_call = any(has_derivatives(x) for x in self._arrays)
-        return self._new_tensor_maps() if of_one_call else self._known_tensor_maps
-
-    @cached_property
-    def _known_tensor_maps(self) -> SkinMaps[Tensor]:
-        return self._new_tensor_maps()
-
-    def _new_tensor_maps(self) -> SkinMaps[Tensor]:
-        return skin_maps(
-            self.v_template,
-            self.shapedirs,
-            self.posedirs,
-            self.J_regressor,
-            self.weights,
-            self.parents,
-        )
-
-    def _array_maps(self, dtype: torch.dtype) -> SkinMaps[np.ndarray]:
-        if dtype not in self._array_maps_by_type:
-            self._array_maps_by_type[dtype] = array_maps(
-                self._new_tensor_maps(), dtype
-            )  # not kept: they are as large as the model
-        return self._array_maps_by_type[dtype]
+    def _skinning_tables(self, vertices_in: torch.dtype) -> SkinningTables:
+        """The constants laid out for array_skinning.py, once for each type of vertices."""
+        if vertices_in not in self._skinning_tables_by_type:
+            constants: dict[str, Any] = {name: as_numpy(getattr(self, name)) for name in _CONSTANTS}
+            self._skinning_tables_by_type[vertices_in] = skinning_tables(
+                **constants,
+                parents=self.parents,
+                vertices_in=torch.zeros(0, dtype=vertices_in).numpy().dtype,
+            )
+        return self._skinning_tables_by_type[vertices_in]
 
     @cached_property
     def _is_about_origin(self) -> bool:
@@ -253,7 +256,7 @@ class SmalModel:
         return bool(np.abs(least + greatest).max() / 2 <= (greatest - least).max())
 
     @cached_property
-    def _array_maps_by_type(self) -> dict[torch.dtype, SkinMaps[np.ndarray]]:
+    def _skinning_tables_by_type(self) -> dict[torch.dtype, SkinningTables]:
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -261,18 +264,23 @@ class SmalModel:
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def keypoints(self, vertices: Tensor) -> Tensor:
-        """Means of the landmarks' vertices.
-
-        (..., V, 3) -> (..., number of landmarks, 3), in the order of `landmarks`.
-        """
+        """The landmarks (..., L, 3) on bodies (..., V, 3), in the order of `landmarks`."""
         check_shape("vertices", vertices, f"... {self.vertex_count} 3")
         return torch.stack(
             [vertices[..., list(ids), :].mean(dim=-2) for ids in self.landmarks.values()], dim=-2
         )
 
     def read_keypoints(self, vocabulary: Vocabulary, vertices: AnyArray) -> AnyArray:
-        """A vocabulary's keypoints (..., J, 3) on bodies (..., V, 3) of this model, NaN where it
-        has no place; see Vocabulary.on_body."""
+        """The keypoints of a vocabulary on bodies of this model; see Vocabulary.on_body.
+
+        Args:
+            vocabulary: names the J keypoints.
+            vertices: (..., V, 3).
+
+        Returns:
+            (..., J, 3); NaN for a keypoint that the body has no place for.
+
+        """
         places = self._places.get(vocabulary)
         if places is None:
             places = self._places[vocabulary] = LandmarkPlaces.of(
@@ -298,26 +306,23 @@ class SmalModel:
 
     @cached_property
     def torso_vertices(self) -> Tensor:
-        """Ids (T,) of the vertices that the spine alone moves.
-
-        Summed weight on joints 0-6 above 0.9.
-        """
+        """The indices (T,) of the vertices that the spine moves: weight on joints 0-6 above 0.9."""
         return torch.nonzero(self.weights[:, list(SPINE_JOINTS)].sum(dim=1) > _TORSO_WEIGHT)[:, 0]
 
     @cached_property
     def torso_ids(self) -> np.ndarray:
-        """The same as an array."""
+        """The torso's vertices (T,) as an array."""
         return as_numpy(self.torso_vertices)
 
     @cached_property
     def tail_vertices(self) -> Tensor:
-        """Ids (T,) of the vertices whose summed weight on the joints named Tail* is above 0.5."""
+        """The indices (T,) of the vertices whose weight on the joints named Tail* is above 0.5."""
         joints = [j for j, name in enumerate(self.joint_names) if name.startswith(_TAIL_PREFIX)]
         return torch.nonzero(self.weights[:, joints].sum(dim=1) > _TAIL_WEIGHT)[:, 0]
 
     @cached_property
     def tail_faces(self) -> Tensor:
-        """Indices (T,) into `faces` of those with a tail vertex."""
+        """The indices (T,) into `faces` of those with a tail vertex."""
         return torch.nonzero(torch.isin(self.faces, self.tail_vertices).any(dim=1))[:, 0]
 
     def without_tail_faces(self) -> Tensor:
@@ -328,13 +333,20 @@ class SmalModel:
 
 
 def trunk_rotation(R_world_joint: Tensor) -> Tensor:
-    """The trunk's rotation R_world_box: the chordal mean of the spine joints' global rotations.
+    """The trunk's rotation R_world_box, the chordal mean of the spine joints' global rotations.
 
     Args:
         R_world_joint: (..., J, 3, 3), joints in SMAL's order (0-6 are the spine).
 
     Returns:
         (..., 3, 3), the rotation nearest to their arithmetic mean.
+
+    Raises:
+        ShapeError: there are fewer joints than the spine has.
+
+    Example:
+        >>> trunk_rotation(torch.eye(3).expand(35, 3, 3)).tolist()
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
     check_shape("R_world_joint", R_world_joint, "... J 3 3")
     if R_world_joint.shape[-3] < len(SPINE_JOINTS):

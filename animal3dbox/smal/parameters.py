@@ -1,6 +1,6 @@
-"""SMAL parameters as datasets store them.
+"""SMAL parameters as datasets store them, and the bodies that they pose.
 
-Flat pose, betas, translation, and the mean of a family.
+A flat pose, betas, a translation, and the mean of a family that the betas are offsets from.
 """
 
 from collections.abc import Sequence
@@ -13,15 +13,16 @@ from torch import Tensor
 from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.checks import check_finite, check_shape
-from animal3dbox.smal.model import PosedBody, SmalModel
+from animal3dbox.smal.linear_blend_skinning import PosedBody
+from animal3dbox.smal.model import SmalModel
 
 EARS = 2
-"""Joints by which SMAL's 35 differ from the 33 of 2017: LEar and REar, the last two."""
+"""How many joints SMAL's 35 have more than the 33 of 2017: LEar and REar, the last two."""
 
 
 @dataclass(frozen=True)
 class SmalParameters:
-    """One animal's parameters.
+    """The SMAL parameters of one animal, as a dataset stores them.
 
     Attributes:
         pose: (3 J,) or (J, 3) axis-angle in radians, root first; J is 35 or 33, or the model's own.
@@ -30,6 +31,12 @@ class SmalParameters:
         trans: (3,) in the model's unit.
         family_mean: (S',) betas of the family's mean, when betas are offsets from it; None: betas
             are whole.
+
+    Example:
+        >>> from animal3dbox.smal import load_quadruped, named_pose, preset_betas
+        >>> cow = SmalParameters(named_pose("graze"), preset_betas("cow"), torch.zeros(3))
+        >>> posed_body(load_quadruped(), cow).R_world_joint.shape
+        torch.Size([1, 35, 3, 3])
     """
 
     pose: Tensor
@@ -39,7 +46,16 @@ class SmalParameters:
 
 
 def posed_body(model: SmalModel, parameters: SmalParameters) -> PosedBody:
-    """The body (B = 1) of one animal's parameters; see posed_bodies."""
+    """The body (B = 1) of one animal's parameters; see posed_bodies.
+
+    Example:
+        >>> from animal3dbox.smal import load_quadruped
+        >>> pose = torch.zeros(99)  # of SMAL's 33 joints of 2017: the ears stay at rest
+        >>> parameters = SmalParameters(pose, torch.zeros(1), torch.tensor([0.0, 0.0, 7.0]))
+        >>> body, model = posed_body(load_quadruped(), parameters), load_quadruped()
+        >>> round(float((body.vertices[0] - model.v_template)[:, 2].mean()), 6)
+        7.0
+    """
     return posed_bodies(model, (parameters,))
 
 
@@ -48,10 +64,9 @@ def posed_bodies(
 ) -> PosedBody:
     """The bodies of animals' parameters, each in the frame that its translation is given in.
 
-    Many at once cost less than one by one.
-
-    The kinematic tree is the model's own. A pose of 35 joints fits a model of 33 only if its ears
-    are at rest, and one of 33 leaves a 35-joint model's ears at rest.
+    Many posed at once cost less than one by one. The kinematic tree is the model's own. A pose of
+    35 joints fits a model of 33 only if its ears are at rest, and one of 33 leaves a 35-joint
+    model's ears at rest.
 
     Args:
         model: any SMAL-structured model.
@@ -63,6 +78,11 @@ def posed_bodies(
     Raises:
         ShapeError: naming the parameter that does not fit the model.
 
+    Example:
+        >>> from animal3dbox.smal import load_quadruped
+        >>> animals = [SmalParameters(torch.zeros(105), torch.zeros(41), torch.zeros(3))] * 2
+        >>> posed_bodies(load_quadruped(), animals).joints.shape
+        torch.Size([2, 35, 3])
     """
     if not parameters:
         raise ShapeError("parameters must be of at least one animal")
@@ -74,16 +94,11 @@ def posed_bodies(
     trans = np.array([as_numpy(one.trans) for one in parameters], dtype)
     for name, values in (("betas", betas), ("pose", pose), ("trans", trans)):
         check_finite(name, values)
-    return model.posed_arrays(betas, pose, trans, vertices_in)
-
-
-def fitted_pose(model: SmalModel, pose: Tensor) -> Tensor:
-    """A pose as (J, 3) of the model's joints; see posed_bodies."""
-    check_finite("pose", pose)
-    return torch.from_numpy(_fitted_pose(model, pose)).to(model.v_template)
+    return model.posed_arrays(betas, pose, trans, vertices_in=vertices_in)
 
 
 def _fitted_pose(model: SmalModel, pose: Tensor) -> np.ndarray:
+    """A pose as (J, 3) of the model's joints, with ears at rest where only one of them has ears."""
     if pose.numel() % 3 or pose.ndim > 2 or (pose.ndim == 2 and pose.shape[1] != 3):
         raise ShapeError(f"pose must be (3 J,) or (J, 3), got {tuple(pose.shape)}")
     joints, flat = model.joint_count, as_numpy(pose).reshape(-1, 3)
@@ -101,13 +116,8 @@ def _fitted_pose(model: SmalModel, pose: Tensor) -> np.ndarray:
     raise ShapeError(f"pose has {len(flat)} joints, but the model has {joints}")
 
 
-def whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) -> Tensor:
-    """Betas (S,) of the model: offsets and mean added, missing ones 0."""
-    check_finite("betas", betas)
-    return torch.from_numpy(_whole_betas(model, betas, family_mean)).to(model.v_template)
-
-
 def _whole_betas(model: SmalModel, betas: Tensor, family_mean: Tensor | None) -> np.ndarray:
+    """The betas (S,) of the model: offsets and mean added, missing ones 0."""
     whole = np.zeros(model.beta_count)
     if family_mean is not None:
         check_finite("family_mean", family_mean)

@@ -5,24 +5,20 @@ An order of samples that can be resumed, and sanity checks of the targets that r
 The names below are loaded when first used (PEP 562).
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from animal3dbox.training.checks import check_targets as check_targets
     from animal3dbox.training.findings import TargetReport as TargetReport
     from animal3dbox.training.sampler import EpochSampler as EpochSampler
 
-_HOMES = {"EpochSampler": "sampler", "TargetReport": "findings", "check_targets": "checks"}
-
-__all__ = sorted(_HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'animal3dbox.training' has no attribute {name!r}")
-    return getattr(import_module(f"animal3dbox.training.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = lazy_exports(
+    __name__,
+    {
+        "checks": ("check_targets",),
+        "findings": ("TargetReport",),
+        "sampler": ("EpochSampler",),
+    },
+)

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from animal3dbox.geometry.box_visibility import NEAR_PER_DIAGONAL
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
-from animal3dbox.geometry.face_visibility import NEAR_PER_DIAGONAL
 from animal3dbox.training.findings import Finding
 from animal3dbox.training.packed import Floats, Packed
 from animal3dbox.training.places import animal_findings

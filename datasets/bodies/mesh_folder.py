@@ -16,7 +16,7 @@ from animal3dbox.datasets.storage.fingerprint import content_digest, digest, fil
 from animal3dbox.datasets.storage.packed import PackedMapping
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
 from animal3dbox.labels.body import Body
-from animal3dbox.smal.keypoints.smal_landmarks import (
+from animal3dbox.smal.keypoints.smal_topology import (
     SMAL_EXTRA_LANDMARKS,
     SMAL_LANDMARKS,
     SMAL_VERTICES,

@@ -31,7 +31,8 @@ from animal3dbox.datasets.readers.cuboids.visible_boxes import (
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
-from animal3dbox.geometry.box_iou import box_iou
+from animal3dbox.geometry.box_overlap import box_iou
+from animal3dbox.geometry.cuboid import Cuboid
 
 
 def write_kitti(cuboids: CuboidSet, folder: Path, *, scale_free: bool = False) -> Exported:
@@ -118,7 +119,7 @@ def yaw_only_iou(records: Sequence[CuboidRecord]) -> tuple[float, ...]:
         torch.from_numpy(np.ascontiguousarray(part))
         for part in (center, whole, levelled(whole), size)
     )
-    return tuple(box_iou(c, R, s, c, flat, s).tolist())
+    return tuple(box_iou(Cuboid(c, R, s), Cuboid(c, flat, s)).tolist())
 
 
 def _line(record: CuboidRecord, seen: SeenBoxes, index: int, box: Floats) -> KittiLine:

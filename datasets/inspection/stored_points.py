@@ -19,8 +19,8 @@ from animal3dbox.datasets.inspection.fits import (
 from animal3dbox.datasets.inspection.measures import extent, spread
 from animal3dbox.datasets.inspection.result import CameraFit, SideFacts, StoredPoints
 from animal3dbox.datasets.readers.animal3d.camera import FRAMES, SAME
-from animal3dbox.geometry.rigid import nearest_rotation
-from animal3dbox.smal.keypoints.smal_landmarks import misplaced_sides
+from animal3dbox.geometry.rigid_transforms import nearest_rotation
+from animal3dbox.smal.keypoints.smal_topology import misplaced_sides
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal
-from animal3dbox.geometry.rigid import axis_angle_from_rotation, rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import axis_angle_from_rotation, rotation_from_axis_angle
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.parameters import SmalParameters

@@ -6,8 +6,8 @@ The shares of its faces, counted instead of computed.
 import torch
 from torch import Tensor
 
+from animal3dbox.geometry.box_visibility import near_depth
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.face_visibility import near_depth
 
 
 def face_shares_by_rays(

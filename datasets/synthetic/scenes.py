@@ -16,11 +16,11 @@ from animal3dbox.datasets.synthetic.world.config import CLEAR, WorldConfig
 from animal3dbox.datasets.synthetic.world.render import render_scene, surfaces_of
 from animal3dbox.datasets.synthetic.world.scene import ScenePlan, plan_scene
 from animal3dbox.datasets.synthetic.world.shading import joined_meshes
+from animal3dbox.geometry.box_visibility import FaceVisibility, face_visibility
 from animal3dbox.geometry.camera import PinholeCamera, project
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.face_visibility import FaceVisibility, face_visibility
 from animal3dbox.geometry.rasterizer import silhouette
-from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.rigid_transforms import transform_points
 from animal3dbox.geometry.visible_surface import surface_share
 from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.visibility.visible_keypoints import visible_keypoints

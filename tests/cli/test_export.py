@@ -12,8 +12,8 @@ from cuboid_sets import random_set
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.readers.cuboids.kitti_reader import read_kitti
 from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d
+from animal3dbox.geometry.box_visibility import visible_faces
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
-from animal3dbox.geometry.face_visibility import visible_faces
 from animal3dbox.report.label_files import AnimalRow, write_labels_json
 from animal3dbox.report.label_reading import read_labels_json
 

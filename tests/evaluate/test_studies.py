@@ -21,10 +21,10 @@ from animal3dbox.evaluate.orientation import (
 from animal3dbox.evaluate.pose_study import depth_flip, pose_rows, pose_table
 from animal3dbox.evaluate.reproduction import DROPPED, FED, PARTS, reproduction_rows
 from animal3dbox.evaluate.subject import Subject, subject
+from animal3dbox.geometry.box_visibility import corners_in_front, face_visibility
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.cuboid import FACE_NAMES, Cuboid
-from animal3dbox.geometry.face_visibility import corners_in_front, face_visibility
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 
 F64 = torch.float64
 CONFIG = EvaluateConfig(animals=2, world=CLEAR)

@@ -3,7 +3,7 @@ import math
 import torch
 from torch.testing import assert_close
 
-from animal3dbox.geometry.rigid import alignment_variation
+from animal3dbox.geometry.rigid_transforms import alignment_variation
 
 
 def test_alignment_variation_is_one_minus_the_cosine_and_keeps_tiny_angles() -> None:

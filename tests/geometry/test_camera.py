@@ -13,7 +13,7 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at, project
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.homography import apply_homography, oriented_homography, rq, update_camera
-from animal3dbox.geometry.rigid import (
+from animal3dbox.geometry.rigid_transforms import (
     axis_angle_from_rotation,
     invert_rigid,
     nearest_rotation,
@@ -49,6 +49,40 @@ def test_the_camera_center_projects_nowhere_and_is_where_it_was_put() -> None:
     px, _ = camera.project(torch.tensor([[0.0, 0, 0], [0, 0, 0.1]], dtype=F64))
     assert_close(px[0], torch.tensor([4.5, 4.5], dtype=F64))
     assert px[1, 1] < 4.5  # up in the world is up in the picture: less v
+
+
+def test_a_camera_sees_what_lies_in_front_of_it_and_inside_its_frame() -> None:
+    T = rigid(torch.eye(3, dtype=F64), torch.tensor([0.0, 0, 2], dtype=F64))
+    camera = PinholeCamera(intrinsics(100.0, (11, 21)), T, (11, 21))
+    points = torch.tensor([[0.0, 0, 0], [0.21, 0, 0], [0.2101, 0, 0], [0, 0, -3]], dtype=F64)
+    # u = 10 + 50 x: the frame ends at 20.5; the last point is behind the camera
+    assert camera.sees(points).tolist() == [True, True, False, False]
+
+
+def test_a_cameras_rotation_translation_and_place_are_those_it_was_given() -> None:
+    R = torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], dtype=F64)
+    camera = PinholeCamera(
+        intrinsics(100.0, (11, 21)), rigid(R, torch.tensor([1.0, 2, 3], dtype=F64)), (11, 21)
+    )
+    assert camera.R_cam_world.tolist() == R.tolist()
+    assert camera.t_cam_world.tolist() == [1, 2, 3]
+    assert camera.center_world.tolist() == [-2, 1, -3]
+
+
+def test_the_camera_of_a_crop_at_half_the_size_shows_a_point_half_as_far_from_the_corner() -> None:
+    camera = PinholeCamera(
+        intrinsics(100.0, (11, 21)),
+        rigid(torch.eye(3, dtype=F64), torch.tensor([0.0, 0, 2], dtype=F64)),
+        (11, 21),
+    )
+    # Crop at pixel (4, 1), then halve: u' = (u - 4) / 2, v' = (v - 1) / 2
+    H = torch.tensor([[0.5, 0, -2], [0, 0.5, -0.5], [0, 0, 1]], dtype=F64)
+    smaller = camera.resized(H, (5, 8))
+    assert smaller.K.tolist() == [[50, 0, 3], [0, 50, 2], [0, 0, 1]]
+    assert smaller.image_hw == (5, 8)
+    point = torch.tensor([[0.1, -0.04, 0]], dtype=F64)
+    assert_close(camera.project(point)[0], torch.tensor([[15.0, 3.0]], dtype=F64))
+    assert_close(smaller.project(point)[0], torch.tensor([[5.5, 1.0]], dtype=F64))
 
 
 @thorough(1000)

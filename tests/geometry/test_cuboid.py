@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.testing import assert_close
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.box_visibility import face_normals
 from animal3dbox.geometry.cuboid import (
     CORNER_SIGNS,
     EDGES,
@@ -20,8 +21,7 @@ from animal3dbox.geometry.cuboid import (
     OPPOSITE_FACES,
     Cuboid,
 )
-from animal3dbox.geometry.face_visibility import face_normals
-from animal3dbox.geometry.rigid import rigid
+from animal3dbox.geometry.rigid_transforms import rigid
 
 UNIT = Cuboid(
     torch.zeros(3, dtype=torch.float64),

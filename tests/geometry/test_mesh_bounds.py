@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from animal3dbox.geometry.mesh_bounds import bounds_in_frame, frame_box
+from animal3dbox.geometry.frame import frame_box
+from animal3dbox.geometry.mesh_bounds import bounds_in_frame
 
 FRAME = frame_box((3, 5))
 ONE = torch.tensor([[0, 1, 2]])

@@ -45,7 +45,9 @@ def test_only_the_outline_of_a_closed_body_is_left() -> None:
     edges = mesh_edges(TETRAHEDRON)
     upper, lower, step = contour_edges(
         edges,
-        project_triangles(points.numpy(), edges.columns, K.numpy(), None, cull_backfaces=False),
+        project_triangles(
+            points.numpy(), edges.columns, K.numpy(), near=None, cull_backfaces=False
+        ),
     )
     assert {frozenset(pair) for pair in zip(upper.tolist(), lower.tolist(), strict=True)} == {
         frozenset(p) for p in ((0, 1), (1, 2), (2, 0))

@@ -5,7 +5,7 @@ from strategies import rotations, vector
 from torch import Tensor
 from torch.testing import assert_close
 
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.labels.bounds import tight_cuboid
 
 F64 = torch.float64

@@ -11,7 +11,7 @@ from torch.testing import assert_close
 from animal3dbox import CuboidLabel, LabelConfig, Rejection, label_animal
 from animal3dbox.geometry.distortion import bent_points
 from animal3dbox.geometry.rasterizer import silhouette
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import Method
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 

@@ -10,7 +10,7 @@ import torch
 
 from animal3dbox import CuboidLabel, label_animal
 from animal3dbox.datasets.synthetic.scenes import synthetic_animal
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.labels.types import VIEWPOINTS
 from animal3dbox.report.label_checks import row_findings
 from animal3dbox.report.label_files import AnimalRow, animal_row

@@ -10,49 +10,18 @@ from torch import Tensor
 from torch.autograd import forward_ad
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.smal.model import SmalModel, trunk_rotation
 
 PARENTS_35 = (
-    -1,
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    6,
-    11,
-    12,
-    13,
-    6,
-    15,
-    0,
-    17,
-    18,
-    19,
-    0,
-    21,
-    22,
-    23,
-    0,
-    25,
-    26,
-    27,
-    28,
-    29,
-    30,
-    16,
-    16,
-    16,
+    *(-1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 6, 11, 12, 13, 6, 15, 0, 17, 18, 19, 0, 21, 22, 23),
+    *(0, 25, 26, 27, 28, 29, 30, 16, 16, 16),
 )
 NAMES_35 = (
-    "pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3", "LLeg1", "LLeg2", "LLeg3", "LFoot", "RLeg1", "RLeg2", "RLeg3",
-    "RFoot", "Neck", "Head", "LLegBack1", "LLegBack2", "LLegBack3", "LFootBack", "RLegBack1", "RLegBack2", "RLegBack3", "RFootBack",
+    "pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3", "LLeg1", "LLeg2", "LLeg3",
+    "LFoot", "RLeg1", "RLeg2", "RLeg3",
+    "RFoot", "Neck", "Head", "LLegBack1", "LLegBack2", "LLegBack3", "LFootBack", "RLegBack1",
+    "RLegBack2", "RLegBack3", "RFootBack",
     "Tail1", "Tail2", "Tail3", "Tail4", "Tail5", "Tail6", "Tail7", "Mouth", "LEar", "REar",
 )  # fmt: skip
 
@@ -272,9 +241,14 @@ def test_trunk_rotation_of_equal_joints_is_theirs_and_of_opposite_yaws_is_betwee
 
 @pytest.mark.parametrize(
     ("name", "shapes"),
-    [("betas", ((1, 5), (1, 35, 3), (1, 3))), ("betas", ((4,), (1, 35, 3), (1, 3))), ("pose", ((1, 4), (1, 33, 3), (1, 3))),
-     ("pose", ((2, 4), (1, 35, 3), (2, 3))), ("trans", ((1, 4), (1, 35, 3), (3,)))],
-)  # fmt: skip
+    [
+        ("betas", ((1, 5), (1, 35, 3), (1, 3))),
+        ("betas", ((4,), (1, 35, 3), (1, 3))),
+        ("pose", ((1, 4), (1, 33, 3), (1, 3))),
+        ("pose", ((2, 4), (1, 35, 3), (2, 3))),
+        ("trans", ((1, 4), (1, 35, 3), (3,))),
+    ],
+)
 def test_wrong_shapes_name_the_argument(name: str, shapes: tuple[tuple[int, ...], ...]) -> None:
     with pytest.raises(ShapeError, match=f"^{name} must"):
         random_model().posed(*(torch.zeros(*shape, dtype=torch.float64) for shape in shapes))
@@ -293,11 +267,9 @@ def test_a_skeleton_without_a_spine_has_no_trunk_rotation() -> None:
 def test_parts_that_do_not_fit_are_refused() -> None:
     model = random_model()
     with pytest.raises(ShapeError, match="weights must have shape"):
-        SmalModel(model.v_template, model.faces, model.shapedirs, model.posedirs, model.J_regressor, model.weights[:, :34], model.parents,
-                  model.joint_names, model.landmarks)  # fmt: skip
+        replace(model, weights=model.weights[:, :34])
     with pytest.raises(ShapeError, match="landmarks"):
-        SmalModel(model.v_template, model.faces, model.shapedirs, model.posedirs, model.J_regressor, model.weights, model.parents,
-                  model.joint_names, {"nose": (12,)})  # fmt: skip
+        replace(model, landmarks={"nose": (12,)})
 
 
 def zeros(model: SmalModel, batch: int = 1, dtype: torch.dtype = torch.float64) -> list[Tensor]:

@@ -11,10 +11,8 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.parameters import (
     SmalParameters,
-    fitted_pose,
     posed_bodies,
     posed_body,
-    whole_betas,
 )
 from animal3dbox.smal.quadruped.poses import named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
@@ -29,9 +27,16 @@ def without_ears() -> SmalModel:
     weights = model.weights[:, :33].clone()
     weights[:, 16] += model.weights[:, 33:].sum(1)
     return SmalModel(
-        model.v_template, model.faces, model.shapedirs, model.posedirs[:, :, : 9 * 32], model.J_regressor[:33], weights,
-        model.parents[:33], model.joint_names[:33], model.landmarks,
-    )  # fmt: skip
+        v_template=model.v_template,
+        faces=model.faces,
+        shapedirs=model.shapedirs,
+        posedirs=model.posedirs[:, :, : 9 * 32],
+        J_regressor=model.J_regressor[:33],
+        weights=weights,
+        parents=model.parents[:33],
+        joint_names=model.joint_names[:33],
+        landmarks=model.landmarks,
+    )
 
 
 def test_flat_parameters_give_the_body_of_the_posed_model() -> None:
@@ -48,27 +53,33 @@ def test_flat_parameters_give_the_body_of_the_posed_model() -> None:
 
 
 def test_offsets_from_a_familys_mean_are_added_to_it() -> None:
-    model = load_quadruped()
-    mean, offset = torch.arange(41, dtype=F64), torch.ones(20, dtype=F64)
-    assert whole_betas(model, offset, mean)[:21].tolist() == [*(i + 1.0 for i in range(20)), 20.0]
+    model, pose = load_quadruped(), torch.zeros(105, dtype=F64)
+    mean, offset = 0.01 * torch.arange(41, dtype=F64), 0.1 * torch.ones(20, dtype=F64)
+    summed = mean.clone()
+    summed[:20] += 0.1
+    body = posed_body(model, SmalParameters(pose, offset, ZERO, family_mean=mean))
+    assert torch.equal(
+        body.vertices, posed_body(model, SmalParameters(pose, summed, ZERO)).vertices
+    )
 
 
 def test_a_pose_of_33_joints_leaves_the_ears_at_rest() -> None:
     pose = torch.randn(99, generator=torch.Generator().manual_seed(0), dtype=F64)
-    fitted = fitted_pose(load_quadruped(), pose)
-    assert_close(fitted[:33].flatten(), pose)
-    assert not fitted[33:].any()
+    at_rest = torch.cat((pose, torch.zeros(6, dtype=F64)))
+    bodies = posed_bodies(
+        load_quadruped(), [SmalParameters(p, torch.zeros(1), ZERO) for p in (pose, at_rest)]
+    )
+    assert torch.equal(bodies.vertices[0], bodies.vertices[1])
 
 
 def test_a_pose_of_35_joints_fits_a_model_without_ears_only_if_its_ears_rest() -> None:
     model, pose = without_ears(), torch.zeros(105, dtype=F64)
-    assert fitted_pose(model, pose).shape == (33, 3)
     assert posed_body(
         model, SmalParameters(pose, torch.zeros(5, dtype=F64), ZERO)
     ).vertices.shape == (1, model.vertex_count, 3)
     pose[-1] = 0.1
     with pytest.raises(ShapeError, match="pose turns the ears"):
-        fitted_pose(model, pose)
+        posed_body(model, SmalParameters(pose, torch.zeros(5, dtype=F64), ZERO))
 
 
 @pytest.mark.parametrize(

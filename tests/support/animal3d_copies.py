@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 
-from animal3dbox.geometry.rigid import axis_angle_from_rotation, rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import axis_angle_from_rotation, rotation_from_axis_angle
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 Content = dict[str, Any]

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.geometry.camera import intrinsics, look_at, project
-from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.rigid_transforms import transform_points
 from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
 
 F64 = torch.float64

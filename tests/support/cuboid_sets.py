@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 
 HW = (120, 160)
 

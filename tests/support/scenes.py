@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from strategies import vector
 from torch import Tensor
 
+from animal3dbox.geometry.box_visibility import corners_in_front, face_visibility
 from animal3dbox.geometry.camera import intrinsics, project
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.face_visibility import corners_in_front, face_visibility
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 
 F64 = torch.float64
 KEYPOINT_MIRROR = torch.tensor([1, 0, 2, 4, 3])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from animal3dbox.smal.keypoints.smal_landmarks import SMAL_LANDMARKS, SMAL_PARENTS, SMAL_VERTICES
+from animal3dbox.smal.keypoints.smal_topology import SMAL_LANDMARKS, SMAL_PARENTS, SMAL_VERTICES
 from animal3dbox.smal.model import SmalModel
 
 Arrays = dict[str, object]

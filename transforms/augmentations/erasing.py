@@ -7,7 +7,7 @@ import numpy as np
 
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.arrays import like, namespace
-from animal3dbox.geometry.face_visibility import projected_faces, visible_faces
+from animal3dbox.geometry.box_visibility import projected_faces, visible_faces
 from animal3dbox.geometry.polygon import area_in_box, area_in_frame
 from animal3dbox.transforms.augmentations.noise import SEEDS
 from animal3dbox.transforms.camera_law.fields import Fields

@@ -3,8 +3,8 @@ are augmented further."""
 
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.arrays import as_numpy, norm
+from animal3dbox.geometry.box_visibility import near_depth_of_corners
 from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.face_visibility import near_depth_of_corners
 from animal3dbox.transforms.camera_law.fields import Fields
 from animal3dbox.transforms.camera_law.law import corners_of, corners_of_boxes
 

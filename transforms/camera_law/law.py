@@ -14,14 +14,14 @@ from torch import Tensor
 
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.arrays import like, namespace
-from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import CORNER_SIGNS
-from animal3dbox.geometry.distortion import check_field_of_view, turned_distortion
-from animal3dbox.geometry.face_visibility import (
+from animal3dbox.geometry.box_visibility import (
     corners_visibility,
     near_depth_of_corners,
     visible_faces,
 )
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import CORNER_SIGNS
+from animal3dbox.geometry.distortion import check_field_of_view, turned_distortion
 from animal3dbox.geometry.homography import (
     CameraUpdate,
     apply_homography,
@@ -211,7 +211,9 @@ def _seen(
             if "face_visible" in out
             else visible_faces(corners, corners[:, 0] * 0)
         )
-        visibility = corners_visibility(corners, out["K"], image_hw, visible, out.get("distortion"))
+        visibility = corners_visibility(
+            corners, out["K"], image_hw, visible, distortion=out.get("distortion")
+        )
         seen |= {name: getattr(visibility, attribute) for name, attribute in wanted.items()}
     return seen
 

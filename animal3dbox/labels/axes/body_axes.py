@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.orthogonal_frames import mean_alignment
-from animal3dbox.geometry.rigid import nearest_rotation
+from animal3dbox.geometry.rigid_transforms import nearest_rotation
 from animal3dbox.labels.axes.landmarks import landmark_axes
 from animal3dbox.labels.axes.pca import pca_axes
 from animal3dbox.labels.config import Axes

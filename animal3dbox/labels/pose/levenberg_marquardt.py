@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.checks import IDENTITY
-from animal3dbox.geometry.rigid import CROSS
+from animal3dbox.geometry.rigid_transforms import CROSS
 
 Array = NDArray[np.float64]
 LEAST_DEPTH = 0.05

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.distortion import bent_points
-from animal3dbox.geometry.mesh_bounds import bounds_in_frame, frame_box
+from animal3dbox.geometry.frame import frame_box
+from animal3dbox.geometry.mesh_bounds import bounds_in_frame
 from animal3dbox.geometry.pixel_boxes import mask_box, points_box
 from animal3dbox.geometry.rasterizer import covered_part
 from animal3dbox.geometry.visible_surface import surface_share

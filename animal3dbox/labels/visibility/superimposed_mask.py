@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from animal3dbox.geometry.rasterizer import silhouette
-from animal3dbox.geometry.rigid import rigid, transform_points
+from animal3dbox.geometry.rigid_transforms import rigid, transform_points
 
 
 def superimposed_mask(

@@ -1,4 +1,4 @@
-"""What every body model that comes from a file must satisfy, whatever the file's format."""
+"""Checks that every body model from a file must pass, whatever the file's format."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ class ModelNames:
 
 
 def checked_model(path: Path, tensors: Mapping[str, Tensor], names: ModelNames) -> SmalModel:
-    """The model of a file's parts.
+    """The model of a file's parts, after all checks.
 
     Args:
         path: the file, for errors.
@@ -72,11 +72,11 @@ def checked_model(path: Path, tensors: Mapping[str, Tensor], names: ModelNames) 
 
 
 def check_faces(path: Path, key: str, faces: Tensor, vertex_count: int) -> None:
-    """Raise unless all entries of faces (F, 3) are vertices."""
+    """Raise unless all entries of faces (F, 3) are indices of vertices."""
     if not faces.numel() or not 0 <= int(faces.min()) <= int(faces.max()) < vertex_count:
-        found = f"{int(faces.min())} to {int(faces.max())}" if faces.numel() else "no faces"
+        got = f"{int(faces.min())} to {int(faces.max())}" if faces.numel() else "no faces"
         raise ModelFileError(
-            f"{path}: {key} must hold vertex numbers from 0 to {vertex_count - 1}, got {found};"
+            f"{path}: {key} must hold vertex numbers from 0 to {vertex_count - 1}, got {got};"
             f" {REMEDY}"
         )
 
@@ -93,8 +93,7 @@ def check_weights(path: Path, weights: Tensor) -> None:
 
 
 def check_involution(path: Path, key: str, symmetry: Tensor) -> None:
-    """Raise unless symmetry (V,) gives each vertex a mirror image, whose own mirror image is the
-    vertex."""
+    """Raise unless symmetry (V,) maps each vertex to a mirror image that it is the image of."""
     count = symmetry.shape[0]
     if not count or not 0 <= int(symmetry.min()) <= int(symmetry.max()) < count:
         raise ModelFileError(

@@ -1,7 +1,4 @@
-"""Body models from files.
-
-SMAL's pickles and their companions (shape families, symmetry), and safetensors.
-"""
+"""Reading of body models: SMAL's pickles, their companions (families, symmetry), safetensors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +17,7 @@ from animal3dbox.smal.files.model_checks import (
     checked_model,
 )
 from animal3dbox.smal.files.safetensors_file import load_safetensors
-from animal3dbox.smal.keypoints.smal_landmarks import (
+from animal3dbox.smal.keypoints.smal_topology import (
     SMAL_EXTRA_LANDMARKS,
     SMAL_LANDMARKS,
     SMAL_VERTICES,
@@ -45,6 +42,11 @@ class ShapeFamily:
     Attributes:
         means: (C, S) betas.
         covariances: (C, S, S) of the betas.
+
+    Example:
+        >>> family = ShapeFamily(torch.zeros(5, 41), torch.eye(41).expand(5, 41, 41))
+        >>> len(family.means)
+        5
     """
 
     means: Tensor
@@ -60,9 +62,13 @@ class _Content:
     limits: PickleLimits
 
     def array(self, key: str, shape: tuple[int | str, ...], kinds: str = "fiu") -> Array:
-        """The array of a key; a number in shape is that size, a word any but 0.
+        """The array of a key, checked.
 
-        Kinds are NumPy's: f, i, u.
+        Args:
+            key: of the dictionary.
+            shape: a number is that size, a word any but 0.
+            kinds: NumPy's letters of the types allowed: f, i, u.
+
         """
         array = read_array(self.values[key], Place(str(self.path), key, self.limits))
         fits = len(array.shape) == len(shape) and all(
@@ -82,17 +88,28 @@ class _Content:
         return array
 
     def floats(self, key: str, shape: tuple[int | str, ...]) -> Tensor:
-        """The same as float64."""
+        """The numbers of a key as a float64 tensor; see array."""
         return torch.from_numpy(self.array(key, shape).astype(np.float64, copy=False))
 
 
 def load_model(path: Path, landmarks: LandmarkIds | None = None) -> SmalModel:
-    """A body model by its file's suffix: .safetensors, or .pkl and .pickle as load_smal reads them.
+    """Read a body model, by its file's suffix: .safetensors, or .pkl and .pickle as load_smal does.
+
+    Args:
+        path: the file.
+        landmarks: as load_smal's, for pickles.
 
     Raises:
         ConfigError: another suffix, or landmarks for a safetensors file, which has its own.
         ModelFileError: the file is refused.
 
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> from animal3dbox.smal import load_quadruped, save_safetensors
+        >>> with TemporaryDirectory() as folder:
+        ...     save_safetensors(load_quadruped(), Path(folder, "quadruped.safetensors"))
+        ...     load_model(Path(folder, "quadruped.safetensors")).vertex_count
+        5852
     """
     if path.suffix.lower() == SAFETENSORS_SUFFIX:
         if landmarks is not None:
@@ -109,10 +126,11 @@ def load_model(path: Path, landmarks: LandmarkIds | None = None) -> SmalModel:
 def load_smal(
     path: Path,
     landmarks: LandmarkIds | None = None,
+    *,
     symmetry: Tensor | None = None,
     limits: PickleLimits = DEFAULT_LIMITS,
 ) -> SmalModel:
-    """A model from a SMAL-family pickle, float64 on the CPU.
+    """Read a model from a SMAL-family pickle, float64 on the CPU.
 
     Nothing that the file names is imported or called.
 
@@ -127,6 +145,13 @@ def load_smal(
         ModelFileError: the file is damaged, hostile, or no such model; says which key, what was
             expected, what came.
 
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> from animal3dbox.smal import load_quadruped, write_smal_pickle
+        >>> with TemporaryDirectory() as folder:
+        ...     write_smal_pickle(load_quadruped(), Path(folder, "smal.pkl"))
+        ...     load_smal(Path(folder, "smal.pkl"), {"nose": (7,)}).landmarks
+        {'nose': (7,)}
     """
     content = _read_dictionary(
         path,
@@ -153,11 +178,19 @@ def load_smal(
 
 
 def load_family(path: Path, limits: PickleLimits = DEFAULT_LIMITS) -> ShapeFamily:
-    """The clusters of `my_smpl_data_*.pkl`, float64.
+    """Read the clusters of shapes of `my_smpl_data_*.pkl`, float64.
 
     Raises:
         ModelFileError: as load_smal.
 
+    Example:
+        >>> import pickle
+        >>> from tempfile import TemporaryDirectory
+        >>> clusters = {"cluster_means": np.zeros((2, 3)), "cluster_cov": [np.eye(3)] * 2}
+        >>> with TemporaryDirectory() as folder:
+        ...     _ = Path(folder, "family.pkl").write_bytes(pickle.dumps(clusters))
+        ...     load_family(Path(folder, "family.pkl")).covariances.shape
+        torch.Size([2, 3, 3])
     """
     content = _read_dictionary(path, ("cluster_means", "cluster_cov"), limits)
     means = content.floats("cluster_means", ("C", "S"))
@@ -178,7 +211,7 @@ def load_family(path: Path, limits: PickleLimits = DEFAULT_LIMITS) -> ShapeFamil
 def load_symmetry(
     path: Path, vertex_count: int | None = None, limits: PickleLimits = DEFAULT_LIMITS
 ) -> Tensor:
-    """Each vertex's mirror image, (V,) int64, from SMAL's `symIdx.pkl`.
+    """Read each vertex's mirror image, (V,) int64, from SMAL's `symIdx.pkl`.
 
     Args:
         path: the file.
@@ -188,6 +221,13 @@ def load_symmetry(
     Raises:
         ModelFileError: as load_smal, and if the mirror image's mirror image is another vertex.
 
+    Example:
+        >>> import pickle
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     _ = Path(folder, "symIdx.pkl").write_bytes(pickle.dumps(np.array([1, 0, 2])))
+        ...     load_symmetry(Path(folder, "symIdx.pkl")).tolist()
+        [1, 0, 2]
     """
     value = read_pickle(path, limits)
     if isinstance(value, dict):
@@ -206,6 +246,7 @@ def load_symmetry(
 
 
 def _read_dictionary(path: Path, keys: tuple[str, ...], limits: PickleLimits) -> _Content:
+    """The dictionary of a pickle, which must have all of the keys."""
     value = read_pickle(path, limits)
     if not isinstance(value, dict):
         raise ModelFileError(
@@ -218,20 +259,16 @@ def _read_dictionary(path: Path, keys: tuple[str, ...], limits: PickleLimits) ->
 
 def _read_key(path: Path, values: dict[object, object], key: str) -> object:
     if key not in values:
-        found = ", ".join(
-            sorted(ascii(name[:40])[1:-1] for name in values if isinstance(name, str))[:20]
-        )
+        names = sorted(ascii(name[:40])[1:-1] for name in values if isinstance(name, str))[:20]
         raise ModelFileError(
-            f"{path}: the key {key} is missing; there are {found or 'no names'}; {REMEDY}"
+            f"{path}: the key {key} is missing; there are {', '.join(names) or 'no names'};"
+            f" {REMEDY}"
         )
     return values[key]
 
 
 def _read_parents(content: _Content) -> tuple[int, ...]:
-    """Each joint's parent, from the ids of kintree_table.
-
-    Row 1 names the columns, row 0 their parents.
-    """
+    """The parent of each joint from kintree_table, whose row 1 names joints and row 0 parents."""
     table = content.array("kintree_table", (2, "J"), kinds="iu")
     parent_ids, ids = table.tolist()
     column = {joint: c for c, joint in enumerate(ids)}

@@ -1,9 +1,7 @@
 """Writing a body model as the pickle that SMAL comes in.
 
-Protocol 2, as Python 2 wrote it, with chumpy's arrays but without chumpy.
-
-Reading needs no trust (pickle_reader.py); what is written here is for trying the whole way with a
-body of one's own.
+Protocol 2, as Python 2 wrote it, with chumpy's arrays but without chumpy. Such files are for trying
+the whole way with a body of one's own; reading them needs no trust (safe_pickle/reader.py).
 """
 
 import io
@@ -19,17 +17,23 @@ from animal3dbox.files import write_whole
 from animal3dbox.smal.model import SmalModel
 
 NO_PARENT = 2**32 - 1
+"""The root's parent in kintree_table: -1 as an unsigned number."""
 
 
 @dataclass(frozen=True)
 class _Global:
+    """A name that the pickle mentions."""
+
     module: str
     name: str
 
 
 @dataclass(frozen=True)
-class _Made:
-    """What func(*args) gives, or with by_new an empty object of the class func, then given a state."""
+class _Object:
+    """An object that the pickle makes: func(*args), or an empty one of the class func (by_new).
+
+    It is then given the state, if that is not None.
+    """
 
     func: _Global
     args: tuple[object, ...]
@@ -38,9 +42,17 @@ class _Made:
 
 
 def write_smal_pickle(model: SmalModel, path: Path) -> None:
-    """Write a model as load_smal reads it, float64.
+    """Write a model as a SMAL pickle, as load_smal reads it, float64.
 
     SMAL's keys, of this model's numbers; landmarks and names have no place in it.
+
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> from animal3dbox.smal import load_model, load_quadruped
+        >>> with TemporaryDirectory() as folder:
+        ...     write_smal_pickle(load_quadruped(), Path(folder, "smal.pkl"))
+        ...     load_model(Path(folder, "smal.pkl")).joint_count
+        35
     """
     parents = [NO_PARENT if p < 0 else p for p in model.parents]
     content: dict[object, object] = {
@@ -62,9 +74,10 @@ def write_smal_pickle(model: SmalModel, path: Path) -> None:
     write_whole(path, out.getvalue())
 
 
-def _chumpy(array: NDArray[np.generic]) -> _Made:
-    dirty = _Made(_Global("__builtin__", "set"), ([],), None)
-    return _Made(
+def _chumpy(array: NDArray[np.generic]) -> _Object:
+    """An array as chumpy's object around it."""
+    dirty = _Object(_Global("__builtin__", "set"), ([],), None)
+    return _Object(
         _Global("chumpy.ch", "Ch"),
         (),
         {"x": array, "_dirty_vars": dirty, "_itr": None},
@@ -72,7 +85,8 @@ def _chumpy(array: NDArray[np.generic]) -> _Made:
     )
 
 
-def _sparse(matrix: csc_matrix) -> _Made:
+def _sparse(matrix: csc_matrix) -> _Object:
+    """A sparse matrix as SciPy's object."""
     rows, columns = matrix.shape
     state = {
         "_shape": (int(rows), int(columns)),
@@ -81,12 +95,13 @@ def _sparse(matrix: csc_matrix) -> _Made:
         "indices": matrix.indices,
         "data": matrix.data,
     }
-    return _Made(_Global("scipy.sparse.csc", "csc_matrix"), (), state, by_new=True)
+    return _Object(_Global("scipy.sparse.csc", "csc_matrix"), (), state, by_new=True)
 
 
-def _array(array: NDArray[np.generic]) -> _Made:
+def _array(array: NDArray[np.generic]) -> _Object:
+    """An array as NumPy's object."""
     kind = array.dtype
-    dtype = _Made(
+    dtype = _Object(
         _Global("numpy", "dtype"),
         (f"{kind.kind}{kind.itemsize}", 0, 1),
         (3, "<", None, None, None, -1, -1, 0),
@@ -98,7 +113,7 @@ def _array(array: NDArray[np.generic]) -> _Made:
         False,
         np.ascontiguousarray(array).astype(kind.newbyteorder("<"), copy=False).tobytes(),
     )
-    return _Made(
+    return _Object(
         _Global("numpy.core.multiarray", "_reconstruct"),
         (_Global("numpy", "ndarray"), (0,), "b"),
         state,
@@ -106,7 +121,7 @@ def _array(array: NDArray[np.generic]) -> _Made:
 
 
 def _save(value: object, out: io.BytesIO) -> None:
-    """The opcodes that put a value on the stack."""
+    """Write the opcodes that put a value on the stack."""
     if value is None or isinstance(value, bool):
         out.write({None: b"N", True: b"\x88", False: b"\x89"}[value])
     elif isinstance(value, int):
@@ -120,7 +135,7 @@ def _save(value: object, out: io.BytesIO) -> None:
         _save(_array(value), out)
     elif isinstance(value, _Global):
         out.write(f"c{value.module}\n{value.name}\n".encode())
-    elif isinstance(value, _Made):
+    elif isinstance(value, _Object):
         _save(value.func, out)
         _save(value.args, out)
         out.write(b"\x81" if value.by_new else b"R")

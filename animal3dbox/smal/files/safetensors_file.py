@@ -22,7 +22,7 @@ _REMEDY = "convert the SMAL file again with `animal3dbox convert-model`"
 
 
 class _Names(msgspec.Struct, forbid_unknown_fields=True):
-    """The JSON text."""
+    """The JSON text in the file's metadata: all of a model that is not an array."""
 
     schema: Literal["animal3dbox.smal_model"]
     version: Literal[1]
@@ -38,6 +38,13 @@ def save_safetensors(model: SmalModel, path: Path) -> None:
     Raises:
         OSError: path cannot be written.
 
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> from animal3dbox.smal import load_quadruped
+        >>> with TemporaryDirectory() as folder:
+        ...     save_safetensors(load_quadruped(), Path(folder, "quadruped.safetensors"))
+        ...     [path.name for path in Path(folder).iterdir()]
+        ['quadruped.safetensors']
     """
     names = _Names(
         schema="animal3dbox.smal_model",
@@ -56,11 +63,18 @@ def save_safetensors(model: SmalModel, path: Path) -> None:
 
 
 def load_safetensors(path: Path) -> SmalModel:
-    """The model that save_safetensors wrote, on the CPU.
+    """Read the model that save_safetensors wrote, on the CPU.
 
     Raises:
         ModelFileError: the file is not there, damaged, or breaks the schema.
 
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> from animal3dbox.smal import load_quadruped
+        >>> with TemporaryDirectory() as folder:
+        ...     save_safetensors(load_quadruped(), Path(folder, "quadruped.safetensors"))
+        ...     load_safetensors(Path(folder, "quadruped.safetensors")).joint_names[0]
+        'pelvis'
     """
     try:
         with safe_open(path, framework="pt") as file:

@@ -1,4 +1,9 @@
-"""The keypoint vocabularies of public datasets, mapped onto the body's landmarks."""
+"""The keypoint vocabularies of public datasets, mapped onto the body's landmarks.
+
+Example:
+    >>> list(VOCABULARIES)
+    ['animal3d26', 'stanfordextra24', 'animalpose20', 'ap10k17', 'superanimal39']
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,15 +14,19 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary, load_vocabulary, v
 Keypoints = Mapping[str, Sequence[str] | str | None]
 
 ANIMAL3D_26 = (
-    "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw", "right_back_paw", "tail_base",
-    "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee", "left_shoulder", "right_shoulder",
-    "left_front_wrist", "right_front_wrist", "left_back_hock", "right_back_hock", "neck", "tail_tip", "left_ear", "right_ear",
+    "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw",
+    "right_back_paw", "tail_base",
+    "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee", "left_shoulder",
+    "right_shoulder",
+    "left_front_wrist", "right_front_wrist", "left_back_hock", "right_back_hock", "neck",
+    "tail_tip", "left_ear", "right_ear",
     "left_mouth", "right_mouth", "nose", "tail_middle",
 )  # fmt: skip
 """Landmarks of the body in Animal3D's order; every other vocabulary is mapped onto these names."""
 
 
 def _stanfordextra() -> Keypoints:
+    """The keypoints of StanfordExtra, in its order and spelling."""
     legs: dict[str, Sequence[str] | str | None] = {}
     for side in ("left", "right"):
         for place, rear, joints in (
@@ -43,7 +52,7 @@ def _stanfordextra() -> Keypoints:
 
 
 def _animalpose() -> Keypoints:
-    """AnimalPose's "back elbow" is the body's knee, and its "back knee" the hock."""
+    """The keypoints of AnimalPose, whose "back elbow" is the knee, and "back knee" the hock."""
     legs = {
         "F_Elbow": "front_elbow",
         "B_Elbow": "back_knee",
@@ -68,23 +77,35 @@ def _animalpose() -> Keypoints:
 
 
 AP10K = {
-    "left_eye": "left_eye", "right_eye": "right_eye", "nose": "nose", "neck": "neck", "root_of_tail": "tail_base",
-    "left_shoulder": "left_shoulder", "left_elbow": "left_front_elbow", "left_front_paw": "left_front_paw",
-    "right_shoulder": "right_shoulder", "right_elbow": "right_front_elbow", "right_front_paw": "right_front_paw",
+    "left_eye": "left_eye", "right_eye": "right_eye", "nose": "nose", "neck": "neck",
+    "root_of_tail": "tail_base",
+    "left_shoulder": "left_shoulder", "left_elbow": "left_front_elbow",
+    "left_front_paw": "left_front_paw",
+    "right_shoulder": "right_shoulder", "right_elbow": "right_front_elbow",
+    "right_front_paw": "right_front_paw",
     "left_hip": "left_hip", "left_knee": "left_back_knee", "left_back_paw": "left_back_paw",
     "right_hip": "right_hip", "right_knee": "right_back_knee", "right_back_paw": "right_back_paw",
 }  # fmt: skip
+"""AP-10K's, in its order and spelling."""
 
 SUPERANIMAL: Keypoints = {
-    "nose": "nose", "upper_jaw": None, "lower_jaw": None, "mouth_end_right": "right_mouth", "mouth_end_left": "left_mouth",
-    "right_eye": "right_eye", "right_earbase": "right_ear", "right_earend": None, "right_antler_base": None, "right_antler_end": None,
-    "left_eye": "left_eye", "left_earbase": "left_ear", "left_earend": None, "left_antler_base": None, "left_antler_end": None,
-    "neck_base": "neck", "neck_end": None, "throat_base": None, "throat_end": None, "back_base": None, "back_end": None,
+    "nose": "nose", "upper_jaw": None, "lower_jaw": None, "mouth_end_right": "right_mouth",
+    "mouth_end_left": "left_mouth",
+    "right_eye": "right_eye", "right_earbase": "right_ear", "right_earend": None,
+    "right_antler_base": None, "right_antler_end": None,
+    "left_eye": "left_eye", "left_earbase": "left_ear", "left_earend": None,
+    "left_antler_base": None, "left_antler_end": None,
+    "neck_base": "neck", "neck_end": None, "throat_base": None, "throat_end": None,
+    "back_base": None, "back_end": None,
     "back_middle": None, "tail_base": "tail_base", "tail_end": "tail_tip",
-    "front_left_thai": "left_front_elbow", "front_left_knee": "left_front_wrist", "front_left_paw": "left_front_paw",
-    "front_right_thai": "right_front_elbow", "front_right_knee": "right_front_wrist", "front_right_paw": "right_front_paw",
-    "back_left_paw": "left_back_paw", "back_left_thai": "left_back_knee", "back_right_thai": "right_back_knee",
-    "back_left_knee": "left_back_hock", "back_right_knee": "right_back_hock", "back_right_paw": "right_back_paw",
+    "front_left_thai": "left_front_elbow", "front_left_knee": "left_front_wrist",
+    "front_left_paw": "left_front_paw",
+    "front_right_thai": "right_front_elbow", "front_right_knee": "right_front_wrist",
+    "front_right_paw": "right_front_paw",
+    "back_left_paw": "left_back_paw", "back_left_thai": "left_back_knee",
+    "back_right_thai": "right_back_knee",
+    "back_left_knee": "left_back_hock", "back_right_knee": "right_back_hock",
+    "back_right_paw": "right_back_paw",
     "belly_bottom": None, "body_middle_right": None, "body_middle_left": None,
 }  # fmt: skip
 """DeepLabCut's SuperAnimal-Quadruped, in its order and spelling.
@@ -102,6 +123,7 @@ VOCABULARIES = {
         "superanimal39": SUPERANIMAL,
     }.items()
 }
+"""Name -> vocabulary, of all that are known."""
 
 
 def find_vocabulary(vocabulary: str | Vocabulary) -> Vocabulary:
@@ -110,6 +132,9 @@ def find_vocabulary(vocabulary: str | Vocabulary) -> Vocabulary:
     Raises:
         ConfigError: the name is not known; lists those that are.
 
+    Example:
+        >>> len(find_vocabulary("ap10k17"))
+        17
     """
     if isinstance(vocabulary, Vocabulary):
         return vocabulary

@@ -1,7 +1,4 @@
-"""Keypoint vocabularies.
-
-Which landmark of the body each keypoint of a dataset is, and what a mirror does to it.
-"""
+"""Keypoint vocabularies: the landmark of each keypoint of a dataset, and its mirror image."""
 
 import re
 import tomllib
@@ -22,7 +19,7 @@ Groups = Mapping[str, Sequence[int] | Tensor]
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """The keypoints of a dataset.
+    """The keypoints of a dataset: their names, their places on a body, and their mirror images.
 
     Attributes:
         name: what the vocabulary is called.
@@ -31,6 +28,14 @@ class Vocabulary:
             first: a landmark's name, "joint:NAME", "vertex:12" or "vertices:12+13"; none if the
             body has no such place.
         flip: (J,) the index of each keypoint's mirror image; itself in the middle of the body.
+
+    Raises:
+        ConfigError: the attributes do not fit together, or a left keypoint lies on the right.
+
+    Example:
+        >>> own = Vocabulary("own", ("L_Ear", "R_Ear"), (("left_ear",), ("right_ear",)), (1, 0))
+        >>> own.sides, own.index_of("right_ear")
+        (('left', 'right'), 1)
     """
 
     name: str
@@ -69,8 +74,10 @@ class Vocabulary:
 
     @property
     def sides(self) -> tuple[str | None, ...]:
-        """(J,) "left", "right", or None in the middle, by the keypoint's name, else by its
-        landmark's."""
+        """The side (J,) of each keypoint: "left", "right", or None in the middle of the body.
+
+        By the keypoint's own name, else by its landmark's.
+        """
         return tuple(
             side_of(k) or next((side_of(name) for name in names), None)
             for k, names in zip(self.keypoints, self.landmarks, strict=True)
@@ -81,7 +88,7 @@ class Vocabulary:
         return next((i for i, names in enumerate(self.landmarks) if landmark in names), None)
 
     def on_body(self, groups: Groups, vertices: AnyArray) -> AnyArray:
-        """The keypoints of a body.
+        """The keypoints (J, 3) of a body.
 
         Args:
             groups: landmark name -> vertex ids, whose mean it is, or weights (V,) of all vertices,
@@ -98,30 +105,19 @@ class Vocabulary:
         return LandmarkPlaces.of(self.places(groups, len(vertices)), len(vertices)).read(vertices)
 
     def places(self, groups: Groups, n_vertices: int) -> list[Sequence[int] | Tensor | None]:
-        """Where each keypoint (J,) is read off: vertex ids, weights (V,), or None; see on_body."""
-        found: list[Sequence[int] | Tensor | None] = []
+        """The place (J,) of each keypoint: vertex ids, weights (V,), or None; see on_body."""
+        places: list[Sequence[int] | Tensor | None] = []
         for keypoint, names in zip(self.keypoints, self.landmarks, strict=True):
-            found.append(
-                next(
-                    (
-                        place
-                        for name in names
-                        if (place := groups.get(name, _vertex_ids(name))) is not None
-                    ),
-                    None,
-                )
-            )
-            last = found[-1]
-            if (
-                last is not None
-                and not isinstance(last, Tensor)
-                and not all(0 <= i < n_vertices for i in last)
-            ):
+            known = (groups.get(name, _vertex_ids(name)) for name in names)
+            place = next((place for place in known if place is not None), None)
+            ids = () if place is None or isinstance(place, Tensor) else place
+            if not all(0 <= i < n_vertices for i in ids):
                 raise ConfigError(
-                    f"vocabulary {self.name}: keypoint {keypoint!r} is at vertices {list(last)},"
+                    f"vocabulary {self.name}: keypoint {keypoint!r} is at vertices {list(ids)},"
                     f" but the body has {n_vertices}"
                 )
-        return found
+            places.append(place)
+        return places
 
 
 def _vertex_ids(name: str) -> tuple[int, ...] | None:
@@ -135,17 +131,14 @@ _TWIN = {"left": "right", "Left": "Right", "L": "R", "right": "left", "Right": "
 
 
 def side_of(name: str) -> str | None:
-    """The side that a name says, as a word of its own (left, Left, L_): "left" or "right".
-
-    None if it says none.
-    """
-    found = _SIDE.search(name)
-    return None if found is None else ("left" if found.group()[0] in "lL" else "right")
+    """The side that a name says as a word of its own (left, Left, L_): "left", "right" or None."""
+    word = _SIDE.search(name)
+    return None if word is None else ("left" if word.group()[0] in "lL" else "right")
 
 
 def swap_sides(name: str) -> str:
     """The name of the same place on the other side of the body."""
-    return _SIDE.sub(lambda found: _TWIN[found.group()], name, count=1)
+    return _SIDE.sub(lambda word: _TWIN[word.group()], name, count=1)
 
 
 def vocabulary_from_names(
@@ -158,7 +151,6 @@ def vocabulary_from_names(
     Args:
         name: what to call it.
         keypoints: in order, each keypoint's name -> the landmark(s) it is, or None.
-
         pairs: keypoint -> its mirror image, where the names do not say left and right.
 
     Returns:
@@ -167,6 +159,12 @@ def vocabulary_from_names(
     Raises:
         ConfigError: a name says a side, but its twin is missing.
 
+    Example:
+        >>> own = vocabulary_from_names(
+        ...     "own", {"left_ear": "left_ear", "nose": "nose", "right_ear": "right_ear"}
+        ... )
+        >>> own.flip
+        (2, 1, 0)
     """
     names = tuple(keypoints)
     landmarks = tuple(
@@ -186,15 +184,22 @@ def vocabulary_from_names(
 
 
 def load_vocabulary(path: Path) -> Vocabulary:
-    """A vocabulary from a small TOML file.
+    """Read a user's vocabulary from a small TOML file.
 
-    ``name``; ``[keypoints]``, in the order of the data, name = landmark, a list of landmarks of
-    which the first that the body has is taken, or [] for none; ``[flip]``, left = right, where
-    names do not say their side.
+    The file holds ``name``; ``[keypoints]``, in the order of the data, name = landmark, a list of
+    landmarks of which the first that the body has is taken, or [] for none; ``[flip]``, left =
+    right, where names do not say their side.
 
     Raises:
         ConfigError: no such file, not TOML, or no vocabulary.
 
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     file = Path(folder, "own.toml")
+        ...     _ = file.write_text('name = "own"' + chr(10) + 'keypoints = {snout = "nose"}')
+        ...     load_vocabulary(file).keypoints
+        ('snout',)
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))

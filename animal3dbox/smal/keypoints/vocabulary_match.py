@@ -1,4 +1,4 @@
-"""Which vocabulary a file's keypoint names belong to: by names, never by positions."""
+"""Matching of a file's keypoint names to a vocabulary: by names, never by positions."""
 
 import difflib
 from collections.abc import Mapping, Sequence
@@ -12,16 +12,25 @@ from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 LEAST = 4
-"""Fewer names than a pose needs do not tell a vocabulary."""
+"""Fewer names than this, which are too few for a pose, do not tell a vocabulary."""
 
-_LEGS = {f"{side}_{place}_{joint}": f"{side[0].upper()}_{place[0].upper()}_{joint.capitalize()}"
-         for side in ("left", "right") for place in ("front", "back") for joint in ("elbow", "knee", "paw")}  # fmt: skip
+_LEGS = {
+    f"{side}_{place}_{joint}": f"{side[0].upper()}_{place[0].upper()}_{joint.capitalize()}"
+    for side in ("left", "right")
+    for place in ("front", "back")
+    for joint in ("elbow", "knee", "paw")
+}
+_EARS = {
+    f"{side}_{ear}": f"{side[0].upper()}_EarBase"
+    for side in ("left", "right")
+    for ear in ("ear", "earbase", "ear_base")
+}
 SPELLINGS: Mapping[str, Mapping[str, str]] = {
     "animalpose20": {
-        "left_eye": "L_Eye", "right_eye": "R_Eye", "nose": "Nose", "throat": "Throat", "withers": "Withers",
+        "left_eye": "L_Eye", "right_eye": "R_Eye", "nose": "Nose", "throat": "Throat",
+        "withers": "Withers",
         "tailbase": "TailBase", "tail_base": "TailBase",
-        **{f"{side}_{ear}": f"{side[0].upper()}_EarBase" for side in ("left", "right") for ear in ("ear", "earbase", "ear_base")},
-        **_LEGS,
+        **_EARS, **_LEGS,
     },
 }  # fmt: skip
 """Vocabulary -> other spelling -> its keypoint.
@@ -32,13 +41,18 @@ AnimalPose's own json spells its names out, conversions abbreviate them.
 
 @dataclass(frozen=True)
 class NameMatch:
-    """How a file's keypoints are a vocabulary's.
+    """The match of a file's keypoint names with a vocabulary.
 
     Attributes:
         vocabulary: what they are.
         columns: (J,) for each keypoint of the vocabulary its place among the names; None if it is
             not there.
         unused: names that the vocabulary does not have.
+
+    Example:
+        >>> match = match_by_name(["Nose", "Throat", "Withers", "TailBase"])
+        >>> match.vocabulary.name, match.columns[4:6], match.is_exact
+        ('animalpose20', (0, 1), False)
     """
 
     vocabulary: Vocabulary
@@ -51,9 +65,9 @@ class NameMatch:
         return not self.unused and None not in self.columns
 
     def rows(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The vocabulary's keypoints (J, 3) of points (N, 3) in the order of the names.
+        """The vocabulary's keypoints (J, 3) of points (N, 3) in the order of the file's names.
 
-        Zeros for those that are not there.
+        Zeros for those that the file does not have.
         """
         return np.array(
             [(0.0, 0.0, 0.0) if column is None else points[column] for column in self.columns],
@@ -62,7 +76,7 @@ class NameMatch:
 
 
 def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMatch:
-    """The vocabulary that a source's keypoint names belong to, and where each of its keypoints stands among them.
+    """The vocabulary that a source's keypoint names belong to, and their order in it.
 
     Upper and lower case are the same. A known vocabulary fits if it has all the names, or if the
     names have all of it: others are then unused. Of several the one with the very same names is
@@ -76,6 +90,9 @@ def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMa
     Raises:
         ConfigError: a name comes twice, or no vocabulary fits; gives the nearest names.
 
+    Example:
+        >>> match_by_name(["nose", "left_eye", "right_eye", "neck"]).vocabulary.name
+        'ap10k17'
     """
     twice = sorted(
         {name for name in names if [other.casefold() for other in names].count(name.casefold()) > 1}
@@ -113,28 +130,27 @@ def _matched(names: Sequence[str], vocabulary: Vocabulary) -> NameMatch:
     """The match with one vocabulary, however bad."""
     keypoint_of = {keypoint.casefold(): keypoint for keypoint in vocabulary.keypoints}
     spelled = SPELLINGS.get(vocabulary.name, {})
-    found: dict[str, int] = {}
+    column_of: dict[str, int] = {}
     unused = []
     for i, name in enumerate(names):
         keypoint = keypoint_of.get(name.casefold(), spelled.get(name.casefold()))
-        if keypoint is None or keypoint in found:
+        if keypoint is None or keypoint in column_of:
             unused.append(name)
         else:
-            found[keypoint] = i
-    return NameMatch(
-        vocabulary, tuple(found.get(keypoint) for keypoint in vocabulary.keypoints), tuple(unused)
-    )
+            column_of[keypoint] = i
+    columns = tuple(column_of.get(keypoint) for keypoint in vocabulary.keypoints)
+    return NameMatch(vocabulary, columns, tuple(unused))
 
 
 def _unknown(names: Sequence[str], match: NameMatch) -> str:
-    """Which names a vocabulary does not have, and its nearest."""
-    words, told = match.vocabulary, []
+    """The names that a vocabulary does not have, with its nearest, for an error's beginning."""
+    vocabulary, unknown = match.vocabulary, []
     for name in match.unused[:5]:
-        near = difflib.get_close_matches(name, words.keypoints, n=2, cutoff=0.0)
-        told.append(f"{name!r} (nearest: {', '.join(near)})")
+        near = difflib.get_close_matches(name, vocabulary.keypoints, n=2, cutoff=0.0)
+        unknown.append(f"{name!r} (nearest: {', '.join(near)})")
     more = f" and {len(match.unused) - 5} more" if len(match.unused) > 5 else ""
-    missing = ", ".join(told) + more if told else "only " + (", ".join(names) or "nothing")
-    return f"the keypoint names have {missing}, of {len(names)}; nearest is {words.name}"
+    missing = ", ".join(unknown) + more if unknown else "only " + (", ".join(names) or "nothing")
+    return f"the keypoint names have {missing}, of {len(names)}; nearest is {vocabulary.name}"
 
 
 def _check_agreement(names: Sequence[str], matches: Sequence[NameMatch]) -> None:

@@ -1,4 +1,4 @@
-"""How far each joint of the embedded quadruped may turn from the standing template."""
+"""The range in which each joint of the embedded quadruped may turn from the standing template."""
 
 from collections.abc import Mapping
 
@@ -14,6 +14,7 @@ _STILL: Range = (0.0, 0.0)
 
 
 def _even(x: float, y: float, z: float) -> Ranges:
+    """Ranges that are as wide to either side."""
     return (-x, x), (-y, y), (-z, z)
 
 
@@ -46,6 +47,7 @@ _LEFT_DEG: Mapping[str, Ranges] = {
 
 
 def _mirrored(ranges: Ranges) -> Ranges:
+    """The ranges of the joint's mirror image: a mirror in y turns about x and z the other way."""
     x, y, z = ranges
     return (-x[1], -x[0]), y, (-z[1], -z[0])
 
@@ -58,12 +60,20 @@ JOINT_LIMITS_DEG: Mapping[str, Ranges] = {
         if name.startswith("L")
     },
 }
+"""Joint -> its ranges in degrees about x, y and z."""
 
 
 def joint_limits() -> tuple[Tensor, Tensor]:
-    """The least and the greatest axis-angle entries (J, 3) of a pose, radians, float64.
+    """The least and the greatest axis-angle entries of a pose that the quadruped can take.
 
-    The template pose is within them.
+    Returns:
+        (J, 3) each, in radians, float64; the template pose is within them.
+
+    Example:
+        >>> least, greatest = joint_limits()
+        >>> mouth = load_quadruped().joint_names.index("Mouth")
+        >>> torch.rad2deg(greatest[mouth]).round().tolist()  # it opens downwards, about y
+        [0.0, 20.0, 0.0]
     """
     table = torch.tensor(
         [JOINT_LIMITS_DEG[name] for name in load_quadruped().joint_names], dtype=torch.float64

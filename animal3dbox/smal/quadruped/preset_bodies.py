@@ -1,6 +1,6 @@
-"""The embedded quadruped.
+"""The embedded quadruped and its presets, one a species.
 
-A licence-free body of SMAL's structure, made by `animal3dbox.smal.quadruped.build`.
+A licence-free body of SMAL's structure, made by `animal3dbox.smal.quadruped.modelling`.
 
 The template frame is x forward, y to the animal's left, z up; the soles stand on z = 0. It is about
 one unit long from nose to rump, and so are all presets: the column `size` (or a camera further
@@ -21,19 +21,24 @@ from animal3dbox.errors import ConfigError
 from animal3dbox.smal.model import SmalModel
 
 _ASSET = "quadruped.npz"
-_KEYPOINTS = 26  # of the asset's landmarks, the first so many are the keypoints of Animal3D
+_KEYPOINTS = 26
+"""How many of the asset's landmarks, from the first, are the keypoints of Animal3D."""
 
 Arrays = Mapping[str, NDArray[np.generic]]
 
 
 @dataclass(frozen=True)
 class QuadrupedNames:
-    """What the shape columns mean.
+    """The names of the quadruped's shape columns.
 
     Attributes:
         columns: a name for each of the S shape columns.
         measures: those that change one named measure.
         presets: those that turn the template into a species at beta 1.
+
+    Example:
+        >>> quadruped_names().measures[:3]
+        ('size', 'leg_length', 'leg_thickness')
     """
 
     columns: tuple[str, ...]
@@ -43,7 +48,13 @@ class QuadrupedNames:
 
 @cache
 def load_quadruped() -> SmalModel:
-    """The body, float64 on the CPU; the same object every time."""
+    """The embedded quadruped, float64 on the CPU; the same object every time.
+
+    Example:
+        >>> model = load_quadruped()
+        >>> model.vertex_count, model.joint_count, model.beta_count
+        (5852, 35, 41)
+    """
     arrays = _asset()
     half, seam = (
         _float64(arrays, "vertices") * _float64(arrays, "vertices_scale"),
@@ -76,9 +87,11 @@ def load_quadruped() -> SmalModel:
 
 @cache
 def quadruped_names() -> QuadrupedNames:
-    """The names of the shape columns and the extra landmarks.
+    """The names of the quadruped's shape columns, and which of them are measures and presets.
 
-    Withers, throat, hips, ear bases and tips.
+    Example:
+        >>> quadruped_names().presets[:4]
+        ('dog', 'cat', 'horse', 'cow')
     """
     arrays = _asset()
     return QuadrupedNames(
@@ -94,6 +107,9 @@ def preset_betas(name: str) -> Tensor:
     Raises:
         ConfigError: naming the presets there are.
 
+    Example:
+        >>> int(preset_betas("dog").argmax()) == quadruped_names().columns.index("dog")
+        True
     """
     names = quadruped_names()
     if name not in names.presets:
@@ -102,13 +118,16 @@ def preset_betas(name: str) -> Tensor:
 
 
 def measure_betas(amounts: Mapping[str, float]) -> Tensor:
-    """Betas (S,), float64, from amounts of named shape columns.
+    """The betas (S,), float64, of amounts of named shape columns.
 
     They add, so `{"dog": 1, "leg_length": -2}` is a dachshund's way.
 
     Raises:
         ConfigError: naming the columns there are.
 
+    Example:
+        >>> measure_betas({"dog": 1, "leg_length": -2}).unique().tolist()
+        [-2.0, 0.0, 1.0]
     """
     columns = quadruped_names().columns
     betas = torch.zeros(len(columns), dtype=torch.float64)
@@ -121,6 +140,7 @@ def measure_betas(amounts: Mapping[str, float]) -> Tensor:
 
 @cache
 def _asset() -> Arrays:
+    """The packed arrays, see modelling/asset.py."""
     with (
         resources.files("animal3dbox.smal").joinpath("assets", _ASSET).open("rb") as file,
         np.load(file, allow_pickle=False) as packed,
@@ -137,6 +157,7 @@ def _words(arrays: Arrays, key: str) -> tuple[str, ...]:
 
 
 def _landmarks(arrays: Arrays) -> dict[str, tuple[int, ...]]:
+    """Landmark -> vertex ids."""
     groups = np.split(arrays["landmark_vertices"], np.cumsum(arrays["landmark_counts"])[:-1])
     return {
         name: tuple(int(i) for i in group)
@@ -145,13 +166,12 @@ def _landmarks(arrays: Arrays) -> dict[str, tuple[int, ...]]:
 
 
 def _symmetry(half_count: int, seam: int) -> NDArray[np.int64]:
-    """The mirror's vertex permutation: the asset stores the left half, the seam first.
+    """The mirror image (V,) of each vertex.
 
-    The right half follows it.
+    The asset stores the left half, the vertices on the seam first; the right half follows it.
     """
-    return np.concatenate(
-        [np.arange(seam), np.arange(half_count, 2 * half_count - seam), np.arange(seam, half_count)]
-    )
+    right = np.arange(half_count, 2 * half_count - seam)
+    return np.concatenate([np.arange(seam), right, np.arange(seam, half_count)])
 
 
 def _whole(half: NDArray[np.float64], seam: int) -> NDArray[np.float64]:
@@ -161,23 +181,19 @@ def _whole(half: NDArray[np.float64], seam: int) -> NDArray[np.float64]:
 
 
 def _whole_faces(faces: NDArray[np.int64], symmetry: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The faces of both halves; those of the right one run the other way round."""
     return np.concatenate([faces, symmetry[faces][:, ::-1]])
 
 
 def _whole_weights(arrays: Arrays, symmetry: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Dense weights (V, J) with rows that sum to 1.
+    """The dense weights (V, J), with rows that sum to 1.
 
     A right vertex takes its mirror image's with left and right joints swapped.
     """
-    names, joints, values = (
-        _words(arrays, "joint_names"),
-        arrays["weight_joints"],
-        _float64(arrays, "weight_values"),
-    )
+    names, joints = _words(arrays, "joint_names"), arrays["weight_joints"].astype(np.int64)
+    values = _float64(arrays, "weight_values")
     half = np.zeros((len(joints), len(names)))
-    np.put_along_axis(
-        half, joints.astype(np.int64), values / values.sum(axis=1, keepdims=True), axis=1
-    )
+    np.put_along_axis(half, joints, values / values.sum(axis=1, keepdims=True), axis=1)
     swap = {"L": "R", "R": "L"}
     mirror = [names.index(swap[name[0]] + name[1:] if name[0] in swap else name) for name in names]
     return np.concatenate([half, half[symmetry[len(half) :]][:, mirror]])
@@ -186,17 +202,17 @@ def _whole_weights(arrays: Arrays, symmetry: NDArray[np.int64]) -> NDArray[np.fl
 def _volume_keeping(
     v_template: Tensor, joints: Tensor, weights: Tensor, parents: tuple[int, ...]
 ) -> Tensor:
-    """Pose correctives (V, 3, 9 (J - 1)) that give back the volume which blending takes at a bent joint.
+    """Pose correctives (V, 3, 9 (J - 1)) for the volume that blending takes at a bent joint.
 
-    A vertex at r from a joint, moved by it with share w, is drawn towards the joint's axis by w (1
-    - w) (1 - cos a) r⊥. As the symmetric part of R - I is -(1 - cos a) times the projection across
-    the axis, this is linear in R - I for every axis.
+    A vertex at r from a joint, moved by it with share w, is drawn towards the joint's axis by
+    w (1 - w) (1 - cos a) r⊥. As the symmetric part of R - I is -(1 - cos a) times the projection
+    across the axis, this is linear in R - I for every axis.
     """
     V, J = weights.shape
-    moved = weights.clone()  # by a joint and all beyond it
+    shares = weights.clone()  # w of a joint and all beyond it
     for j in range(J - 1, 0, -1):
-        moved[:, parents[j]] += moved[:, j]
-    loss = (moved * (1 - moved))[:, 1:]
+        shares[:, parents[j]] += shares[:, j]
+    loss = (shares * (1 - shares))[:, 1:]
     offset = v_template[:, None] - joints[None, 1:]
     pull = -0.5 * loss[..., None] * offset  # (V, J - 1, 3)
     correctives = torch.zeros(V, 3, J - 1, 3, 3, dtype=v_template.dtype)

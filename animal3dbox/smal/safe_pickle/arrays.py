@@ -1,7 +1,4 @@
-"""Arrays from the inert records of a model pickle.
-
-NumPy arrays and scalars, chumpy objects, SciPy CSC matrices.
-"""
+"""Arrays from a model pickle's inert records: NumPy's, chumpy's, and SciPy's CSC matrices."""
 
 import math
 import re
@@ -52,7 +49,7 @@ _ARRAY_STATE, _DTYPE_STATE = 5, (8, 9)
 
 @dataclass(frozen=True)
 class Place:
-    """What is being read, for the errors about it, and how much it may take.
+    """The value that is being read, for the errors about it, and how much it may take.
 
     Attributes:
         source: the file.
@@ -134,8 +131,10 @@ def _of_shape(array: Array, shape: tuple[int, ...], place: Place) -> Array:
 
 
 def class_of(call: Call) -> Global | None:
-    """The class of which a call makes an empty object to be filled by its state, or None for other
-    calls."""
+    """The class of which a call makes an empty object, to be filled by its state.
+
+    None for any other call.
+    """
     func, args = call.func, call.args
     if (
         _named(func, _RECONSTRUCTOR)
@@ -151,10 +150,7 @@ def class_of(call: Call) -> Global | None:
 
 
 def _named(value: object, names: set[Global]) -> bool:
-    """Whether a value is one of some globals.
-
-    Other values are not hashed, which could take for ever or fail.
-    """
+    """Whether a value is one of some globals; others are not hashed, which could take for ever."""
     return isinstance(value, Global) and value in names
 
 
@@ -255,10 +251,10 @@ def _read_dtype(value: object, place: Place) -> np.dtype[Any]:
 
 
 def _raw_bytes(value: object, offset: int, place: Place) -> bytes:
-    """An array's bytes.
+    """The bytes of an array.
 
-    Bytes, Python 2's byte string read as latin1 text, or Python 3's way to write bytes in old
-    protocols.
+    They stand as bytes, as Python 2's byte string read as latin1 text, or in Python 3's way to
+    write bytes in old protocols.
     """
     if (
         isinstance(value, Call)
@@ -296,7 +292,7 @@ def _array_of_bytes(
 
 
 def _array_of_numbers(value: list[object] | tuple[object, ...], place: Place) -> Array:
-    """Of numbers, or of rows of numbers of one length."""
+    """The array of a list of numbers, or of rows of numbers of one length."""
     rows = value if value and all(isinstance(row, list | tuple) for row in value) else [value]
     lengths = [len(row) for row in rows if isinstance(row, list | tuple)]
     if sum(lengths) > place.limits.opcodes:  # one row, named very often
@@ -356,7 +352,7 @@ def _filled_matrix(call: Call, place: Place) -> Array:
 def _pointer_problem(
     shape: tuple[int, ...], indptr: Array, indices: Array, data: Array
 ) -> str | None:
-    """What is wrong with a CSC matrix, before any pointer is used."""
+    """The fault of a CSC matrix, or None; before any pointer is used."""
     rows, columns = shape
     for name, array in (("indptr", indptr), ("indices", indices), ("data", data)):
         if array.ndim != 1 or (name != "data" and array.dtype.kind not in "iu"):

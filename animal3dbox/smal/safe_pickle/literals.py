@@ -23,12 +23,12 @@ def read_literal(stream: ByteStream, code: int) -> object:
 
 
 def read_name(stream: ByteStream) -> Global:
-    """A module and a name on a line each."""
+    """The global of a module and a name, on a line each."""
     return Global(_name(stream), _name(stream))
 
 
 def read_index(stream: ByteStream) -> int:
-    """The memo's index in text."""
+    """The index of a memo's entry, in text."""
     line = stream.line(_SHORT_LINE)
     if not _INT.fullmatch(line) or int(line) < 0:
         raise stream.fail(f"an index of the memo was expected, got {line!r}", DAMAGED)
@@ -150,4 +150,4 @@ LITERALS: dict[int, Callable[[ByteStream], object]] = {
     ord("]"): lambda s: [],
     ord("}"): lambda s: {},
 }
-"""Opcode -> what reads its value."""
+"""Opcode -> the function that reads its value."""

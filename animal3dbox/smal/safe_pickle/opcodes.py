@@ -27,7 +27,9 @@ _KEY_TYPES = (str, bytes, int, bool, type(None))  # hashed in time that does not
 
 
 def run_pickle(stream: ByteStream, limits: PickleLimits) -> object:
-    """The one value of a pickle that fills its stream, with inert records where Python would import and call.
+    """The one value of a pickle that fills its stream.
+
+    Where Python would import or call something, the value has an inert record: Global or Call.
 
     Raises:
         ModelFileError: naming the opcode's offset.
@@ -50,7 +52,7 @@ def run_pickle(stream: ByteStream, limits: PickleLimits) -> object:
 
 
 class _Machine:
-    """Stack, marks and memo."""
+    """The stack, marks and memo of a pickle that is being read."""
 
     def __init__(self, stream: ByteStream, limits: PickleLimits) -> None:
         self.stream = stream

@@ -1,10 +1,8 @@
-"""Reading a SMAL model pickle without trusting it.
+"""Reading a SMAL model pickle without trusting it: nothing that it names is imported or called.
 
-Nothing that the file names is ever imported or called.
-
-The bytes run through an own stack machine (`pickle_opcodes`), which knows only plain values and
-inert records; then `pickle_arrays` recognises the few records that honest files hold, and builds
-arrays from their bytes.
+The bytes run through a stack machine of our own (opcodes.py), which knows only plain values and
+inert records; then arrays.py recognises the few records that honest files hold, and builds arrays
+from their bytes.
 """
 
 import stat
@@ -19,7 +17,9 @@ DEFAULT_LIMITS = PickleLimits()
 
 
 def read_pickle(path: Path, limits: PickleLimits = DEFAULT_LIMITS) -> object:
-    """The value in a pickle of protocol 0 to 5, with inert records (Global, Call) where Python would import and call.
+    """The value in a pickle file of protocol 0 to 5.
+
+    Where Python would import or call something, the value has an inert record: Global or Call.
 
     Args:
         path: the file.
@@ -34,7 +34,7 @@ def read_pickle(path: Path, limits: PickleLimits = DEFAULT_LIMITS) -> object:
 
 
 def parse_pickle(data: bytes, source: str, limits: PickleLimits = DEFAULT_LIMITS) -> object:
-    """As read_pickle, of bytes; source names them in errors."""
+    """The value in the bytes of a pickle, as read_pickle; source names them in errors."""
     _check_line_ends(data, source)
     value = run_pickle(ByteStream(data, source), limits)
     _check_nesting(value, source, limits.nesting)
@@ -42,6 +42,7 @@ def parse_pickle(data: bytes, source: str, limits: PickleLimits = DEFAULT_LIMITS
 
 
 def _read_bytes(path: Path, limits: PickleLimits) -> bytes:
+    """The bytes of a regular file that is not too large, also if it grows meanwhile."""
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
@@ -89,11 +90,12 @@ def _check_line_ends(data: bytes, source: str) -> None:
 
 
 def _check_nesting(root: object, source: str, deepest: int) -> None:
-    """Refuse recursive and deep values, by a depth-first walk without recursion that visits a
-    shared part once."""
-    heights: dict[
-        int, int
-    ] = {}  # of the parts that were left: how many levels they are, themselves included
+    """Refuse recursive and deep values.
+
+    By a depth-first walk without recursion, which visits a shared part once.
+    """
+    # Of the parts that the walk is through with: how many levels they are, themselves included
+    heights: dict[int, int] = {}
     path = [(root, _parts(root))]
     below = [0]
     entered = {id(root)}

@@ -98,11 +98,11 @@ class ByteStream:
 
     @property
     def left(self) -> int:
-        """How many bytes are still there."""
+        """The number of bytes that are not read yet."""
         return len(self.data) - self.position
 
     def fail(self, problem: str, remedy: str = NOT_A_MODEL) -> ModelFileError:
-        """The error for the opcode at hand."""
+        """The error for the opcode that is being read."""
         return refusal(self.source, self.opcode_at, problem, remedy)
 
     def opcode(self) -> int:
@@ -113,25 +113,22 @@ class ByteStream:
         return self.take(1)[0]
 
     def take(self, count: int) -> bytes:
-        """The next bytes.
-
-        Count is checked against those that are there before anything is allocated.
-        """
+        """The next bytes; their count is checked before anything is allocated."""
         if count > self.left:
             raise self.fail(f"{count} bytes are announced, but only {self.left} follow", DAMAGED)
         begin, self.position = self.position, self.position + count
         return self.data[begin : self.position]
 
     def unsigned(self, size: int) -> int:
-        """A little-endian number of that many bytes."""
+        """The little-endian number in the next bytes, so many."""
         return int.from_bytes(self.take(size), "little")
 
     def signed(self, size: int) -> int:
-        """A little-endian number in two's complement."""
+        """The little-endian number in two's complement in the next bytes, so many."""
         return int.from_bytes(self.take(size), "little", signed=True)
 
     def sized(self, size: int) -> bytes:
-        """Bytes after their own unsigned length of size bytes."""
+        """The bytes that follow their own unsigned length, which takes size bytes."""
         return self.take(self.unsigned(size))
 
     def line(self, longest: int | None = None) -> bytes:

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.readers.cuboids.conventions import Floats
 from animal3dbox.datasets.records import CuboidRecord
-from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import CORNER_SIGNS
-from animal3dbox.geometry.face_visibility import (
+from animal3dbox.geometry.box_visibility import (
     corners_visibility,
     near_depth_of_corners,
     projected_faces,
     visible_faces,
 )
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import CORNER_SIGNS
 from animal3dbox.geometry.polygon import clip_by_plane
 
 AT_ONCE = 8192

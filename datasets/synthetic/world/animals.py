@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from animal3dbox.datasets.synthetic.world.config import WORLD_POSES, WorldConfig
-from animal3dbox.geometry.rigid import axis_angle_from_rotation, rotation_from_axis_angle
-from animal3dbox.smal.model import PosedBody
+from animal3dbox.geometry.rigid_transforms import axis_angle_from_rotation, rotation_from_axis_angle
+from animal3dbox.smal.linear_blend_skinning import PosedBody
 from animal3dbox.smal.quadruped.joint_limits import joint_limits
 from animal3dbox.smal.quadruped.poses import ground_trans, named_pose, random_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, measure_betas, quadruped_names

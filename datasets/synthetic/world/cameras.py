@@ -12,7 +12,7 @@ from torch import Tensor
 
 from animal3dbox.datasets.synthetic.world.config import WorldConfig, log_uniform
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at
-from animal3dbox.geometry.rigid import rotation_from_axis_angle, transform_points
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle, transform_points
 
 HANDHELD_BELOW_DEG, UAV_ABOVE_DEG = 35.0, 25.0
 NEAREST = 0.1

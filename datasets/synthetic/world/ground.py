@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from animal3dbox.geometry.camera import PinholeCamera
 from animal3dbox.geometry.rasterizer import silhouette
-from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.rigid_transforms import transform_points
 
 Picture = NDArray[np.float32]
 Color = tuple[float, float, float]

@@ -23,7 +23,7 @@ from animal3dbox.datasets.synthetic.world.things import (
 )
 from animal3dbox.geometry.camera import PinholeCamera
 from animal3dbox.geometry.rasterizer import rasterize, silhouette
-from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.rigid_transforms import transform_points
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
 
 Place = NDArray[np.float64]

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from animal3dbox.geometry.camera import PinholeCamera
 from animal3dbox.geometry.rasterizer import Raster, rasterize
-from animal3dbox.geometry.rigid import rigid, transform_points
+from animal3dbox.geometry.rigid_transforms import rigid, transform_points
 
 Picture = NDArray[np.float32]
 

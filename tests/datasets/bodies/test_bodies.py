@@ -24,7 +24,7 @@ from animal3dbox.datasets.images.rle import encode_mask
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
-from animal3dbox.geometry.rigid import rotation_angle, rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle, rotation_from_axis_angle
 from animal3dbox.labels.body import Body
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel

@@ -7,9 +7,9 @@ from torch.testing import assert_close
 from animal3dbox.datasets.synthetic.ray_shares import face_shares_by_rays
 from animal3dbox.datasets.synthetic.scenes import synthetic_scene
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
+from animal3dbox.geometry.box_visibility import face_visibility
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.cuboid import FACE_NAMES, Cuboid
-from animal3dbox.geometry.face_visibility import face_visibility
 
 F64 = torch.float64
 HW = (60, 80)

@@ -15,7 +15,7 @@ from animal3dbox.datasets.synthetic.world.shading import (
     vertex_normals,
 )
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics
-from animal3dbox.geometry.rigid import rigid, transform_points
+from animal3dbox.geometry.rigid_transforms import rigid, transform_points
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
 

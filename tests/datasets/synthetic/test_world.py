@@ -27,7 +27,7 @@ from animal3dbox.datasets.synthetic.world.shading import Light, Surface, render
 from animal3dbox.datasets.synthetic.world.things import OCCLUDERS, REACH, make_ledge, make_thing
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at, project
-from animal3dbox.geometry.rigid import transform_points
+from animal3dbox.geometry.rigid_transforms import transform_points
 from animal3dbox.geometry.visible_surface import visible_vertices
 from animal3dbox.smal.quadruped.poses import named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.testing import assert_close
 
 from animal3dbox.geometry.orthogonal_frames import frame_from_directions
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.axes.body_axes import torso_axes, trunk_axes
 from animal3dbox.labels.axes.landmarks import landmark_axes
 from animal3dbox.labels.axes.pca import pca_axes

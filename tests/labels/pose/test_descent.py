@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.pose.levenberg_marquardt import (
     LocalModel,

@@ -10,7 +10,7 @@ from animals import IMAGE_HW, K, camera_round, keypoints_seen, toy_landmarks, to
 from numpy.typing import NDArray
 from torch import Tensor
 
-from animal3dbox.geometry.rigid import rotation_angle, rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle, rotation_from_axis_angle
 from animal3dbox.labels.config import LabelConfig, Method, Residual
 from animal3dbox.labels.pose.epnp_ransac import basic_pose, checked_pose
 from animal3dbox.labels.pose.estimate import estimate_pose

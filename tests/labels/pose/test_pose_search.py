@@ -8,7 +8,7 @@ from animals import IMAGE_HW, K, camera_round, toy_landmarks
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.rigid import rotation_angle
+from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.pose import multi_start_search as pose_search
 from animal3dbox.labels.pose.epnp_ransac import sqpnp_pose
 from animal3dbox.labels.pose.multi_start_search import search_poses

@@ -22,7 +22,7 @@ from animal3dbox.cli.convert import convert_model
 from animal3dbox.errors import ConfigError, ModelFileError
 from animal3dbox.smal.files.model_files import load_family, load_model, load_smal, load_symmetry
 from animal3dbox.smal.files.safetensors_file import load_safetensors, save_safetensors
-from animal3dbox.smal.keypoints.smal_landmarks import (
+from animal3dbox.smal.keypoints.smal_topology import (
     SMAL_EXTRA_LANDMARKS,
     SMAL_JOINTS,
     SMAL_LANDMARKS,

@@ -8,7 +8,7 @@ import torch
 
 from animal3dbox.smal.files.model_files import load_smal
 from animal3dbox.smal.files.pickle_writer import write_smal_pickle
-from animal3dbox.smal.keypoints.smal_landmarks import SMAL_JOINTS
+from animal3dbox.smal.keypoints.smal_topology import SMAL_JOINTS
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 
@@ -31,10 +31,14 @@ def test_pythons_own_unpickler_needs_nothing_but_chumpy_for_it(tmp_path: Path) -
     code = f"""
 import pickle, sys, types, warnings
 warnings.simplefilter("ignore")
-ch = types.ModuleType("chumpy.ch"); ch.Ch = type("Ch", (), {{}}); sys.modules["chumpy"] = types.ModuleType("chumpy"); sys.modules["chumpy.ch"] = ch
+
+ch = types.ModuleType("chumpy.ch")
+ch.Ch = type("Ch", (), {{}})
+sys.modules.update({{"chumpy": types.ModuleType("chumpy"), "chumpy.ch": ch}})
 with open({str(path)!r}, "rb") as file:
     content = pickle.load(file, encoding="latin1")
-print(content["v_template"].x.shape, content["f"].dtype, content["J_regressor"].shape, content["kintree_table"][0, 0], content["bs_type"])
+print(content["v_template"].x.shape, content["f"].dtype, content["J_regressor"].shape, end=" ")
+print(content["kintree_table"][0, 0], content["bs_type"])
 """
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert (

@@ -16,7 +16,8 @@ SPELLED_OUT = [
     "left_eye", "right_eye", "nose", "left_ear", "right_ear",
     "left_front_elbow", "right_front_elbow", "left_back_elbow", "right_back_elbow",
     "left_front_knee", "right_front_knee", "left_back_knee", "right_back_knee",
-    "left_front_paw", "right_front_paw", "left_back_paw", "right_back_paw", "throat", "withers", "tailbase",
+    "left_front_paw", "right_front_paw", "left_back_paw", "right_back_paw", "throat", "withers",
+    "tailbase",
 ]  # fmt: skip
 """AnimalPose's own json, in its order."""
 

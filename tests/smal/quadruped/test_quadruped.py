@@ -21,9 +21,12 @@ from animal3dbox.smal.quadruped.preset_bodies import (
 )
 
 KEYPOINTS = [
-    "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw", "right_back_paw", "tail_base",
-    "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee", "left_shoulder", "right_shoulder", "left_front_wrist",
-    "right_front_wrist", "left_back_hock", "right_back_hock", "neck", "tail_tip", "left_ear", "right_ear", "left_mouth", "right_mouth",
+    "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw",
+    "right_back_paw", "tail_base",
+    "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee", "left_shoulder",
+    "right_shoulder", "left_front_wrist",
+    "right_front_wrist", "left_back_hock", "right_back_hock", "neck", "tail_tip", "left_ear",
+    "right_ear", "left_mouth", "right_mouth",
     "nose", "tail_middle",
 ]  # fmt: skip
 PRESETS = ("dog", "cat", "horse", "cow", "bear", "deer", "zebra", "pig", "hippo", "lion")
@@ -93,8 +96,10 @@ PARENTS = (
     16,
 )
 JOINTS = [
-    "pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3", "LLeg1", "LLeg2", "LLeg3", "LFoot", "RLeg1", "RLeg2", "RLeg3",
-    "RFoot", "Neck", "Head", "LLegBack1", "LLegBack2", "LLegBack3", "LFootBack", "RLegBack1", "RLegBack2", "RLegBack3", "RFootBack",
+    "pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3", "LLeg1", "LLeg2", "LLeg3",
+    "LFoot", "RLeg1", "RLeg2", "RLeg3",
+    "RFoot", "Neck", "Head", "LLegBack1", "LLegBack2", "LLegBack3", "LFootBack", "RLegBack1",
+    "RLegBack2", "RLegBack3", "RFootBack",
     "Tail1", "Tail2", "Tail3", "Tail4", "Tail5", "Tail6", "Tail7", "Mouth", "LEar", "REar",
 ]  # fmt: skip
 MIRROR = torch.tensor([1.0, -1.0, 1.0], dtype=torch.float64)
@@ -381,7 +386,7 @@ def test_unknown_names_are_refused_with_the_known_ones() -> None:
 
 @pytest.mark.slow
 def test_the_asset_is_what_the_tables_give(tmp_path: Path) -> None:
-    from animal3dbox.smal.quadruped.build import assemble, asset
+    from animal3dbox.smal.quadruped.modelling import assemble, asset
 
     asset.write_asset(assemble.build_parts(), tmp_path / "fresh.npz")
     shipped = resources.files("animal3dbox.smal").joinpath("assets/quadruped.npz").read_bytes()

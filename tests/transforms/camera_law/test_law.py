@@ -15,9 +15,9 @@ from torch import Tensor
 from torch.testing import assert_close
 
 from animal3dbox.errors import SampleError
+from animal3dbox.geometry.box_visibility import corners_in_front, face_visibility
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES, Cuboid
-from animal3dbox.geometry.face_visibility import corners_in_front, face_visibility
 from animal3dbox.geometry.homography import apply_homography, update_camera
 from animal3dbox.transforms import (
     CenterCrop,

@@ -16,7 +16,7 @@ from torch import Tensor
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.homography import apply_homography
-from animal3dbox.geometry.rigid import rotation_from_axis_angle
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.transforms import (
     CenterCrop,
     Compose,
