@@ -8,7 +8,9 @@ import torch
 from animal3dbox.errors import ConfigError
 
 SampleKey = tuple[int, ...]
-"""What names a draw, usually (epoch, index); whole numbers >= 0."""
+"""The name of a draw, usually (epoch, index); whole numbers >= 0."""
+SEEDS = 2**62
+"""How many seeds there are for a step that draws by itself, such as noise."""
 
 
 def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
@@ -24,7 +26,7 @@ def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
         ConfigError: a number is negative or not whole.
 
     """
-    numbers = (int(torch.randint(2**62, ()).item()),) if key is None else key
+    numbers = (int(torch.randint(SEEDS, ()).item()),) if key is None else key
     if any(isinstance(n, bool) or int(n) != n or n < 0 for n in (seed, *numbers)):
         raise ConfigError(
             f"seed and sample_key must be whole numbers >= 0, got seed {seed!r} and sample_key"

@@ -58,7 +58,7 @@ def target_of(
         "keypoints": torch.cat((keypoints, (depth > 0).to(F64)[..., None]), dim=-1),
         "keypoints_3d": (points_cam - shift[:, None]) @ world, "vertices": (box.corners() - shift[:, None]) @ world,
         "boxes": torch.cat((corners_2d.amin(-2), corners_2d.amax(-2)), dim=-1), "keypoint_mirror": KEYPOINT_MIRROR, "image_id": "scene",
-        "quality": [{"number": n} for n in range(count)],
+        "distance": box.center.norm(dim=-1), "meta": {"quality": [{"number": n} for n in range(count)]},
     }  # fmt: skip
     if distortion is not None:
         target["distortion"] = distortion

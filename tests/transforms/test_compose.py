@@ -82,9 +82,11 @@ def test_a_sample_depends_on_its_key_and_seed_alone() -> None:
     first, one = compose(image, target, key=(1, 7))
     torch.manual_seed(0)
     compose(image, target, key=(1, 8))
-    again, other = pickle.loads(pickle.dumps(compose))(image, {**target, "sample_key": (1, 7)})
+    keyed_target = {**target, "meta": {**target["meta"], "sample_key": (1, 7)}}
+    again, other = pickle.loads(pickle.dumps(compose))(image, keyed_target)
     assert torch.equal(first, again)
-    assert same(one, {name: value for name, value in other.items() if name != "sample_key"})
+    assert other.pop("meta") == {**one.pop("meta"), "sample_key": (1, 7)}
+    assert same(one, other)
     for seed, key in ((4, (1, 7)), (3, (2, 7)), (3, (1, 8)), (3, (7, 1))):
         changed, _ = Compose(MANY, seed=seed)(image, target, key=key)
         assert changed.shape != first.shape or not torch.equal(changed, first)
@@ -499,7 +501,10 @@ def singular(target: dict[str, Any]) -> dict[str, Any]:
         ({"R": torch.zeros(2, 4, 4, dtype=F64)}, "R", "shape"),
         ({"t": torch.zeros(3, 3, dtype=F64)}, "", "disagree on the number of animals"),
         ({"labels": torch.zeros(5)}, "", "disagree on the number of animals|floating"),
-        ({"quality": [{}]}, "quality", "1 records for 2 animals"),
+        ({"meta": {"quality": [{}]}}, "meta: quality", "1 records for 2 animals"),
+        ({"meta": {"sample_ids": "scene#0"}}, "meta: sample_ids", "one record an animal, got str"),
+        ({"meta": {"scale_source": ()}}, "meta: scale_source", "0 records for 2 animals"),
+        ({"meta": [1, 2]}, "meta", "must be a dict"),
         ({"masks": torch.zeros(2, 60, 80, dtype=torch.uint8)}, "masks", "stale"),
         ({"depth": torch.zeros(60, 80)}, "depth", "stale"),
         ({"distortion": torch.zeros(3, dtype=F64)}, "distortion", "OpenCV's order"),
@@ -773,6 +778,46 @@ def test_the_user_says_which_fields_of_his_own_follow_dropped_animals() -> None:
     assert after["site"] == "north"
     with pytest.raises(SampleError, match="herd: holds 2 records for 6 animals"):
         Compose(crop, per_animal=["herd"])(picture(), {**target, "herd": ["a", "b"]})
+
+
+def test_book_keeping_is_passed_on_and_follows_dropped_animals() -> None:
+    meta = {
+        "sample_key": (0, 3),
+        "sample_ids": [f"herd.jpg#{n}" for n in range(6)],
+        "quality": [{"sd": 0.5 * n} for n in range(6)],
+        "scale_source": ("species",) * 6,
+        "K_source": "exif",
+        "lens": {"coefficients": [0.25, 0.5]},
+    }
+    target = {**scene(6, seed=1), "meta": meta}
+    before = pickle.loads(pickle.dumps(target))
+    compose = Compose([CenterCrop(40, min_visible=0.9)])
+    _, after = compose(picture(), target)
+    rows = after["labels"].tolist()
+    assert 0 < len(rows) < 6
+    assert after["meta"] == {
+        **meta,
+        "sample_ids": [f"herd.jpg#{n}" for n in rows],
+        "quality": [{"sd": 0.5 * n} for n in rows],
+        "scale_source": ("species",) * len(rows),
+    }
+    assert target["meta"] is meta
+    assert same({"meta": meta}, {"meta": before["meta"]})
+    _, unmoved = Compose([])(picture(), target)
+    assert unmoved["meta"] == meta
+    assert unmoved["meta"] is not meta
+
+
+def test_the_sample_key_of_the_book_keeping_decides_unless_a_key_is_given() -> None:
+    compose = Compose([RandomRotation((-180, 180))])
+
+    def turn(target: dict[str, Any], key: tuple[int, ...] | None = None) -> list[list[float]]:
+        H: list[list[float]] = compose(picture(), target, key=key)[1]["H_out_in"].tolist()
+        return H
+
+    named = {**scene(), "meta": {"sample_key": (1, 7)}}
+    assert turn(named) == turn(named) == turn(scene(), (1, 7))
+    assert turn(named, (1, 8)) == turn(scene(), (1, 8)) != turn(named)
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from animal3dbox.transforms.camera_law.maps import about, center_of, rolling, shifting
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_range
 from animal3dbox.transforms.steps import Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 Range = float | tuple[float, float]
 
@@ -49,7 +49,7 @@ class RandomAffine(Transform):
         )
         self.shear = (0.0, 0.0) if shear is None else check_range("shear", shear)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The one map."""
         turn, zoom = (
             rng.uniform(*self.degrees),
@@ -57,12 +57,12 @@ class RandomAffine(Transform):
         )
         shift = rng.uniform(-1, 1, 2) * self.translate
         lean = math.tan(math.radians(rng.uniform(*self.shear)))
-        linear = rolling(view.K, turn) @ np.array([[1.0, lean], [0, 1]]) * zoom
+        linear = rolling(context.K, turn) @ np.array([[1.0, lean], [0, 1]]) * zoom
         linear[np.abs(linear) < 1e-15 * np.abs(linear).max()] = 0  # a quarter turn keeps the axes
-        H = shifting(shift[0] * view.image_hw[1], shift[1] * view.image_hw[0]) @ about(
-            linear, center_of(view.image_hw)
+        H = shifting(shift[0] * context.image_hw[1], shift[1] * context.image_hw[0]) @ about(
+            linear, center_of(context.image_hw)
         )
-        return (Warp(H, view.image_hw),)
+        return (Warp(H, context.image_hw),)
 
 
 class RandomRotation(RandomAffine):

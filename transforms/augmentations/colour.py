@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from animal3dbox.errors import ConfigError
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_range
 from animal3dbox.transforms.steps import Colour, Standardise, Step, compose_colours
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 LUMA = np.array([0.299, 0.587, 0.114])
 """Weights of red, green and blue in brightness (Rec. 601)."""
@@ -51,7 +51,7 @@ class ColorJitter(Transform):
         self.saturation = check_range("saturation", saturation, about=1, least=0)
         self.hue = check_range("hue", hue)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The one matrix."""
         brightness, contrast, saturation, hue = (
             rng.uniform(*span)
@@ -67,7 +67,7 @@ class RandomGrayscale(Transform):
     def __init__(self, p: float = 0.1) -> None:
         super().__init__(p)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The one matrix."""
         return (Colour(colour_matrix(saturation_and_hue(0.0, 0.0), 0.0)),)
 
@@ -100,7 +100,7 @@ class Normalize(Transform):
             )
         self.mean, self.std = tuple(float(m) for m in mean), tuple(float(s) for s in std)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """Nothing is random."""
         return (Standardise(self.mean, self.std),)
 

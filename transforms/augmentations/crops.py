@@ -7,10 +7,10 @@ import numpy as np
 from animal3dbox.errors import ConfigError
 from animal3dbox.transforms.augmentations.resizing import keep_visible
 from animal3dbox.transforms.camera_law.maps import Size, check_size, cropping
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_probability, check_range
 from animal3dbox.transforms.steps import Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 TRIALS = 10
 
@@ -58,11 +58,11 @@ class RandomResizedCrop(Transform):
             None if min_visible is None else check_probability("min_visible", min_visible)
         )
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The map, and which animals stay."""
-        boxes = self._draw(rng, view.image_hw, random=rng.random() < self.random_p)
-        asked = view.alive and (self.keep_part > 0 or self.min_visible is not None)
-        parts = view.visible_parts(boxes) if asked else None
+        boxes = self._draw(rng, context.image_hw, random=rng.random() < self.random_p)
+        asked = context.alive and (self.keep_part > 0 or self.min_visible is not None)
+        parts = context.visible_parts(boxes) if asked else None
         best = 0
         if parts is not None:
             most = np.where(np.isnan(parts), 0, parts).max(axis=1)
@@ -70,7 +70,10 @@ class RandomResizedCrop(Transform):
             best = int(enough[0]) if len(enough) else int(most.argmax())
         box = boxes[best]
         warp = Warp(cropping((box[0], box[1], box[2], box[3]), self.size), self.size)
-        return (warp, *keep_visible(view, None if parts is None else parts[best], self.min_visible))
+        return (
+            warp,
+            *keep_visible(context, None if parts is None else parts[best], self.min_visible),
+        )
 
     def _draw(
         self, rng: np.random.Generator, image_hw: tuple[int, int], *, random: bool

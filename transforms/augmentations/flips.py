@@ -7,9 +7,9 @@ import numpy as np
 
 from animal3dbox.errors import ConfigError
 from animal3dbox.transforms.camera_law.maps import flipping
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.steps import Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 
 class _RandomFlip(Transform):
@@ -26,10 +26,10 @@ class _RandomFlip(Transform):
     def mirrors(self) -> bool:  # type: ignore[override]
         return self.mirror == "relabel"
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         if self.mirror == "forbid":
             return ()
-        return (Warp(flipping(view.image_hw, horizontal=self.horizontal), view.image_hw),)
+        return (Warp(flipping(context.image_hw, horizontal=self.horizontal), context.image_hw),)
 
 
 class RandomHorizontalFlip(_RandomFlip):

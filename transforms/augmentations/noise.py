@@ -5,12 +5,10 @@ They act where they stand in the pipeline, since they do not commute with maps o
 
 import numpy as np
 
-from animal3dbox.transforms.randomness import check_range
+from animal3dbox.transforms.draw_context import DrawContext
+from animal3dbox.transforms.randomness import SEEDS, check_range
 from animal3dbox.transforms.steps import Blur, Noise, Step
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
-
-SEEDS = 2**62
 
 
 class RandomGaussianBlur(Transform):
@@ -26,7 +24,7 @@ class RandomGaussianBlur(Transform):
         super().__init__(p)
         self.sigma = check_range("sigma", sigma, about=None, least=0)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The one blur; none below a twentieth of a pixel, which changes no grey level."""
         sigma = rng.uniform(*self.sigma)
         return (Blur(sigma),) if sigma > 0.05 else ()
@@ -45,6 +43,6 @@ class RandomGaussianNoise(Transform):
         super().__init__(p)
         self.sigma = check_range("sigma", sigma, about=None, least=0)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The strength and the seed of the noise."""
         return (Noise(rng.uniform(*self.sigma), int(rng.integers(SEEDS))),)

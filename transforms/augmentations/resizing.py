@@ -4,10 +4,10 @@ import numpy as np
 
 from animal3dbox.errors import ConfigError
 from animal3dbox.transforms.camera_law.maps import Size, check_size, cropping, scaling, shifting
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_probability
 from animal3dbox.transforms.steps import Keep, Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 
 class Resize(Transform):
@@ -28,9 +28,9 @@ class Resize(Transform):
         self.size = size
         check_size("size", size)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The one map."""
-        height, width = view.image_hw
+        height, width = context.image_hw
         if isinstance(self.size, int | np.integer):
             factor = self.size / min(height, width)
             size = (max(1, round(height * factor)), max(1, round(width * factor)))
@@ -57,9 +57,9 @@ class LetterBox(Transform):
         self.size = check_size("size", size)
         self.enlarge = enlarge
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The one map."""
-        return (Warp(fitting(view.image_hw, self.size, enlarge=self.enlarge), self.size),)
+        return (Warp(fitting(context.image_hw, self.size, enlarge=self.enlarge), self.size),)
 
 
 def fitting(
@@ -96,12 +96,12 @@ class PadTo(Transform):
             raise ConfigError(f"position must be 'center' or 'top_left', got {position!r}")
         self.position = position
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The one map."""
-        room = (self.size[0] - view.image_hw[0], self.size[1] - view.image_hw[1])
+        room = (self.size[0] - context.image_hw[0], self.size[1] - context.image_hw[1])
         if min(room) < 0:
             raise ConfigError(
-                f"PadTo({self.size}) cannot hold an image of {view.image_hw} (height, width):"
+                f"PadTo({self.size}) cannot hold an image of {context.image_hw} (height, width):"
                 " resize or crop it first"
             )
         shift = (room[1] // 2, room[0] // 2) if self.position == "center" else (0, 0)
@@ -129,22 +129,25 @@ class CenterCrop(Transform):
             None if min_visible is None else check_probability("min_visible", min_visible)
         )
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The map, and which animals stay."""
-        left, top = (view.image_hw[1] - self.size[1]) // 2, (view.image_hw[0] - self.size[0]) // 2
+        left, top = (
+            (context.image_hw[1] - self.size[1]) // 2,
+            (context.image_hw[0] - self.size[0]) // 2,
+        )
         box = (left - 0.5, top - 0.5, left + self.size[1] - 0.5, top + self.size[0] - 0.5)
         warp = Warp(cropping(box, self.size), self.size)
-        parts = None if self.min_visible is None else view.visible_parts(np.array([box]))
-        return (warp, *keep_visible(view, None if parts is None else parts[0], self.min_visible))
+        parts = None if self.min_visible is None else context.visible_parts(np.array([box]))
+        return (warp, *keep_visible(context, None if parts is None else parts[0], self.min_visible))
 
 
 def keep_visible(
-    view: View, parts: np.ndarray | None, min_visible: float | None
+    context: DrawContext, parts: np.ndarray | None, min_visible: float | None
 ) -> tuple[Keep, ...]:
     """The step that keeps the animals of which at least a given part is left, of parts (N,)."""
     if parts is None or min_visible is None:
         return ()
     kept = tuple(
-        index for index, part in zip(view.alive, parts, strict=True) if not part < min_visible
+        index for index, part in zip(context.alive, parts, strict=True) if not part < min_visible
     )
-    return (Keep(kept, min_visible),) if kept != view.alive else ()
+    return (Keep(kept, min_visible),) if kept != context.alive else ()

@@ -11,17 +11,17 @@ from animal3dbox.errors import ConfigError
 from animal3dbox.transforms.augmentations.affine import Range
 from animal3dbox.transforms.augmentations.resizing import fitting
 from animal3dbox.transforms.camera_law.maps import Size, camera_rotation, center_of, check_size
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_probability, check_range
 from animal3dbox.transforms.steps import Keep, Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 
-def required_K(view: View, name: str) -> np.ndarray:
+def required_K(context: DrawContext, name: str) -> np.ndarray:
     """The intrinsics by now, or a ConfigError saying that the transform needs them."""
-    if view.K is None:
+    if context.K is None:
         raise ConfigError(f"{name} turns the camera, so the target needs its intrinsics K (3, 3)")
-    return view.K
+    return context.K
 
 
 class RandomVirtualCamera(Transform):
@@ -60,15 +60,15 @@ class RandomVirtualCamera(Transform):
                 )
         self.zoom = check_range("zoom", zoom, about=None, least=1e-3)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The one map."""
-        K = required_K(view, type(self).__name__)
+        K = required_K(context, type(self).__name__)
         R = camera_rotation(
             rng.uniform(*self.yaw), rng.uniform(*self.pitch), rng.uniform(*self.roll)
         )
         K_new = K.copy()
         K_new[:2, :2] *= math.exp(rng.uniform(math.log(self.zoom[0]), math.log(self.zoom[1])))
-        return (Warp(K_new @ R @ np.linalg.inv(K), view.image_hw),)
+        return (Warp(K_new @ R @ np.linalg.inv(K), context.image_hw),)
 
 
 class PerspectiveCrop(Transform):
@@ -110,34 +110,34 @@ class PerspectiveCrop(Transform):
             None if min_visible is None else check_probability("min_visible", min_visible)
         )
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """The map, and which animals stay."""
-        K = required_K(view, type(self).__name__)
+        K = required_K(context, type(self).__name__)
         draws, yaw, pitch, margin = (
             rng.random(),
             rng.uniform(*self.jitter_deg),
             rng.uniform(*self.jitter_deg),
             rng.uniform(*self.margin),
         )
-        seen = np.flatnonzero(view.in_front())
-        if view.corners_cam is None or not len(seen):
-            return (Warp(fitting(view.image_hw, self.size), self.size),)
+        seen = np.flatnonzero(context.in_front())
+        if context.corners_cam is None or not len(seen):
+            return (Warp(fitting(context.image_hw, self.size), self.size),)
         chosen = int(seen[int(draws * len(seen))])
-        corners = view.corners_cam[chosen]
+        corners = context.corners_cam[chosen]
         R = camera_rotation(yaw, pitch, 0) @ look_along(corners.mean(axis=0))
         K_new = focused(corners @ R.T, self.size, margin)
         warp = Warp(K_new @ R @ np.linalg.inv(K), self.size)
-        return (warp, *self._kept(view.after(warp), chosen))
+        return (warp, *self._kept(context.after(warp), chosen))
 
-    def _kept(self, view: View, chosen: int) -> tuple[Keep, ...]:
-        parts = None if self.min_visible is None else view.parts_in_picture()
+    def _kept(self, context: DrawContext, chosen: int) -> tuple[Keep, ...]:
+        parts = None if self.min_visible is None else context.parts_in_picture()
         if parts is None or self.min_visible is None:
             return ()
         return (
             Keep(
                 tuple(
                     index
-                    for row, index in enumerate(view.alive)
+                    for row, index in enumerate(context.alive)
                     if row == chosen or parts[row] >= self.min_visible
                 ),
                 self.min_visible,

@@ -13,26 +13,29 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError, ShapeError
-from animal3dbox.geometry.arrays import like, namespace
+from animal3dbox.geometry.arrays import namespace
 from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import CORNER_SIGNS
+from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.distortion import check_field_of_view, turned_distortion
 from animal3dbox.geometry.face_visibility import (
     corners_visibility,
     near_depth_of_corners,
     visible_faces,
 )
+from animal3dbox.geometry.frame import in_frame
 from animal3dbox.geometry.homography import (
     CameraUpdate,
     apply_homography,
     handedness,
     update_camera,
 )
+from animal3dbox.target_schema import names_of
 from animal3dbox.transforms.camera_law.boxes import keeps_axes, least, mapped_boxes
 from animal3dbox.transforms.camera_law.fields import Fields
 from animal3dbox.transforms.camera_law.relabel import Relabelling
 
-UNMOVED = ("size", "labels", "scores", "iscrowd", "track_ids", "occlusion", "keypoint_mirror")
+UNMOVED = frozenset(names_of(under_map="unmoved"))
+"""Fields that no map of pixels changes: sizes, distances, classes, identities."""
 SKEW_TOLERANCE = 1e-6
 """Skew below this fraction of the focal length counts as none: it is rounding."""
 
@@ -78,7 +81,7 @@ def map_fields(
     update = _updated_camera(fields, H, allow_skew) if "K" in values else None
     if update is not None:
         out |= _moved(fields, update, relabel)
-    corners = corners_of(out) if update is not None else None
+    corners = cuboid_corners(out) if update is not None else None
     out |= _faces(values, H, relabel, known=corners is not None)
     if corners is not None:
         try:
@@ -164,23 +167,22 @@ def _moved(fields: Fields, update: CameraUpdate[Any], relabel: Relabelling) -> d
     return out
 
 
-def corners_of(values: dict[str, Any]) -> Any:
+def cuboid_corners(values: dict[str, Any]) -> Any:
     """Corners (N, 8, 3) in the camera frame, from the corners or from center, rotation and size.
 
     None if there are no boxes.
     """
-    return values["corners_3d"] if "corners_3d" in values else corners_of_boxes(values)
+    return values["corners_3d"] if "corners_3d" in values else parameter_corners(values)
 
 
-def corners_of_boxes(values: dict[str, Any]) -> Any:
+def parameter_corners(values: dict[str, Any]) -> Any:
     """Corners (N, 8, 3) in the camera frame of center, rotation and size.
 
     None if one of them is missing.
     """
     if not {"center", "rotation", "size"} <= set(values):
         return None
-    signs = like(values["size"], CORNER_SIGNS)
-    return values["center"][:, None] + (signs * values["size"][:, None] / 2) @ values["rotation"].mT
+    return corners_of(values["center"], values["rotation"], values["size"])
 
 
 def _seen(
@@ -238,11 +240,8 @@ def _mapped_keypoints(
     w = keypoints[..., :2] @ H[2, :2] + H[2, 2]
     safe = xp.where(abs(w) < 1e-12, xp.full_like(w, 1e-12), w)
     px = (keypoints[..., :2] @ H[:2, :2].mT + H[:2, 2]) / safe[..., None]
-    height, width = image_hw
-    inside = (
-        (w > 0) & (px >= -0.5).all(-1) & (px[..., 0] <= width - 0.5) & (px[..., 1] <= height - 0.5)
-    )
-    mapped = xp.concatenate((px, (keypoints[..., 2] * inside)[..., None]), -1)
+    visibility = keypoints[..., 2] * ((w > 0) & in_frame(px, image_hw))
+    mapped = xp.concatenate((px, visibility[..., None]), -1)
     return _renamed_keypoints(fields, mapped, relabel, permutation)
 
 

@@ -4,12 +4,26 @@ its coordinates."""
 from dataclasses import dataclass
 from typing import Any
 
+import kornia.augmentation as kornia
 import numpy as np
 import torch
 
 from animal3dbox.errors import ConfigError
-from animal3dbox.transforms.kornia_bridge.operations import matrices, mirrored, output_hw, seeded
+from animal3dbox.transforms.kornia_bridge.operations import (
+    is_geometric,
+    matrices,
+    mirrored,
+    output_hw,
+    seeded,
+)
 
+FLIPS = (kornia.RandomHorizontalFlip, kornia.RandomVerticalFlip)
+BLURS = (
+    kornia.RandomBoxBlur,
+    kornia.RandomGaussianBlur,
+    kornia.RandomMedianBlur,
+    kornia.RandomMotionBlur,
+)
 PROBE_HW = ((97, 128), (131, 90))
 TOLERANCE_PX = 0.1
 MARGIN_PX = 3
@@ -161,3 +175,19 @@ def check_blur(op: Any, side_px: int = 160) -> None:
                 " would leave the camera stale; give it odd kernel sizes, and direction=0.0 if it"
                 " has one"
             )
+
+
+def measured_mirror(op: Any, probe_hw: tuple[tuple[int, int], ...] | None = None) -> bool:
+    """Whether a kornia augmentation may mirror; what is not known of it is measured.
+
+    Raises:
+        ConfigError: its pixels do not follow its matrix, or it moves pixels without one (see
+            kornia_probe).
+
+    """
+    if isinstance(op, BLURS):
+        check_blur(op)
+    may_mirror = isinstance(op, FLIPS) and op.p > 0 and op.p_batch > 0
+    if is_geometric(op) and not type(op).__module__.startswith("kornia."):
+        may_mirror |= check_matrix(op, PROBE_HW if probe_hw is None else probe_hw)
+    return may_mirror

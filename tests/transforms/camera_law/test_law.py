@@ -35,9 +35,10 @@ from animal3dbox.transforms import (
     Resize,
     Transform,
 )
-from animal3dbox.transforms.camera_law.fields import read_target, write_target
 from animal3dbox.transforms.camera_law.law import map_fields
 from animal3dbox.transforms.camera_law.relabel import Relabelling
+from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
+from animal3dbox.transforms.pipeline import mapped_fields
 from animal3dbox.transforms.steps import Plan
 
 F64 = torch.float64
@@ -69,7 +70,8 @@ def mapped(
 ) -> tuple[dict[str, Any], Plan]:
     """The target after a pipeline, without any image."""
     plan = compose.sample_params(image_hw, target, key)
-    return write_target(compose.map_target(read_target(target, image_hw), plan)), plan
+    fields = read_target(target, image_hw)
+    return write_target(mapped_fields(fields, plan, plan.stages(), compose.options)), plan
 
 
 def final_hw(plan: Plan) -> tuple[int, int]:
@@ -298,7 +300,7 @@ def test_a_perspective_crop_of_several_keeps_the_one_it_looks_at_and_those_that_
         assert plan.keep is not None
         assert 1 <= len(plan.keep) < 8
         assert after["labels"].tolist() == list(plan.keep)
-        assert [record["number"] for record in after["quality"]] == list(plan.keep)
+        assert [record["number"] for record in after["meta"]["quality"]] == list(plan.keep)
         looked_at = int(after["center"][:, :2].norm(dim=-1).argmin())
         assert float(after["truncation"][looked_at]) == pytest.approx(0, abs=1e-12)
         assert (

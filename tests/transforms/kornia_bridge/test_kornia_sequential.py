@@ -19,7 +19,7 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS
 from animal3dbox.geometry.homography import apply_homography
 from animal3dbox.transforms import CameraAugmentationSequential
-from animal3dbox.transforms.camera_law.law import corners_of_boxes
+from animal3dbox.transforms.camera_law.law import parameter_corners
 from animal3dbox.transforms.rendering.torch_executor import warp
 
 HW = (120, 160)
@@ -161,7 +161,7 @@ def test_cuboids_stay_where_the_pixels_go(name: str, seed: int) -> None:
             project(after["K"][row], after["corners_3d"][row])[0], expected, atol=1e-6, rtol=0
         )
         assert_close(after["corners_2d"][row], expected, atol=1e-6, rtol=0)
-        boxes = corners_of_boxes(
+        boxes = parameter_corners(
             {name: after[name][row] for name in ("center", "rotation", "size")}
         )
         assert_close(boxes, after["corners_3d"][row])

@@ -19,12 +19,12 @@ from animal3dbox.geometry.face_visibility import (
 from animal3dbox.geometry.homography import CameraUpdate, update_camera
 from animal3dbox.geometry.polygon import area_in_box, polygon_area
 from animal3dbox.transforms.camera_law.fields import Fields
-from animal3dbox.transforms.camera_law.law import corners_of
+from animal3dbox.transforms.camera_law.law import cuboid_corners
 from animal3dbox.transforms.steps import IDENTITY, Keep, Step, Warp
 
 
 @dataclass(frozen=True)
-class View:
+class DrawContext:
     """The picture after the steps drawn so far; nothing has been rendered yet.
 
     Attributes:
@@ -44,17 +44,19 @@ class View:
     first_hw: tuple[int, int]
 
     @staticmethod
-    def of(image_hw: tuple[int, int], fields: Fields) -> "View":
+    def of(image_hw: tuple[int, int], fields: Fields) -> "DrawContext":
         """The picture before any step."""
         names = ("K", "corners_3d", "center", "rotation", "size", "face_visible")
         arrays = {name: as_numpy(fields.values[name]) for name in names if name in fields.values}
-        return View(image_hw, IDENTITY, arrays, tuple(range(fields.count)), fields.count, image_hw)
+        return DrawContext(
+            image_hw, IDENTITY, arrays, tuple(range(fields.count)), fields.count, image_hw
+        )
 
-    def before(self) -> "View":
+    def before(self) -> "DrawContext":
         """The picture before any step, of the animals that are alive."""
         return replace(self, image_hw=self.first_hw, H_out_in=IDENTITY)
 
-    def after(self, step: Step) -> "View":
+    def after(self, step: Step) -> "DrawContext":
         """The picture after one more step."""
         if isinstance(step, Warp):
             return replace(self, image_hw=step.image_hw, H_out_in=step.H_out_in @ self.H_out_in)
@@ -91,7 +93,7 @@ class View:
 
         After a mirror they carry their old names, which no drawing depends on.
         """
-        corners = corners_of(dict(self.values))
+        corners = cuboid_corners(dict(self.values))
         if corners is None or self.camera is None:
             return None
         moved: np.ndarray = (corners @ self.camera.Q.mT)[list(self.alive)]
@@ -113,7 +115,7 @@ class View:
         """
         affine = not self.H_out_in[2, :2].any()  # such maps move outlines as they move pixels
         corners = (
-            corners_of(dict(self.values)) if affine and "K" in self.values else self.corners_cam
+            cuboid_corners(dict(self.values)) if affine and "K" in self.values else self.corners_cam
         )
         K = self.values.get("K") if affine or self.camera is None else self.camera.K
         if corners is None or K is None:

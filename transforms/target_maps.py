@@ -10,8 +10,9 @@ from animal3dbox.errors import SampleError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.homography import oriented_homography
 from animal3dbox.transforms.camera_law.consistency import check_consistent
-from animal3dbox.transforms.camera_law.fields import Fields, read_target, write_target
+from animal3dbox.transforms.camera_law.fields import Fields
 from animal3dbox.transforms.camera_law.law import map_fields
+from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
 from animal3dbox.transforms.rendering.pixel_fields import mapped_with_pixels
 
 
