@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from animal3dbox.training.findings import Finding
+from animal3dbox.training.frames import outside_frame
 from animal3dbox.training.packed import Floats, Packed
 from animal3dbox.training.places import animal_findings, image_findings
 
@@ -54,17 +55,17 @@ def _intrinsics(packed: Packed, K: Floats) -> Iterator[Finding]:
         yield from image_findings(
             packed, wrong.any(1), "K", "K", lambda b: f"{asked} {K[b].tolist()}"
         )
-    if packed.image_hw is not None and "H_out_in" not in packed.per_image:
-        centre, hw = flat[:, 5:1:-3], packed.image_hw
-        outside = (centre < -0.5) | (centre > hw - 0.5)
+    if packed.far_corners is not None and "H_out_in" not in packed.per_image:
+        outside = outside_frame(K[:, :2, 2], packed.far_corners)
+        hw = packed.image_hw
         if outside.any():
-            said = "has its principal point outside the image: is K that of"
+            reason = "has its principal point outside the image: is K that of"
             yield from image_findings(
                 packed,
-                outside.any(1),
+                outside,
                 "principal_point",
                 "K",
-                lambda b: f"{said} {hw[b].tolist()} pixels?",
+                lambda b: f"{reason} {hw[b].tolist() if hw is not None else hw} pixels?",
             )
 
 

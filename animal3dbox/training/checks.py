@@ -21,7 +21,7 @@ from animal3dbox.training.findings import WARNINGS, Finding, TargetReport, first
 from animal3dbox.training.form_checks import form_findings, target_form
 from animal3dbox.training.frame_checks import frame_findings
 from animal3dbox.training.keypoint_checks import keypoint_findings
-from animal3dbox.training.packed import Packed, Target, groups_of, pack
+from animal3dbox.training.packed import Packed, Target, groups_of, meta_of, pack
 from animal3dbox.training.places import animal_findings, image_findings
 
 
@@ -209,12 +209,10 @@ def sample_of(finding: Finding, targets: Sequence[Target]) -> str:
     name = str(target.get("image_id", f"target {finding.target} of the batch"))
     if finding.animal is None:
         return name
-    known = target.get("sample_ids")
-    own = (
-        known[finding.animal]
-        if isinstance(known, tuple | list) and finding.animal < len(known)
-        else None
-    )
+    sample_ids = meta_of(target).get("sample_ids")
+    own = None
+    if isinstance(sample_ids, tuple | list) and finding.animal < len(sample_ids):
+        own = sample_ids[finding.animal]
     return own if isinstance(own, str) and own else f"{name}#{finding.animal}"
 
 

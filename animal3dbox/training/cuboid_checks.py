@@ -4,14 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import CORNER_SIGNS
+from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.face_visibility import NEAR_PER_DIAGONAL
 from animal3dbox.training.findings import Finding
 from animal3dbox.training.packed import Floats, Packed
 from animal3dbox.training.places import animal_findings
 
-HALF_SIGNS = np.array(CORNER_SIGNS, dtype=np.float64) / 2
 LENGTH_TOLERANCE = 1e-5
 """Of a box's largest coordinate.
 
@@ -25,7 +25,7 @@ Float32 rounds depth and focal length, which matters far from the centre.
 
 
 def cuboid_findings(packed: Packed) -> Iterator[Finding]:
-    """What is wrong with size, corners_3d, corners_2d, corner_in_front and behind_camera."""
+    """What is wrong with size, distance, corners_3d, corners_2d, corner_in_front and behind_camera."""
     floats = packed.floats
     if "size" in floats and (floats["size"] <= 0).any():
         yield from animal_findings(
@@ -35,9 +35,11 @@ def cuboid_findings(packed: Packed) -> Iterator[Finding]:
             "size",
             lambda n: f"must be positive, got {floats['size'][n].tolist()}",
         )
+    if "distance" in floats and "center" in floats:
+        yield from _distances(packed, floats["center"], floats["distance"])
     if "corners_3d" in floats:
         yield from _corners(packed, floats["corners_3d"])
-    corners = corners_of(packed)
+    corners = cuboid_corners(packed)
     if corners is None:
         return
     yield from _in_front(packed, corners)
@@ -45,16 +47,32 @@ def cuboid_findings(packed: Packed) -> Iterator[Finding]:
         yield from _projections(packed, projected(packed, packed.K, corners), corners[..., 2])
 
 
-def corners_of(packed: Packed) -> Floats | None:
+def cuboid_corners(packed: Packed) -> Floats | None:
     """Corners (N, 8, 3) in the camera frame; None if nothing says where the boxes are."""
     if "corners_3d" in packed.floats:
         return packed.floats["corners_3d"]
-    if not packed.has_box:
-        return None
-    floats = packed.floats
-    return floats["center"][:, None] + (HALF_SIGNS * floats["size"][:, None]) @ floats[
-        "rotation"
-    ].swapaxes(1, 2)
+    return _parameter_corners(packed.floats) if packed.has_box else None
+
+
+def _parameter_corners(floats: dict[str, Floats]) -> Floats:
+    return corners_of(floats["center"], floats["rotation"], floats["size"])
+
+
+def _distances(packed: Packed, center: Floats, distance: Floats) -> Iterator[Finding]:
+    """Distances that are not distance = |center|."""
+    length = norm(center)
+    wrong = np.abs(distance - length) > LENGTH_TOLERANCE * length
+    if wrong.any():
+        yield from animal_findings(
+            packed,
+            wrong,
+            "distance",
+            "distance",
+            lambda n: (
+                f"is {distance[n]:.6g}, but center lies {length[n]:.6g} from the camera: one of"
+                " them is stale, or in another unit"
+            ),
+        )
 
 
 def _corners(packed: Packed, corners: Floats) -> Iterator[Finding]:
@@ -63,16 +81,13 @@ def _corners(packed: Packed, corners: Floats) -> Iterator[Finding]:
     Without these, not those of any box in the documented order.
     """
     if packed.has_box:
-        center, edges = (
-            packed.floats["center"],
-            packed.floats["size"][:, :, None] * packed.floats["rotation"].swapaxes(1, 2),
-        )
+        expected = _parameter_corners(packed.floats)
         source = "center, rotation and size"
     else:
-        center = corners.mean(1)
+        # The box on three edges from corner 0: they are its axes, with their lengths in them.
         edges = corners[:, [1, 3, 4]] - corners[:, :1]  # rows along forward, left, up
+        expected = corners_of(corners.mean(1), edges.mT, np.ones_like(edges[:, 0]))
         source = "a box on the edges 0-1, 0-3, 0-4"
-    expected = center[:, None] + HALF_SIGNS @ edges
     off = np.abs(corners - expected).max((1, 2))
     wrong = off > LENGTH_TOLERANCE * packed.reach
     if wrong.any():

@@ -18,6 +18,7 @@ CHECKS = {
     "H_out_in": "H_out_in is not invertible",
     "mirrored": "mirrored contradicts H_out_in",
     "size": "size is not positive",
+    "distance": "distance is not that of center from the camera",
     "corners_3d": "corners are not those of center, rotation and size",
     "corner_order": "they are, in another order: a mirror, or another library's order",
     "projection": "corners_2d are not the projection of the cuboid by K and its lens",

@@ -9,6 +9,7 @@ from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.cuboid import FACES
 from animal3dbox.geometry.polygon import area_in_box
 from animal3dbox.training.findings import Finding
+from animal3dbox.training.frames import outside_frame
 from animal3dbox.training.packed import Floats, Packed
 from animal3dbox.training.places import animal_findings
 
@@ -56,14 +57,13 @@ def _boxes(packed: Packed, boxes: Floats) -> Iterator[Finding]:
             lambda n: f"must be x1 < x2, y1 < y2, got {boxes[n].tolist()}",
         )
     if packed.frame is not None:
-        outside = (boxes[:, :2] < -0.5 - EDGE_TOLERANCE_PX) | (
-            boxes[:, 2:] > packed.frame + EDGE_TOLERANCE_PX
-        )
+        corners = boxes.reshape(-1, 2, 2)
+        outside = outside_frame(corners, packed.frame[:, None], EDGE_TOLERANCE_PX).any(1)
         if outside.any():
             remedy = "clip it to [-0.5, W - 0.5]"
             yield from animal_findings(
                 packed,
-                outside.any(1),
+                outside,
                 "boxes_in_frame",
                 "boxes",
                 lambda n: f"leaves the frame: {boxes[n].tolist()}; {remedy}",
@@ -144,7 +144,7 @@ def _areas_inside(packed: Packed) -> tuple[NDArray[np.bool_], Floats, Floats] | 
     px, frame = packed.floats["corners_2d"], packed.frame
     whole = whole * visible
     low, high = packed.outline
-    cut = ((low < -0.5) | (high > frame)).any(1) & packed.all_in_front
+    cut = (outside_frame(low, frame) | outside_frame(high, frame)) & packed.all_in_front
     inside = whole
     if cut.any():
         inside = whole.copy()
@@ -166,9 +166,8 @@ def _keypoints(packed: Packed, keypoints: Floats) -> Iterator[Finding]:
         )
     if packed.frame is None:
         return
-    px = keypoints[..., :2]
-    beyond = (px < -0.5 - EDGE_TOLERANCE_PX) | (px > packed.frame[:, None] + EDGE_TOLERANCE_PX)
-    outside = (beyond[..., 0] | beyond[..., 1]) & (v > 0)
+    frame = packed.frame[:, None]
+    outside = outside_frame(keypoints[..., :2], frame, EDGE_TOLERANCE_PX) & (v > 0)
     if outside.any():
         yield from animal_findings(
             packed,

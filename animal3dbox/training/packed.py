@@ -14,37 +14,43 @@ from torch import Tensor
 
 from animal3dbox.geometry.arrays import as_numpy, norm
 from animal3dbox.geometry.cuboid import FACES
+from animal3dbox.target_schema import FIELDS, names_of
 
 Target = Mapping[str, Any]
 Floats = NDArray[np.float64]
 
-FLOATS: dict[str, tuple[int, ...]] = {
-    "corners_3d": (8, 3), "center": (3,), "rotation": (3, 3), "size": (3,), "corners_2d": (8, 2), "face_area": (6,), "face_share": (6,),
-    "face_share_in_image": (6,), "surface_share": (6,), "truncation": (), "boxes": (4,), "R": (3, 3), "t": (3,),
-}  # fmt: skip
-"""Floating-point fields with one entry an animal: the shape of an entry."""
-FLAGS: dict[str, tuple[int, ...]] = {
-    "corner_in_front": (8,),
-    "face_visible": (6,),
-    "behind_camera": (),
+CHECKED = tuple(
+    field
+    for field in FIELDS
+    if field.label_name is not None or field.name in ("labels", "H_out_in", "keypoints", "masks")
+)
+"""The fields that checks look at: those of a label, and what a training loss reads beside them."""
+FIXED = {field.name: field.entry_shape for field in CHECKED if field.entry_shape is not None}
+"""Fields of a fixed form: the shape of an entry."""
+FLOATS = {
+    field.name: FIXED[field.name]
+    for field in CHECKED
+    if field.kind == "float" and field.per != "image" and field.name in FIXED
 }
-WHOLE: dict[str, tuple[int, ...]] = {"labels": ()}
-PER_IMAGE: dict[str, tuple[int, ...]] = {"K": (3, 3), "H_out_in": (3, 3)}
-SHARED: dict[str, tuple[int, ...]] = {"R": (3, 3), "t": (3,)}
+"""Floating-point fields with one entry an animal, likewise."""
+FLAGS = {field.name: FIXED[field.name] for field in CHECKED if field.kind == "flag"}
+WHOLE = {name: FIXED[name] for name in names_of(kind="whole") if name in FIXED}
+PER_IMAGE = {field.name: FIXED[field.name] for field in CHECKED if field.per == "image"}
+SHARED = {field.name: FIXED[field.name] for field in CHECKED if field.per == "either"}
 """Fields that may be one for all animals of an image."""
-FREE: dict[str, int] = {"keypoints": 2, "masks": 2}
+FREE = {field.name: len(field.shape.split()) for field in CHECKED if field.entry_shape is None}
 """Fields with one entry an animal whose size is the dataset's: how many dimensions an entry has."""
 FLAGGED = {**dict.fromkeys(FLAGS, np.bool_), **dict.fromkeys(WHOLE, np.int64)}
 """The types in which flags and whole numbers are worked on."""
 FLOATING = (torch.float32, torch.float64)
+BITS = (torch.bool, torch.uint8)
 FORMS: dict[str, tuple[tuple[int, ...], tuple[torch.dtype, ...]]] = {
     **{name: (shape, FLOATING) for name, shape in {**FLOATS, **PER_IMAGE}.items()},
-    **{name: (shape, (torch.bool, torch.uint8)) for name, shape in FLAGS.items()},
+    **{name: (shape, BITS) for name, shape in FLAGS.items()},
     **{name: (shape, (torch.int64,)) for name, shape in WHOLE.items()},
 }
 """Of fields of a fixed form: the shape of an entry, and the types it may have."""
-KNOWN = frozenset((*FLOATS, *FLAGS, *WHOLE, *PER_IMAGE, *FREE, "quality"))
-
+KNOWN = frozenset((*FORMS, *FREE))
 
 DIAGONALS = np.array([[face[2], face[3], face[0], face[1]] for face in FACES.values()])
 """Of each face: where its two diagonals end, and where they start."""
@@ -92,11 +98,14 @@ class Packed:
         return np.asarray(self.per_image["K"][self.owner]) if "K" in self.per_image else None
 
     @cached_property
+    def far_corners(self) -> Floats | None:
+        """Where the frame of each image ends, (B, 2): x, y = W - 0.5, H - 0.5."""
+        return None if self.image_hw is None else np.asarray(self.image_hw[:, ::-1] - 0.5)
+
+    @cached_property
     def frame(self) -> Floats | None:
-        """The last pixel's far corner x, y of each animal's image, (N, 2): W - 0.5, H - 0.5."""
-        return (
-            None if self.image_hw is None else np.asarray(self.image_hw[self.owner][:, ::-1] - 0.5)
-        )
+        """Where the frame of each animal's image ends, (N, 2): x, y = W - 0.5, H - 0.5."""
+        return None if self.far_corners is None else np.asarray(self.far_corners[self.owner])
 
     @cached_property
     def has_box(self) -> bool:
@@ -153,6 +162,12 @@ class Packed:
         return norm(self.floats["corners_3d"][:, 6] - self.floats["corners_3d"][:, 0])
 
 
+def meta_of(target: Target) -> Mapping[str, Any]:
+    """A target's book-keeping; empty if it has none."""
+    meta = target.get("meta")
+    return meta if isinstance(meta, Mapping) else {}
+
+
 def groups_of(targets: Sequence[Target]) -> list[list[int]]:
     """Targets by which known fields they have; almost always all of them together."""
     if all(target.keys() == targets[0].keys() for target in targets):
@@ -180,7 +195,7 @@ def pack(
         step: which turn it is.
 
     """
-    names = [name for name in targets[0] if name in KNOWN and name not in ("masks", "quality")]
+    names = [name for name in targets[0] if name in KNOWN and name != "masks"]
     try:
         per_image = {
             name

@@ -20,8 +20,10 @@ from animal3dbox.datasets import SyntheticDataset, SyntheticSet, collate
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS, MIRRORED_FACES
+from animal3dbox.geometry.frame import in_frame
 from animal3dbox.training.checks import check_targets
 from animal3dbox.training.findings import CHECKS, EXAMPLES, WARNINGS, TargetReport
+from animal3dbox.training.frames import outside_frame
 from animal3dbox.transforms import (
     Compose,
     RandomHorizontalFlip,
@@ -189,6 +191,7 @@ FAULTS: dict[str, tuple[Callable[[Batch], None], str, str]] = {
     "corners of another frame": (put("corners_3d", lambda v: v + 0.01), "corners_3d", "corners_3d"),
     "size halved": (put("size", lambda v: v / 2), "corners_3d", "corners_3d"),
     "2D moved by 0.1 px": (put("corners_2d", lambda v: v + 0.1), "projection", "corners_2d"),
+    "distance in another unit": (put("distance", lambda v: v * 100), "distance", "distance"),
     "in front flag": (
         put("corner_in_front", at((1, 3), False)),
         "corner_in_front",
@@ -309,6 +312,34 @@ def test_an_error_names_image_animal_field_and_remedy() -> None:
         check_targets(batch)
 
 
+def test_an_error_names_its_animal_as_the_book_keeping_does() -> None:
+    batch = good_batch()
+    batch[1]["labels"] = torch.tensor([0, -1])
+    batch[1]["meta"] = {"sample_ids": ["herd/7", "herd/8"]}
+    with pytest.raises(SampleError, match=r"^herd/8: labels: must count from 0"):
+        check_targets(batch)
+
+
+def test_a_distance_is_compared_with_the_center_alone() -> None:
+    lone = [{"center": torch.tensor([[3.0, 0, 4]]), "distance": torch.tensor([5.0])}]
+    assert check_targets(lone).faults == 0
+    lone[0]["distance"] = torch.tensor([5.001])
+    assert check_targets(lone, on_fault="count").counts == {"distance": 1}
+
+
+def test_points_outside_frames_of_many_sizes_are_those_that_are_not_in_frame() -> None:
+    rng = np.random.default_rng(0)
+    px = rng.integers(-3, 12, (200, 2)).astype(np.float64) / 2
+    sizes = rng.integers(1, 6, (200, 2))
+    outside = outside_frame(px, sizes[:, ::-1].astype(np.float64) - 0.5)
+    expected = [
+        not in_frame(point, (int(height), int(width)))
+        for point, (height, width) in zip(px, sizes, strict=True)
+    ]
+    assert outside.tolist() == expected
+    assert 0 < outside.sum() < 200
+
+
 def test_a_mirror_flag_that_contradicts_the_map_is_caught() -> None:
     batch = good_batch()
     for target in batch:
@@ -426,7 +457,10 @@ def test_a_batch_of_which_everything_was_left_out_is_no_fault() -> None:
     ("field", "value", "says"),
     [
         ("keypoints", torch.zeros(2, 5, 2), "keypoints: must have"),
-        ("quality", None, "quality: must be a list"),
+        ("meta", {"quality": None}, "meta: quality: must be a list"),
+        ("meta", {"sample_ids": ["a"]}, "meta: sample_ids: has 1 entries, but other fields are"),
+        ("meta", None, "meta: must be a dict"),
+        ("distance", torch.zeros(2, 1), "distance: must have shape"),
     ],
 )
 def test_fields_of_another_form_are_named(field: str, value: Any, says: str) -> None:
