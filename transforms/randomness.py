@@ -1,4 +1,4 @@
-"""Where randomness comes from: one generator a sample, a function of (seed, epoch, index) alone."""
+"""One generator a sample, a function of (seed, epoch, index) alone, and checks of options."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ SEEDS = 2**62
 
 
 def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
-    """The generator of one sample.
+    """The generator of one sample, from which all its transforms draw.
 
     Args:
         seed: of the pipeline, >= 0.
@@ -44,6 +44,12 @@ def check_range(
 ) -> tuple[float, float]:
     """A range of draws: a number x means [about - x, about + x]; without about it must be a pair.
 
+    Args:
+        name: of the option, for the message.
+        value: a number or a (low, high) pair.
+        about: the value that changes nothing.
+        least: the least value that the range may reach.
+
     Raises:
         ConfigError: the range is reversed, not finite, or reaches below least.
 
@@ -65,8 +71,8 @@ def check_range(
         or low > high
         or (least is not None and low < least)
     ):
-        wanted = "finite and in order" + (f", not below {least}" if least is not None else "")
-        raise ConfigError(f"{name} must be a number or a (low, high) pair, {wanted}, got {value!r}")
+        order = "finite and in order" + (f", not below {least}" if least is not None else "")
+        raise ConfigError(f"{name} must be a number or a (low, high) pair, {order}, got {value!r}")
     return float(low), float(high)
 
 

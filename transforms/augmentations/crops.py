@@ -13,6 +13,7 @@ from animal3dbox.transforms.steps import Step, Warp
 from animal3dbox.transforms.transform import Transform
 
 TRIALS = 10
+"""Crops that are drawn at once, of which the first that shows enough of an animal is taken."""
 
 
 class RandomResizedCrop(Transform):
@@ -33,6 +34,11 @@ class RandomResizedCrop(Transform):
         p: probability of a random crop; otherwise the greatest part of the right aspect is taken
             from the middle, so that the size is always the same.
 
+    Example:
+        >>> image, target = np.zeros((60, 80, 3), np.uint8), {}
+        >>> image, target = RandomResizedCrop((30, 30), scale=(1, 1), p=0)(image, target)
+        >>> image.shape, target["H_out_in"][0].tolist()  # the middle 60 columns, halved
+        ((30, 30, 3), [0.5, 0.0, -5.25])
     """
 
     geometric = True
@@ -42,6 +48,7 @@ class RandomResizedCrop(Transform):
         size: Size,
         scale: tuple[float, float] = (0.3, 1.0),
         ratio: tuple[float, float] | None = None,
+        *,
         keep_part: float = 0.5,
         min_visible: float | None = 0.1,
         p: float = 1.0,
@@ -59,10 +66,10 @@ class RandomResizedCrop(Transform):
         )
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The map, and which animals stay."""
+        """Draw TRIALS crops, take one by what it shows, and say which animals stay."""
         boxes = self._draw(rng, context.image_hw, random=rng.random() < self.random_p)
-        asked = context.alive and (self.keep_part > 0 or self.min_visible is not None)
-        parts = context.visible_parts(boxes) if asked else None
+        depends = context.alive and (self.keep_part > 0 or self.min_visible is not None)
+        parts = context.visible_parts(boxes) if depends else None
         best = 0
         if parts is not None:
             most = np.where(np.isnan(parts), 0, parts).max(axis=1)
@@ -88,8 +95,8 @@ class RandomResizedCrop(Transform):
                 math.log(self.ratio[0]) + math.log(self.ratio[1] / self.ratio[0]) * stretch
             )
         height, width = image_hw
-        wide = np.minimum(width, height * aspect) * np.sqrt(area)
-        high_px = np.minimum(height, width / aspect) * np.sqrt(area)
-        left = (width - wide) * (across if random else 0.5) - 0.5
-        top = (height - high_px) * (down if random else 0.5) - 0.5
-        return np.stack((left, top, left + wide, top + high_px), axis=1)
+        crop_width = np.minimum(width, height * aspect) * np.sqrt(area)
+        crop_height = np.minimum(height, width / aspect) * np.sqrt(area)
+        left = (width - crop_width) * (across if random else 0.5) - 0.5
+        top = (height - crop_height) * (down if random else 0.5) - 0.5
+        return np.stack((left, top, left + crop_width, top + crop_height), axis=1)

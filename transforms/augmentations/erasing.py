@@ -24,6 +24,12 @@ class RandomErasing(Transform):
         ratio: range of its aspect, width over height.
         value: colour in [0, 1], one or one a channel; "random" for noise.
 
+    Example:
+        >>> target = {"masks": np.ones((1, 40, 40), np.uint8)}
+        >>> erase = RandomErasing(p=1, scale=(0.25, 0.25), ratio=(1, 1))
+        >>> image, target = erase(np.full((40, 40, 3), 9, np.uint8), target)
+        >>> target["occlusion"].tolist(), int((image == 0).sum()) // 3
+        ([0.25], 400)
     """
 
     def __init__(
@@ -43,26 +49,21 @@ class RandomErasing(Transform):
         self.value = value
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The rectangle."""
+        """Draw the rectangle, whole pixels inside the picture, and the seed of its noise."""
         height, width = context.image_hw
         area = rng.uniform(*self.scale) * height * width
         aspect = math.exp(rng.uniform(math.log(self.ratio[0]), math.log(self.ratio[1])))
-        wide, high = (
-            min(width, round(math.sqrt(area * aspect))),
-            min(height, round(math.sqrt(area / aspect))),
-        )
-        left, top, seed = (
-            int(rng.integers(width - wide + 1)),
-            int(rng.integers(height - high + 1)),
-            int(rng.integers(SEEDS)),
-        )
-        if wide == 0 or high == 0:
+        box_width = min(width, round(math.sqrt(area * aspect)))
+        box_height = min(height, round(math.sqrt(area / aspect)))
+        left = int(rng.integers(width - box_width + 1))
+        top = int(rng.integers(height - box_height + 1))
+        seed = int(rng.integers(SEEDS))
+        if box_width == 0 or box_height == 0:
             return ()
-        value = (
-            None
-            if isinstance(self.value, str)
-            else self.value
-            if isinstance(self.value, tuple)
-            else (float(self.value),)
-        )
-        return (Erase(((left, top, left + wide, top + high),), value, seed),)
+        return (Erase(((left, top, left + box_width, top + box_height),), self._colour(), seed),)
+
+    def _colour(self) -> tuple[float, ...] | None:
+        """The colour of the paint; None for noise."""
+        if isinstance(self.value, str):
+            return None
+        return self.value if isinstance(self.value, tuple) else (float(self.value),)

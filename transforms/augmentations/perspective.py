@@ -23,6 +23,11 @@ class RandomPerspective(Transform):
         allow_skew: must be True: the camera gets a skew K[0, 1], which most detectors ignore.
             RandomVirtualCamera gives perspective without it.
 
+    Example:
+        >>> move = RandomPerspective(0.3, p=1, allow_skew=True)
+        >>> image, target = move(np.zeros((60, 80, 3), np.uint8), {}, key=(0, 0))
+        >>> image.shape, bool(target["H_out_in"][2, :2].any())
+        ((60, 80, 3), True)
     """
 
     geometric = True
@@ -43,7 +48,7 @@ class RandomPerspective(Transform):
         self.allow_skew = allow_skew
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The one map."""
+        """Draw four corners, and the map that takes the picture's own to them."""
         height, width = context.image_hw
         edges = np.array(
             [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]

@@ -1,4 +1,4 @@
-"""Resize, pad and crop without randomness."""
+"""Resizing, padding and cropping without randomness."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from animal3dbox.transforms.transform import Transform
 
 
 class Resize(Transform):
-    """Resize the picture.
+    """Resize the picture to a fixed size.
 
     K: x' = (x + 1/2) s - 1/2, so fx' = s fx and cx' = (cx + 1/2) s - 1/2; likewise y.
 
@@ -19,6 +19,10 @@ class Resize(Transform):
         size: (height, width); or one number for the shorter side, keeping the aspect up to the
             rounding to whole pixels.
 
+    Example:
+        >>> image, target = Resize(30)(np.zeros((60, 80, 3), np.uint8), {})
+        >>> image.shape, target["H_out_in"][0].tolist()  # x' = (x + 1/2) / 2 - 1/2
+        ((30, 40, 3), [0.5, 0.0, -0.25])
     """
 
     geometric = True
@@ -29,7 +33,7 @@ class Resize(Transform):
         check_size("size", size)
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The one map."""
+        """The map to the size, which depends on the picture's own if one number was given."""
         height, width = context.image_hw
         if isinstance(self.size, int | np.integer):
             factor = self.size / min(height, width)
@@ -48,6 +52,10 @@ class LetterBox(Transform):
         size: (height, width), or one number for both.
         enlarge: also enlarge pictures that are smaller.
 
+    Example:
+        >>> image, target = LetterBox(40)(np.full((60, 80), 9, np.uint8), {})
+        >>> image.shape, image[:, 0].tolist().index(9)  # five rows of border, then the picture
+        ((40, 40), 5)
     """
 
     geometric = True
@@ -58,7 +66,7 @@ class LetterBox(Transform):
         self.enlarge = enlarge
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The one map."""
+        """The map that fits the picture into the size."""
         return (Warp(fitting(context.image_hw, self.size, enlarge=self.enlarge), self.size),)
 
 
@@ -85,6 +93,10 @@ class PadTo(Transform):
         position: "center", or "top_left" to fill on the right and at the bottom only, which leaves
             K as it is.
 
+    Example:
+        >>> image, target = PadTo((64, 96))(np.zeros((60, 80, 3), np.uint8), {})
+        >>> image.shape, target["H_out_in"][:2, 2].tolist()
+        ((64, 96, 3), [8.0, 2.0])
     """
 
     geometric = True
@@ -97,7 +109,7 @@ class PadTo(Transform):
         self.position = position
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The one map."""
+        """The shift to the place in the greater picture."""
         room = (self.size[0] - context.image_hw[0], self.size[1] - context.image_hw[1])
         if min(room) < 0:
             raise ConfigError(
@@ -118,6 +130,10 @@ class CenterCrop(Transform):
         min_visible: drop animals of which less than this part of what was visible remains; None
             keeps all.
 
+    Example:
+        >>> image, target = CenterCrop(40)(np.zeros((60, 80, 3), np.uint8), {})
+        >>> image.shape, target["H_out_in"][:2, 2].tolist()
+        ((40, 40, 3), [-20.0, -10.0])
     """
 
     geometric = True
@@ -130,7 +146,7 @@ class CenterCrop(Transform):
         )
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The map, and which animals stay."""
+        """The shift that puts the middle first, and which animals stay."""
         left, top = (
             (context.image_hw[1] - self.size[1]) // 2,
             (context.image_hw[0] - self.size[0]) // 2,
@@ -144,10 +160,19 @@ class CenterCrop(Transform):
 def keep_visible(
     context: DrawContext, parts: np.ndarray | None, min_visible: float | None
 ) -> tuple[Keep, ...]:
-    """The step that keeps the animals of which at least a given part is left, of parts (N,)."""
+    """The step that keeps the animals of which at least a given part is left.
+
+    Args:
+        context: the picture before the crop.
+        parts: (N,) of each animal in the picture, what the crop leaves of it; NaN keeps it.
+        min_visible: the least part; None keeps all, as does None for parts.
+
+    Returns:
+        One step, or none if all stay.
+    """
     if parts is None or min_visible is None:
         return ()
-    kept = tuple(
+    indices = tuple(
         index for index, part in zip(context.alive, parts, strict=True) if not part < min_visible
     )
-    return (Keep(kept, min_visible),) if kept != context.alive else ()
+    return (Keep(indices, min_visible),) if indices != context.alive else ()

@@ -27,7 +27,8 @@ def required_K(context: DrawContext, name: str) -> np.ndarray:
 class RandomVirtualCamera(Transform):
     """Turn the camera on the spot, and zoom: H = K' R K^-1.
 
-    K: the focal lengths are scaled by the zoom. The camera frame is turned; no skew comes in.
+    The picture is the one that another camera at the same place would have taken, so everything
+    stays exact. K: the focal lengths are scaled by the zoom. The camera frame is turned; no skew comes in.
 
     Args:
         yaw: range in degrees, to the right; a number x means [-x, x].
@@ -36,6 +37,12 @@ class RandomVirtualCamera(Transform):
         zoom: range of the factor of the focal length.
         p: probability.
 
+    Example:
+        >>> K = np.array([[90.0, 0, 39.5], [0, 90, 29.5], [0, 0, 1]])
+        >>> turn = RandomVirtualCamera((3, 3), (0, 0), (0, 0), zoom=(2, 2))
+        >>> image, target = turn(np.zeros((60, 80, 3), np.uint8), {"K": K})
+        >>> (target["K"].round(6) + 0).tolist()
+        [[180.0, 0.0, 39.5], [0.0, 180.0, 29.5], [0.0, 0.0, 1.0]]
     """
 
     geometric = True
@@ -46,6 +53,7 @@ class RandomVirtualCamera(Transform):
         pitch: Range = 5.0,
         roll: Range = 5.0,
         zoom: tuple[float, float] = (1.0, 1.0),
+        *,
         p: float = 1.0,
     ) -> None:
         super().__init__(p)
@@ -61,7 +69,7 @@ class RandomVirtualCamera(Transform):
         self.zoom = check_range("zoom", zoom, about=None, least=1e-3)
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The one map."""
+        """Draw the turn and the zoom of the camera."""
         K = required_K(context, type(self).__name__)
         R = camera_rotation(
             rng.uniform(*self.yaw), rng.uniform(*self.pitch), rng.uniform(*self.roll)
@@ -89,6 +97,13 @@ class PerspectiveCrop(Transform):
     With several animals one that lies in front of the camera is drawn; with none the picture is
     fitted into the size.
 
+    Example:
+        >>> cuboid = {"center": np.array([[1.0, 0.5, 6.0]]), "rotation": np.eye(3)[None]}
+        >>> K = np.array([[90.0, 0, 39.5], [0, 90, 29.5], [0, 0, 1]])
+        >>> target = {"K": K, **cuboid, "size": np.ones((1, 3))}
+        >>> image, target = PerspectiveCrop(64)(np.zeros((60, 80, 3), np.uint8), target)
+        >>> (target["center"].round(3) + 0).tolist()  # on the optical axis, as far away as before
+        [[0.0, 0.0, 6.103]]
     """
 
     geometric = True
@@ -111,43 +126,45 @@ class PerspectiveCrop(Transform):
         )
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """The map, and which animals stay."""
+        """Draw an animal, the camera that looks at it, and say which animals stay."""
         K = required_K(context, type(self).__name__)
-        draws, yaw, pitch, margin = (
+        # Everything is drawn before it is known whether there is an animal to look at, so that the
+        # transforms behind this one draw the same in any case.
+        choice, yaw, pitch, margin = (
             rng.random(),
             rng.uniform(*self.jitter_deg),
             rng.uniform(*self.jitter_deg),
             rng.uniform(*self.margin),
         )
-        seen = np.flatnonzero(context.in_front())
-        if context.corners_cam is None or not len(seen):
+        candidates = np.flatnonzero(context.in_front())
+        if context.corners_cam is None or not len(candidates):
             return (Warp(fitting(context.image_hw, self.size), self.size),)
-        chosen = int(seen[int(draws * len(seen))])
-        corners = context.corners_cam[chosen]
+        row = int(candidates[int(choice * len(candidates))])
+        corners = context.corners_cam[row]
         R = camera_rotation(yaw, pitch, 0) @ look_along(corners.mean(axis=0))
         K_new = focused(corners @ R.T, self.size, margin)
         warp = Warp(K_new @ R @ np.linalg.inv(K), self.size)
-        return (warp, *self._kept(context.after(warp), chosen))
+        return (warp, *self._keep_visible(context.after(warp), row))
 
-    def _kept(self, context: DrawContext, chosen: int) -> tuple[Keep, ...]:
+    def _keep_visible(self, context: DrawContext, subject: int) -> tuple[Keep, ...]:
+        """The step that keeps the animal looked at, by its row, and those that are still visible."""
         parts = None if self.min_visible is None else context.parts_in_picture()
         if parts is None or self.min_visible is None:
             return ()
-        return (
-            Keep(
-                tuple(
-                    index
-                    for row, index in enumerate(context.alive)
-                    if row == chosen or parts[row] >= self.min_visible
-                ),
-                self.min_visible,
-            ),
+        indices = tuple(
+            index
+            for row, index in enumerate(context.alive)
+            if row == subject or parts[row] >= self.min_visible
         )
+        return (Keep(indices, self.min_visible),)
 
 
 def look_along(direction: np.ndarray) -> np.ndarray:
-    """The rotation R_new_old (3, 3) without roll that turns a direction of the camera frame into
-    the optical axis."""
+    """The rotation R_new_old (3, 3) without roll that makes a direction the optical axis.
+
+    Args:
+        direction: (3,) in the camera frame, of any length > 0.
+    """
     x, y, z = direction / np.linalg.norm(direction)
     return camera_rotation(
         math.degrees(math.atan2(x, z)), math.degrees(math.atan2(-y, math.hypot(x, z))), 0
@@ -155,8 +172,13 @@ def look_along(direction: np.ndarray) -> np.ndarray:
 
 
 def focused(corners_cam: np.ndarray, size: tuple[int, int], margin: float) -> np.ndarray:
-    """Intrinsics (3, 3) with the principal point in the middle that let corners (8, 3) fill a
-    picture up to its margin."""
+    """Intrinsics (3, 3), the principal point in the middle, under which a box fills a picture.
+
+    Args:
+        corners_cam: (8, 3) of the box, in front of the camera.
+        size: (height, width) of the picture.
+        margin: the part of half the picture that stays empty, in [0, 1).
+    """
     spread = np.abs(corners_cam[:, :2] / corners_cam[:, 2:]).max(axis=0)
     focal = (1 - margin) * min(size[1] / 2 / spread[0], size[0] / 2 / spread[1])
     across, down = center_of(size)

@@ -57,7 +57,7 @@ class FieldForm:
 
 @dataclass(frozen=True)
 class Fields:
-    """A target opened up.
+    """A target, opened and checked.
 
     Attributes:
         values: the known array fields, all NumPy or all torch (see read_target); floats are

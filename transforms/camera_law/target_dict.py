@@ -146,11 +146,11 @@ def _check_pixels(values: dict[str, Any], image_hw: tuple[int, int], sample_id: 
     """Raise a SampleError unless masks and depth cover the image."""
     for name in ("masks", "depth"):
         if name in values and tuple(values[name].shape[-2:]) != tuple(image_hw):
-            came = tuple(values[name].shape[-2:])
+            field_hw = tuple(values[name].shape[-2:])
             raise SampleError(
                 sample_id,
                 name,
-                f"is stale: it covers {came} (height, width), the image {tuple(image_hw)}; map both"
+                f"is stale: it covers {field_hw} (height, width), the image {tuple(image_hw)}; map both"
                 " by one transform",
             )
 
