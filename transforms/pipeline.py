@@ -34,7 +34,7 @@ from animal3dbox.transforms.rendering.pixel_fields import mapped_with_pixels
 from animal3dbox.transforms.steps import Erase, Keep, Local, Pass, Plan, Standardise, Step
 
 Draw = Callable[[np.random.Generator, DrawContext], tuple[Step, ...]]
-"""Whatever draws the steps for one picture: `Transform.sample` of one transform, or of a Compose."""
+"""Whatever draws the steps for one picture: the method `sample` of a Transform or a Compose."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +108,7 @@ def run_batch_pipeline(
     options: PipelineOptions,
     keys: Sequence[SampleKey | None],
 ) -> tuple[list[Tensor], list[dict[str, Any]]]:
-    """The images and targets of a batch, those of like kind rendered together; see Compose.batch."""
+    """The images and targets of a batch, rendered together where they can; see Compose.batch."""
     forms = [image_form(image) for image in images]
     _check_alike(forms)
     plans: list[Plan] = []
@@ -228,7 +228,9 @@ def rendered(
             uint8=form.is_uint8,
         )[0][None]
         return owned(image_from_bchw(batch, form, normalised=_normalises(plan)), image), target
-    result = opencv_executor.run_stages(image, form, stages, options.interpolation, options.fill)
+    result = opencv_executor.run_stages(
+        image, form, stages, interpolation=options.interpolation, fill=options.fill
+    )
     return owned(result, image), target
 
 

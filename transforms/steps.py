@@ -171,8 +171,8 @@ class Plan:
 def fused(steps: Iterable[Step], image_hw: tuple[int, int]) -> list[Pass | Local]:
     """The stages of some steps: neighbouring maps and colour matrices are multiplied.
 
-    Blur, noise, erasing and kornia's pixel operations stay where they are. Maps of pixels and affine maps of colours commute, but for the border: the fused pass colours
-    the fill as well.
+    Blur, noise, erasing and kornia's pixel operations stay where they are. Maps of pixels and
+    affine maps of colours commute, but for the border: the fused pass colours the fill as well.
 
     Raises:
         ConfigError: a colour change comes after the standardisation, which has no [0, 1] any more.

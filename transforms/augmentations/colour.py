@@ -89,8 +89,8 @@ class RandomGrayscale(Transform):
 class Normalize(Transform):
     """Standardise colours in [0, 1]: (x - mean) / std.
 
-    The image leaves as float32 (float64 if it came so). Put it last: after it there is no [0, 1] any
-    more in which another transform could change colours.
+    The image leaves as float32 (float64 if it came so). Put it last: after it there is no [0, 1]
+    any more in which another transform could change colours.
 
     Args:
         mean: per channel, of colours in [0, 1].

@@ -28,7 +28,8 @@ class RandomVirtualCamera(Transform):
     """Turn the camera on the spot, and zoom: H = K' R K^-1.
 
     The picture is the one that another camera at the same place would have taken, so everything
-    stays exact. K: the focal lengths are scaled by the zoom. The camera frame is turned; no skew comes in.
+    stays exact. K: the focal lengths are scaled by the zoom. The camera frame is turned; no skew
+    comes in.
 
     Args:
         yaw: range in degrees, to the right; a number x means [-x, x].
@@ -147,7 +148,7 @@ class PerspectiveCrop(Transform):
         return (warp, *self._keep_visible(context.after(warp), row))
 
     def _keep_visible(self, context: DrawContext, subject: int) -> tuple[Keep, ...]:
-        """The step that keeps the animal looked at, by its row, and those that are still visible."""
+        """The step that keeps the animal looked at, by its row, and all that are still visible."""
         parts = None if self.min_visible is None else context.parts_in_picture()
         if parts is None or self.min_visible is None:
             return ()

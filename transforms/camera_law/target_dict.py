@@ -150,8 +150,8 @@ def _check_pixels(values: dict[str, Any], image_hw: tuple[int, int], sample_id: 
             raise SampleError(
                 sample_id,
                 name,
-                f"is stale: it covers {field_hw} (height, width), the image {tuple(image_hw)}; map both"
-                " by one transform",
+                f"is stale: it covers {field_hw} (height, width), the image {tuple(image_hw)};"
+                " map both by one transform",
             )
 
 

@@ -36,18 +36,21 @@ SHAPES = KORNIAS | {
     for field in FIELDS
     if (field.label_name is not None or field.name == "distortion") and field.name not in LEFT_OUT
 }
-"""Every key and its shape. Those that are not kornia's are fields of a target (target_schema.py), of
-N boxes in the camera frame, and follow the law."""
+"""Every key and its shape.
+
+Those that are not kornia's are fields of a target (target_schema.py), of N boxes in the camera
+frame, and follow the law.
+"""
 
 
 def data_key(name: Any) -> str:
-    """The name of a data key, or a ConfigError: what is not known would be left stale."""
+    """The name of a data key, or a ConfigError: an unknown one would be left stale."""
     text = name if isinstance(name, str) else str(getattr(name, "name", name)).lower()
     text = {"image": "input", "IMAGE": "input"}.get(text, text)
     if text not in SHAPES:
-        known = ", ".join(f"{key} {shape}" for key, shape in SHAPES.items())
+        listing = ", ".join(f"{key} {shape}" for key, shape in SHAPES.items())
         raise ConfigError(
-            f"unknown data key {name!r}, which would be left stale; known are {known} (and image"
+            f"unknown data key {name!r}, which would be left stale; known are {listing} (and image"
             " for input)"
         )
     return text
@@ -62,20 +65,22 @@ def checked_images(values: dict[str, Any]) -> Tensor:
         or images.dtype not in (torch.float32, torch.float64)
         or 0 in images.shape
     ):
-        came = (
+        description = (
             f"{tuple(images.shape)} {images.dtype}"
             if isinstance(images, Tensor)
             else type(images).__name__
         )
         raise ShapeError(
-            f"input must be images {SHAPES['input']} float32 or float64, not empty, got {came}"
+            f"input must be images {SHAPES['input']} float32 or float64, not empty, got {description}"
         )
     for name, value in values.items():
         if not isinstance(value, Tensor) or value.ndim == 0 or value.shape[0] != images.shape[0]:
-            came = str(tuple(value.shape)) if isinstance(value, Tensor) else type(value).__name__
+            description = (
+                str(tuple(value.shape)) if isinstance(value, Tensor) else type(value).__name__
+            )
             raise ShapeError(
                 f"{name} must be a tensor {SHAPES[name]} with the images' B = {images.shape[0]},"
-                f" got {came}"
+                f" got {description}"
             )
     for name, sides in (("keypoints", 2), ("bbox_xyxy", 4)):
         if name in values and (values[name].ndim != 3 or values[name].shape[-1] != sides):

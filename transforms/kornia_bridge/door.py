@@ -1,6 +1,6 @@
 """Anything that a pipeline may be made of, as one of our transforms.
 
-Kornia is imported only for those who use it.
+kornia is imported only for those who use it.
 """
 
 from typing import Any

@@ -28,17 +28,14 @@ from animal3dbox.transforms.steps import Erase, KorniaPixels, Standardise, Step,
 from animal3dbox.transforms.transform import Transform
 
 CHANNELS = 3
-"""Parameters are drawn for RGB.
-
-An operation drawn for another number of channels draws again from the same seed.
-"""
+"""Parameters are drawn for RGB; for other images they are drawn again, from the same seed."""
 
 
 @dataclass(frozen=True)
 class PixelOp:
     """A kornia operation on colours that gives the same pixels whenever it is run.
 
-    What it draws, it draws from the seed.
+    Whatever it draws while it runs, it draws from the seed.
     """
 
     op: Any
@@ -47,12 +44,9 @@ class PixelOp:
     def __call__(self, images: Tensor, params: Mapping[str, Any]) -> Tensor:
         """The changed images (1, C, H, W)."""
         with seeded(self.seed):
-            drawn = (
-                dict(params)
-                if images.shape[1] == CHANNELS
-                else self.op.forward_parameters(images.shape)
-            )
-            result: Tensor = self.op(images, params=drawn)
+            suits = images.shape[1] == CHANNELS
+            params = dict(params) if suits else self.op.forward_parameters(images.shape)
+            result: Tensor = self.op(images, params=params)
         if result.shape != images.shape:
             raise ConfigError(
                 f"{type(self.op).__name__} should change colours only, but made"
@@ -72,7 +66,7 @@ class KorniaTransform(Transform):
 
     Args:
         op: from kornia.augmentation, or derived from its 2D bases. A geometric operation that is
-            not kornia's own is measured: its pixels must be where its matrix says (kornia_probe).
+            not kornia's own is measured: its pixels must be where its matrix says (probe.py).
         mirrors: whether it may mirror; None finds out. An operation that mirrors all the same
             raises.
         probe_hw: sizes of the images that an operation of your own is measured on.
@@ -81,6 +75,11 @@ class KorniaTransform(Transform):
         ConfigError: the operation has no matrix, or is a container, a mixture, a policy or for
             volumes.
 
+    Example:
+        >>> flip = KorniaTransform(kornia.RandomHorizontalFlip(p=1.0))
+        >>> image, target = flip(np.zeros((60, 80, 3), np.uint8), {})
+        >>> target["H_out_in"][0].tolist(), flip.mirrors
+        ([-1.0, 0.0, 79.0], True)
     """
 
     def __init__(
@@ -104,7 +103,7 @@ class KorniaTransform(Transform):
             _check_colours(op)
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
-        """What kornia draws for a batch of this one picture."""
+        """Let kornia draw for a batch of this one picture, and take its draws as steps."""
         seed = int(rng.integers(SEEDS))
         shape = (1, CHANNELS, *context.image_hw)
         with seeded(seed):
@@ -112,23 +111,27 @@ class KorniaTransform(Transform):
         if not gates(self.op, params).all():
             return ()
         if self.geometric:
-            return self._moved(params, shape)
+            return self._warp(params, shape)
         if isinstance(self.op, kornia.RandomErasing):
             return _erased(params, context.image_hw)
         if isinstance(self.op, kornia.Normalize):
             return (_standardised(self.op.flags["mean"], self.op.flags["std"]),)
         return (KorniaPixels(PixelOp(self.op, seed), params),)
 
-    def _moved(
+    def _warp(
         self, params: Mapping[str, Any], shape: tuple[int, int, int, int]
     ) -> tuple[Step, ...]:
+        """The map of kornia's matrix."""
         H = matrices(self.op, params, shape)[0]
         self.check_mirror(H)
         return (Warp(H, output_hw(self.op, params, (shape[2], shape[3]))),)
 
     def check_mirror(self, H_out_in: np.ndarray) -> None:
-        """Raise a ConfigError if a drawn map mirrors although the operation was taken for one that
-        does not."""
+        """Raise a ConfigError if a map mirrors although the operation was said to mirror none.
+
+        Args:
+            H_out_in: (3, 3), as it was drawn.
+        """
         if mirrored(H_out_in) and not self.mirrors:
             raise ConfigError(
                 f"{self.op!r} mirrored the picture unexpectedly; if it may, say so:"
@@ -137,8 +140,7 @@ class KorniaTransform(Transform):
 
 
 def _check_colours(op: Any) -> None:
-    """Raise a ConfigError for operations on colours that a pipeline of pictures in [0, 1] cannot
-    hold."""
+    """Raise a ConfigError for operations on colours that have no place among those in [0, 1]."""
     name = type(op).__name__
     if isinstance(op, kornia.Denormalize):
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""Kornia's operations as their container sees them: their kind, their coin, their size, their matrix.
+"""kornia's operations: their kind, their coin, the size they make, and their matrices.
 
 Tested with kornia 0.9, the first whose matrices agree with its pixels. Importing this module
 imports kornia.
@@ -19,10 +19,8 @@ from torch import Tensor
 from animal3dbox.errors import ConfigError
 
 NOTHING_PX = 1e-9
-"""What moves no pixel of the picture by more than this is rounding, and is set to 0.
-
-An affine map stays affine.
-"""
+"""An entry of a matrix that moves no pixel of the picture by more than this is rounding, and set to
+0, so that an affine map stays affine."""
 
 ONE_AT_A_TIME = threading.RLock()
 """Held while kornia draws: threads share torch's generator."""
@@ -55,8 +53,10 @@ REFUSED: tuple[tuple[type, str], ...] = (
 
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
-    """Let torch's CPU generator, from which kornia draws, depend on the seed alone, and leave it as
-    it was afterwards."""
+    """A context in which torch's CPU generator, from which kornia draws, depends on the seed alone.
+
+    It is left as it was afterwards.
+    """
     with ONE_AT_A_TIME, torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(seed)
         yield
@@ -88,12 +88,12 @@ def is_geometric(op: Any) -> bool:
 
 
 def gates(op: Any, params: Mapping[str, Any]) -> np.ndarray:
-    """For each picture whether kornia applies the operation, (B,) bool.
+    """The pictures of a batch that kornia applies the operation to, (B,) bool.
 
     One entry for all if it gates whole batches.
     """
-    open_: np.ndarray = np.atleast_1d(params["batch_prob"].cpu().numpy() > 0.5)
-    return np.ones_like(open_) if op.p == 1 and op.p_batch == 1 else open_
+    coins: np.ndarray = np.atleast_1d(params["batch_prob"].cpu().numpy() > 0.5)
+    return np.ones_like(coins) if op.p == 1 and op.p_batch == 1 else coins
 
 
 def output_hw(op: Any, params: Mapping[str, Any], image_hw: tuple[int, int]) -> tuple[int, int]:
@@ -111,10 +111,10 @@ def output_hw(op: Any, params: Mapping[str, Any], image_hw: tuple[int, int]) -> 
     elif "output_size" in params:
         height, width = params["output_size"][0].tolist()
         size = (int(height), int(width))
-    open_ = gates(op, params)
-    if open_.all() or size == image_hw:
+    applied = gates(op, params)
+    if applied.all() or size == image_hw:
         return size
-    if open_.any():
+    if applied.any():
         raise ConfigError(
             f"{type(op).__name__} would change the size of some pictures of the batch only; give"
             " it p=1"
@@ -123,7 +123,9 @@ def output_hw(op: Any, params: Mapping[str, Any], image_hw: tuple[int, int]) -> 
 
 
 def matrices(op: Any, params: Mapping[str, Any], shape: tuple[int, int, int, int]) -> np.ndarray:
-    """The maps of pixels of a geometric operation, from kornia's own formula but in float64 and without touching a pixel.
+    """The maps of pixels of a geometric operation, without touching a pixel.
+
+    They come from kornia's own formula, but in float64.
 
     Args:
         op: a GeometricAugmentationBase2D.
@@ -162,8 +164,12 @@ def matrices(op: Any, params: Mapping[str, Any], shape: tuple[int, int, int, int
 
 
 def oriented(H_out_in: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
-    """The same maps (B, 3, 3) with w = 1 in the middle of the picture, and without rounding where
-    there should be zeros."""
+    """Maps (B, 3, 3) with w = 1 in the middle of the picture, and with zeros instead of rounding.
+
+    Args:
+        H_out_in: (B, 3, 3) of any scale and sign.
+        image_hw: height and width of the pictures that go in.
+    """
     height, width = image_hw
     w = H_out_in[:, 2] @ np.array([(width - 1) / 2, (height - 1) / 2, 1])
     if (np.abs(w) < 1e-12 * np.abs(H_out_in[:, 2]).max(axis=1)).any():
@@ -172,10 +178,10 @@ def oriented(H_out_in: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
             " its ranges"
         )
     H = H_out_in / w[:, None, None]
-    moved_px = (
+    shift_px = (
         np.abs(H) * np.array([width, height, 1]) * np.array([[1.0], [1.0], [max(height, width)]])
     )
-    H = np.where(moved_px < NOTHING_PX, 0.0, H)
+    H = np.where(shift_px < NOTHING_PX, 0.0, H)
     if not H[:, 2, :2].any():
         H[:, 2, 2] = 1.0  # w is the same everywhere, so it was 1 but for rounding
     return H

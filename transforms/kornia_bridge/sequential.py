@@ -18,7 +18,7 @@ from animal3dbox.transforms.camera_law.relabel import Relabelling, check_keypoin
 from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
 from animal3dbox.transforms.kornia_bridge.data_keys import KORNIAS, checked_images, data_key
 from animal3dbox.transforms.kornia_bridge.fusion import (
-    Moved,
+    BatchWarp,
     Stage,
     drawn_stages,
     run_images,
@@ -60,6 +60,14 @@ class CameraAugmentationSequential(torch.nn.Module):
     Raises:
         ConfigError: an operation cannot say what it does to the camera, or a key is not known.
 
+    Example:
+        >>> import kornia.augmentation as kornia
+        >>> flip = kornia.RandomHorizontalFlip(p=1.0)
+        >>> aug = CameraAugmentationSequential(flip, data_keys=["input", "K"])
+        >>> K = torch.tensor([[[90.0, 0, 44.5], [0, 90, 29.5], [0, 0, 1]]])
+        >>> images, K_new = aug(torch.zeros(1, 3, 60, 80), K)
+        >>> K_new[0, 0].tolist()  # cx' = 79 - cx
+        [90.0, 0.0, 34.5]
     """
 
     def __init__(
@@ -109,7 +117,7 @@ class CameraAugmentationSequential(torch.nn.Module):
         params: Sequence[Any] | None = None,
         data_keys: Sequence[Any] | None = None,
     ) -> Any:
-        """Augment a batch.
+        """Augment a batch of images and all that is known about them.
 
         Args:
             args: one tensor a data key, or one dict.
@@ -122,12 +130,12 @@ class CameraAugmentationSequential(torch.nn.Module):
 
         """
         as_dict = len(args) == 1 and isinstance(args[0], Mapping)
-        given = list(args[0]) if as_dict else data_keys or self.data_keys or ()
-        names = [data_key(name) for name in given]
+        keys = list(args[0]) if as_dict else data_keys or self.data_keys or ()
+        names = [data_key(name) for name in keys]
         values = list(args[0].values()) if as_dict else list(args)
         if len(names) != len(values) or len(set(names)) != len(names):
             raise ConfigError(
-                f"data_keys must name each argument once, got {list(given)} for {len(values)}"
+                f"data_keys must name each argument once, got {list(keys)} for {len(values)}"
                 " arguments"
             )
         images = checked_images(dict(zip(names, values, strict=True)))
@@ -142,21 +150,21 @@ class CameraAugmentationSequential(torch.nn.Module):
             dict(zip(names, values, strict=True)), drawn_stages(self.pipeline, self._params, shape)
         )
         if as_dict:
-            return {name: results[key] for name, key in zip(given, names, strict=True)}
+            return {name: results[key] for name, key in zip(keys, names, strict=True)}
         return results[names[0]] if len(names) == 1 else [results[name] for name in names]
 
     def _mapped(self, values: dict[str, Tensor], stages: list[Stage]) -> dict[str, Tensor]:
         """Every value of a batch after the stages."""
         images = values["input"]
         image_hw = (images.shape[2], images.shape[3])
-        moved = whole_map(stages, images.shape[0], image_hw)
-        H = torch.from_numpy(moved.H_out_in.copy()).to(images.device)
+        batch_warp = whole_map(stages, images.shape[0], image_hw)
+        H = torch.from_numpy(batch_warp.H_out_in.copy()).to(images.device)
         if bool((torch.linalg.det(H) < 0).any()) and not any(self.mirrors.values()):
             raise ConfigError(
                 "the pipeline mirrored a picture although none of its operations was known to"
                 " mirror"
             )
-        results = self._mapped_targets(values, H, image_hw, moved) | {
+        results = self._mapped_targets(values, H, image_hw, batch_warp) | {
             "input": run_images(images, stages, self.interpolation, self.fill)
         }
         if "mask" in values:
@@ -166,7 +174,7 @@ class CameraAugmentationSequential(torch.nn.Module):
         if "bbox_xyxy" in values:
             boxes = values["bbox_xyxy"]
             rows = [
-                mapped_boxes(box.double(), H[row], moved.image_hw, None)
+                mapped_boxes(box.double(), H[row], batch_warp.image_hw, None)
                 for row, box in enumerate(boxes)
             ]
             results["bbox_xyxy"] = torch.stack(rows).to(boxes.dtype)
@@ -176,7 +184,7 @@ class CameraAugmentationSequential(torch.nn.Module):
         return results
 
     def _mapped_targets(
-        self, values: dict[str, Tensor], H: Tensor, image_hw: tuple[int, int], moved: Moved
+        self, values: dict[str, Tensor], H: Tensor, image_hw: tuple[int, int], batch_warp: BatchWarp
     ) -> dict[str, Tensor]:
         """Cameras and cuboids, picture by picture, by the law."""
         named = {name: value for name, value in values.items() if name not in KORNIAS}
@@ -192,9 +200,12 @@ class CameraAugmentationSequential(torch.nn.Module):
             )
             if self.check:
                 check_consistent(fields)
-            if moved.image_hw != image_hw or not torch.equal(H[row], still):
+            if batch_warp.image_hw != image_hw or not torch.equal(H[row], still):
                 fields = map_fields(
-                    fields, moved.H_out_in[row], moved.image_hw, allow_skew=self.allow_skew
+                    fields,
+                    batch_warp.H_out_in[row],
+                    batch_warp.image_hw,
+                    allow_skew=self.allow_skew,
                 )
             rows.append(write_target(fields))
         return {

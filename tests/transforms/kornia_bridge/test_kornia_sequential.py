@@ -377,8 +377,8 @@ def test_the_fill_lies_outside_the_picture_and_the_scale_of_a_map_does_not_matte
     assert_close(filled[..., :120, :160], image, atol=1e-5, rtol=0)
     H = torch.tensor([[[0.9, 0.1, 3], [-0.1, 0.9, 5], [0, 0, 1]]], dtype=torch.float64).numpy()
     assert_close(
-        warp(image, 2 * H, HW, "bilinear", (0.0,)),
-        warp(image, H, HW, "bilinear", (0.0,)),
+        warp(image, 2 * H, HW, interpolation="bilinear", fill=(0.0,)),
+        warp(image, H, HW, interpolation="bilinear", fill=(0.0,)),
         atol=1e-6,
         rtol=0,
     )
