@@ -13,27 +13,28 @@ from animal3dbox.training.packed import Floats, Packed
 from animal3dbox.training.places import animal_findings
 
 LENGTH_TOLERANCE = 1e-5
-"""Of a box's largest coordinate.
-
-Float32 rounds by 6e-8 of it, some operations by ten times that.
-"""
+"""A part of a box's largest coordinate: float32 rounds by 6e-8 of it, some operations by ten times
+that."""
 PIXEL_TOLERANCE = (0.02, 2e-5)
-"""Pixels, and part of the pixel coordinate.
-
-Float32 rounds depth and focal length, which matters far from the centre.
-"""
+"""Pixels, and a part of the pixel coordinate: float32 rounds depth and focal length, which matters
+far from the centre."""
+OTHER_ORDER = (
+    "the points are right, but not in the order of CORNER_SIGNS: left and right, or other"
+    " ends, were exchanged"
+)
+OTHER_BOX = "were the box and its corners transformed alike, in the camera's frame?"
 
 
 def cuboid_findings(packed: Packed) -> Iterator[Finding]:
-    """What is wrong with size, distance, corners_3d, corners_2d, corner_in_front and behind_camera."""
+    """Faults of size, distance, corners_3d, corners_2d, corner_in_front and behind_camera."""
     floats = packed.floats
     if "size" in floats and (floats["size"] <= 0).any():
         yield from animal_findings(
             packed,
             (floats["size"] <= 0).any(1),
-            "size",
-            "size",
-            lambda n: f"must be positive, got {floats['size'][n].tolist()}",
+            check="size",
+            field="size",
+            problem=lambda n: f"must be positive, got {floats['size'][n].tolist()}",
         )
     if "distance" in floats and "center" in floats:
         yield from _distances(packed, floats["center"], floats["distance"])
@@ -59,16 +60,16 @@ def _parameter_corners(floats: dict[str, Floats]) -> Floats:
 
 
 def _distances(packed: Packed, center: Floats, distance: Floats) -> Iterator[Finding]:
-    """Distances that are not distance = |center|."""
+    """Distances that are not those of the centres: distance = |center|."""
     length = norm(center)
     wrong = np.abs(distance - length) > LENGTH_TOLERANCE * length
     if wrong.any():
         yield from animal_findings(
             packed,
             wrong,
-            "distance",
-            "distance",
-            lambda n: (
+            check="distance",
+            field="distance",
+            problem=lambda n: (
                 f"is {distance[n]:.6g}, but center lies {length[n]:.6g} from the camera: one of"
                 " them is stale, or in another unit"
             ),
@@ -91,62 +92,59 @@ def _corners(packed: Packed, corners: Floats) -> Iterator[Finding]:
     off = np.abs(corners - expected).max((1, 2))
     wrong = off > LENGTH_TOLERANCE * packed.reach
     if wrong.any():
-        same = (
-            np.linalg.norm(corners[:, :, None] - expected[:, None], axis=-1).min(2).max(1)
-            <= 1e-3 * packed.diagonal
-        )
-        order = (
-            "the points are right, but not in the order of CORNER_SIGNS: left and right, or other"
-            " ends, were exchanged"
-        )
-        moved = "were the box and its corners transformed alike, in the camera's frame?"
-        for check, which, hint in (
-            ("corner_order", wrong & same, order),
-            ("corners_3d", wrong & ~same, moved),
+        nearest = np.linalg.norm(corners[:, :, None] - expected[:, None], axis=-1).min(2)
+        same_points = nearest.max(1) <= 1e-3 * packed.diagonal
+        for check, rows, hint in (
+            ("corner_order", wrong & same_points, OTHER_ORDER),
+            ("corners_3d", wrong & ~same_points, OTHER_BOX),
         ):
             problems = [f"differ by {value:.3g} from {source}: {hint}" for value in off]
-            yield from animal_findings(packed, which, check, "corners_3d", problems.__getitem__)
+            yield from animal_findings(
+                packed, rows, check=check, field="corners_3d", problem=problems.__getitem__
+            )
     if not packed.has_box:
         mirrored = (np.linalg.det(edges) < 0) & ~wrong
         problem = "are those of a mirrored box: left and right were exchanged"
         yield from animal_findings(
-            packed, mirrored, "corner_order", "corners_3d", lambda _: problem
+            packed, mirrored, check="corner_order", field="corners_3d", problem=lambda _: problem
         )
 
 
 def _in_front(packed: Packed, corners: Floats) -> Iterator[Finding]:
-    said, behind = packed.others.get("corner_in_front"), packed.others.get("behind_camera")
-    if said is None and behind is None:
+    """Flags that contradict depth > near = 1 % of the diagonal, but for what rounding decides."""
+    flags, behind = packed.others.get("corner_in_front"), packed.others.get("behind_camera")
+    if flags is None and behind is None:
         return
     beyond = corners[..., 2] - NEAR_PER_DIAGONAL * packed.diagonal[:, None]
     clear = np.abs(beyond) > LENGTH_TOLERANCE * packed.reach[:, None]
-    if said is not None:
-        wrong = np.asarray(((beyond > 0) != said) & clear, dtype=np.bool_)
+    if flags is not None:
+        wrong = np.asarray(((beyond > 0) != flags) & clear, dtype=np.bool_)
         if wrong.any():
             yield from animal_findings(
                 packed,
                 wrong.any(1),
-                "corner_in_front",
-                "corner_in_front",
-                lambda n: (
+                check="corner_in_front",
+                field="corner_in_front",
+                problem=lambda n: (
                     f"is wrong for corners {np.flatnonzero(wrong[n]).tolist()}: in front means a"
                     " depth over 1 % of the diagonal"
                 ),
             )
     if behind is not None:
-        expected = np.asarray(~(beyond > 0).all(1) if said is None else ~said.all(1))
-        wrong_flag = (behind != expected) & (clear.all(1) | (said is not None))
+        expected = np.asarray(~(beyond > 0).all(1) if flags is None else ~flags.all(1))
+        wrong_flag = (behind != expected) & (clear.all(1) | (flags is not None))
         if wrong_flag.any():
             yield from animal_findings(
                 packed,
                 wrong_flag,
-                "behind_camera",
-                "behind_camera",
-                lambda n: f"is {bool(behind[n])}, but the corners say {bool(expected[n])}",
+                check="behind_camera",
+                field="behind_camera",
+                problem=lambda n: f"is {bool(behind[n])}, but the corners say {bool(expected[n])}",
             )
 
 
 def _projections(packed: Packed, px: Floats, depth: Floats) -> Iterator[Finding]:
+    """corners_2d that are not the pixels (N, 8, 2) of the corners in front of the camera."""
     off = np.abs(px - packed.floats["corners_2d"])
     allowed = PIXEL_TOLERANCE[0] + PIXEL_TOLERANCE[1] * np.abs(px)
     bad = (off > allowed).any(2)
@@ -157,9 +155,9 @@ def _projections(packed: Packed, px: Floats, depth: Floats) -> Iterator[Finding]
     yield from animal_findings(
         packed,
         bad.any(1),
-        "projection",
-        "corners_2d",
-        lambda n: (
+        check="projection",
+        field="corners_2d",
+        problem=lambda n: (
             f"differ by {(off[n] * bad[n][:, None]).max():.3g} px from the projection of the"
             " cuboid: K is not the camera of this picture any more"
         ),
@@ -172,9 +170,9 @@ def projected(packed: Packed, K: Floats, corners: Floats) -> Floats:
         return project(K, corners)[0]
     px = np.zeros((packed.count, 8, 2))
     for b, target in enumerate(packed.targets):
-        mine = packed.owner == b
+        rows = packed.owner == b
         lens = (
             np.asarray(target["distortion"], dtype=np.float64) if "distortion" in target else None
         )
-        px[mine] = project(packed.per_image["K"][b], corners[mine], lens)[0]
+        px[rows] = project(packed.per_image["K"][b], corners[rows], lens)[0]
     return px

@@ -11,35 +11,26 @@ import torch
 from torch import Tensor
 
 from animal3dbox.target_schema import META_PER_ANIMAL
-from animal3dbox.training.findings import Finding
-from animal3dbox.training.packed import (
-    BITS,
-    FLOATING,
+from animal3dbox.training.checked_fields import (
     FORMS,
     FREE,
     KNOWN,
-    PER_IMAGE,
-    SHARED,
+    TYPES,
     Target,
     meta_of,
 )
-
-TYPES = {
-    **{name: types for name, (_, types) in FORMS.items()},
-    "masks": BITS,
-    "keypoints": FLOATING,
-}
-"""The types that each field may have."""
+from animal3dbox.training.findings import Finding
+from animal3dbox.training.packing import is_shared
 
 
 def form_findings(targets: Sequence[Target], index: Sequence[int]) -> list[Finding]:
-    """What keeps targets from being one array: in each by itself, else between them."""
-    found = [
+    """The faults that keep targets from being one array: in each by itself, else between them."""
+    findings = [
         finding
         for target, number in zip(targets, index, strict=True)
         for finding in target_form(target, number)
     ]
-    return found or list(_unlike(targets, index))
+    return findings or list(_unlike(targets, index))
 
 
 def target_form(target: Target, number: int) -> Iterator[Finding]:
@@ -52,7 +43,7 @@ def target_form(target: Target, number: int) -> Iterator[Finding]:
             problem = f"must be a tensor, got {type(value).__name__}"
             yield Finding("dtype", number, None, name, problem)
             continue
-        shared = name in PER_IMAGE or (name in SHARED and value.ndim == len(SHARED[name]))
+        shared = is_shared(name, value)
         wrong = _wrong_shape(name, value, shared=shared)
         if wrong is not None:
             yield Finding("shape", number, None, name, wrong)
