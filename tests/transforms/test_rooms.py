@@ -1,4 +1,4 @@
-"""The rooms of animal3dbox.transforms have one order, and no modules import each other in a circle."""
+"""The rooms of animal3dbox.transforms have one order, and no modules import in a circle."""
 
 import ast
 from graphlib import CycleError, TopologicalSorter
@@ -33,7 +33,7 @@ MODULES = {module_name(path): path for path in sorted(HOME.rglob("*.py"))}
 
 
 def imports_in(source: str) -> set[str]:
-    """Modules of the package that a source imports: anywhere, so also in functions and for types."""
+    """Modules of the package that a source imports anywhere: also in functions and for types."""
     names = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
