@@ -1,5 +1,6 @@
 """Transforms on their own, transforms of one's own, and the picture that they draw from."""
 
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from pictures import HW, picture, same
 from scenes import scene
 from torch.testing import assert_close
 
+from animal3dbox.target_schema import FIELDS
 from animal3dbox.transforms import (
     CenterCrop,
     ColorJitter,
@@ -85,3 +87,26 @@ def test_the_fast_intrinsics_of_axis_keeping_maps_are_those_of_the_camera_law(
     assert context.camera is not None
     assert context.K is not None
     assert np.allclose(context.K, context.camera.K, rtol=1e-12, atol=1e-9)
+
+
+def test_a_map_of_pixels_loses_no_field_of_the_schema() -> None:
+    count = 2
+    values: dict[str, Any] = scene(count)
+    values |= {
+        "masks": torch.ones(count, *HW, dtype=torch.uint8),
+        "scale_known": torch.tensor([True, False]),
+        "scale_m_per_unit": torch.tensor([0.5, 1.0]),
+        "distortion": torch.zeros(4, dtype=torch.float64),
+        "H_out_in": torch.eye(3, dtype=torch.float64),
+        "depth": torch.ones(HW),
+        "occlusion": torch.zeros(count),
+        "scores": torch.ones(count),
+        "iscrowd": torch.zeros(count, dtype=torch.int64),
+        "track_ids": torch.arange(count),
+    }
+    assert {field.name for field in FIELDS} <= set(values)
+    _, after = Compose([RandomHorizontalFlip(1), Resize((60, 80))])(picture(), values)
+    assert set(values) <= set(after)
+    for field in FIELDS:
+        if field.under_map == "unmoved":
+            assert torch.equal(after[field.name], values[field.name]), field.name
