@@ -2,8 +2,8 @@
 
 The rooms, in their order; each imports only from those above it (tests/transforms/test_rooms.py):
 
-- `camera_law`: fields of a target, and what a map of pixels does to each.
-- `steps`, `randomness`: what a transform draws, and the generator that it draws from.
+- `camera_law`: fields of a target, and how a map of pixels changes each.
+- `steps`, `randomness`: the values that a transform draws, and the generator that it draws from.
 - `draw_context`: the picture by then, which a transform may look at when it draws.
 - `rendering`: executors that read the pixels of images, masks and depth maps.
 - `target_maps`: the law on a whole target, for pixels that another library has moved.

@@ -89,6 +89,12 @@ def test_the_fast_intrinsics_of_axis_keeping_maps_are_those_of_the_camera_law(
     assert np.allclose(context.K, context.camera.K, rtol=1e-12, atol=1e-9)
 
 
+def test_vertices_follow_a_mirror_without_a_camera() -> None:
+    vertices = scene()["vertices"]
+    _, after = RandomHorizontalFlip(1)(picture(), {"vertices": vertices})
+    assert_close(after["vertices"], vertices * torch.tensor([1.0, -1, 1], dtype=torch.float64))
+
+
 def test_a_map_of_pixels_loses_no_field_of_the_schema() -> None:
     count = 2
     values: dict[str, Any] = scene(count)

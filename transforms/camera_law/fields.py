@@ -1,8 +1,8 @@
 """The fields of a target, opened: arrays of one library, and everything that is passed on.
 
 A target is a plain dict about one image with N animals (or any other boxes). Which fields there are
-and what a map of pixels does to each is said once, in animal3dbox.target_schema; the tables here
-are derived from it.
+and how a map of pixels changes each is said once, in animal3dbox.target_schema; the tables here are
+derived from it.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
 """The camera law: how a map of pixels changes everything that is known about an image.
 
-With H K = k K' Q (RQ decomposition), the mapped image is what the camera K' sees after its frame
-has been turned by Q: points' = Q points. Where det Q = -1 the scene is mirrored, and what is called
-left or right is renamed (relabel.py).
+With H K = k K' Q (RQ decomposition), the mapped image is the one that the camera K' sees after its
+frame has been turned by Q: points' = Q points. Where det Q = -1 the scene is mirrored, and left and
+right change their names (relabel.py).
 """
 
 from dataclasses import replace
@@ -101,6 +101,8 @@ def map_fields(
         out["keypoints"] = _renamed_keypoints(
             fields, mapped_keypoints(values["keypoints"], H, image_hw_out), relabel, keypoint_mirror
         )
+    if "vertices" in values:
+        out["vertices"] = relabel.world_points(values["vertices"])
     if "keypoints_3d" in values:
         out["keypoints_3d"] = _renamed_keypoints(
             fields, relabel.world_points(values["keypoints_3d"]), relabel, keypoint_mirror
@@ -122,9 +124,8 @@ def _renamed_faces(
     their shares stay; a projective one scales each part of the picture by its own.
     """
     out: dict[str, Any] = {}
-    if (
-        "face_visible" in values
-    ):  # the camera centre does not move, so no face appears or disappears
+    # The camera's centre does not move, so no face appears or disappears.
+    if "face_visible" in values:
         out["face_visible"] = relabel.faces(values["face_visible"])
     if bool(H[2, :2].any()):
         return out
@@ -177,8 +178,6 @@ def _in_new_camera(
         out["center"] = values["center"] @ Q.mT
     if "rotation" in values:
         out["rotation"] = relabel.box_axes(Q @ values["rotation"])
-    if "vertices" in values:
-        out["vertices"] = relabel.world_points(values["vertices"])
     return out
 
 

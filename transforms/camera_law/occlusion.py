@@ -1,4 +1,4 @@
-"""Rectangles painted over a picture, and what of the animals they hide."""
+"""Rectangles painted over a picture, and the parts of the animals that they hide."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +17,7 @@ def hide_fields(fields: Fields, boxes: Sequence[PixelBox], image_hw: tuple[int, 
     """The target after rectangles were painted over its picture.
 
     Masks and depth lose their pixels, keypoints below them get visibility 0, and occlusion grows:
-    occlusion' = 1 - (1 - occlusion)(1 - part hidden of what was visible).
+    occlusion' = 1 - (1 - occlusion)(1 - hidden part of the visible rest).
 
     Args:
         fields: the target before.
@@ -56,7 +56,7 @@ def _hidden_keypoints(keypoints: Any, box: PixelBox) -> Any:
 
 
 def _hidden_part(fields: Fields, box: PixelBox, image_hw: tuple[int, int]) -> Any:
-    """The part (N,) of what was still visible of each animal that a rectangle hides.
+    """The part (N,) of each animal that a rectangle hides, of what was visible until then.
 
     Of its mask, else of its cuboid's silhouette in the picture; None if there is neither.
     """

@@ -65,22 +65,22 @@ def checked_images(values: dict[str, Any]) -> Tensor:
         or images.dtype not in (torch.float32, torch.float64)
         or 0 in images.shape
     ):
-        description = (
+        received = (
             f"{tuple(images.shape)} {images.dtype}"
             if isinstance(images, Tensor)
             else type(images).__name__
         )
         raise ShapeError(
-            f"input must be images {SHAPES['input']} float32 or float64, not empty, got {description}"
+            f"input must be images {SHAPES['input']} float32 or float64, not empty, got {received}"
         )
     for name, value in values.items():
         if not isinstance(value, Tensor) or value.ndim == 0 or value.shape[0] != images.shape[0]:
-            description = (
+            received = (
                 str(tuple(value.shape)) if isinstance(value, Tensor) else type(value).__name__
             )
             raise ShapeError(
                 f"{name} must be a tensor {SHAPES[name]} with the images' B = {images.shape[0]},"
-                f" got {description}"
+                f" got {received}"
             )
     for name, sides in (("keypoints", 2), ("bbox_xyxy", 4)):
         if name in values and (values[name].ndim != 3 or values[name].shape[-1] != sides):

@@ -102,11 +102,8 @@ class CameraAugmentationSequential(torch.nn.Module):
         )
         if self.keypoint_mirror is not None:
             check_keypoint_mirror(self.keypoint_mirror, len(self.keypoint_mirror))
-        self.allow_skew, self.interpolation, self.check = (
-            allow_skew,
-            check_interpolation(interpolation),
-            check,
-        )
+        self.allow_skew, self.check = allow_skew, check
+        self.interpolation = check_interpolation(interpolation)
         self.fill = fill if isinstance(fill, tuple) else (float(fill),)
         self.transform_matrix: Tensor | None = None
         self._params: Sequence[Any] | None = None

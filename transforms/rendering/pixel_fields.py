@@ -56,7 +56,7 @@ def warp_pixel_fields(
 
     Args:
         before: the target before the map.
-        H_out_in: (3, 3), w > 0 on what stays in the picture.
+        H_out_in: (3, 3), w > 0 on the part that stays in the picture.
         image_hw_out: of the image after.
 
     Returns:
