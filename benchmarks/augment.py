@@ -55,22 +55,30 @@ def target_of(count: int) -> dict[str, Any]:
         torch.ones(count, 3, dtype=torch.float64),
     )
     camera = intrinsics((700.0, 690.0), HW)
-    seen = face_visibility(box, camera, HW)
-    keypoints = torch.cat(
-        (
-            project(camera, box.corners())[0].mean(1, keepdim=True).expand(count, 26, 2),
-            torch.ones(count, 26, 1),
-        ),
-        dim=-1,
-    )
+    faces = face_visibility(box, camera, HW)
+    middle = project(camera, box.corners())[0].mean(1, keepdim=True)
+    keypoints = torch.cat((middle.expand(count, 26, 2), torch.ones(count, 26, 1)), dim=-1)
     target = {
-        "corners_3d": box.corners(), "center": box.center, "rotation": box.rotation, "size": box.size,
-        "corners_2d": project(camera, box.corners())[0], "corner_in_front": corners_in_front(box), "face_visible": seen.visible,
-        "face_area": seen.area, "face_share": seen.share, "face_share_in_image": seen.share_in_image, "truncation": seen.truncation,
-        "behind_camera": torch.zeros(count, dtype=torch.bool), "K": camera, "R": torch.eye(3).expand(count, 3, 3), "t": torch.zeros(count, 3),
-        "labels": torch.zeros(count, dtype=torch.int64), "keypoints": keypoints, "boxes": torch.tensor([[100.0, 100, 300, 300]]).expand(count, 4),
+        "corners_3d": box.corners(),
+        "center": box.center,
+        "rotation": box.rotation,
+        "size": box.size,
+        "corners_2d": project(camera, box.corners())[0],
+        "corner_in_front": corners_in_front(box),
+        "face_visible": faces.visible,
+        "face_area": faces.area,
+        "face_share": faces.share,
+        "face_share_in_image": faces.share_in_image,
+        "truncation": faces.truncation,
+        "behind_camera": torch.zeros(count, dtype=torch.bool),
+        "K": camera,
+        "R": torch.eye(3).expand(count, 3, 3),
+        "t": torch.zeros(count, 3),
+        "labels": torch.zeros(count, dtype=torch.int64),
+        "keypoints": keypoints,
+        "boxes": torch.tensor([[100.0, 100, 300, 300]]).expand(count, 4),
         "keypoint_mirror": torch.arange(26),
-    }  # fmt: skip
+    }
     return {
         name: value.float() if value.is_floating_point() else value
         for name, value in target.items()
@@ -149,10 +157,11 @@ def with_albumentations(
     ).numpy()
 
     def run() -> Any:
-        made = pipeline(image=image, keypoints=points)
+        """The tensor that a training step takes, and the points."""
+        output = pipeline(image=image, keypoints=points)
         return (
-            torch.from_numpy(np.ascontiguousarray(made["image"].transpose(2, 0, 1))),
-            made["keypoints"],
+            torch.from_numpy(np.ascontiguousarray(output["image"].transpose(2, 0, 1))),
+            output["keypoints"],
         )
 
     return run

@@ -1,6 +1,6 @@
-"""What checking the targets of a batch costs a training step.
+"""The time that checking the targets of a batch costs a training step.
 
-Python benchmarks/check_targets.py.
+Run: OMP_NUM_THREADS=1 python benchmarks/check_targets.py
 """
 
 import sys
@@ -23,8 +23,10 @@ IMAGES, SIDE = 16, 512
 def milliseconds(
     work: Callable[[int], object], rounds: int = 30, steps: int = 50
 ) -> tuple[float, float]:
-    """Median of a call in the quietest round, which other programs disturbed least, and in the
-    middle one."""
+    """Median of a call in the quietest round, and in the middle one.
+
+    The quietest is the one that other programs disturbed least.
+    """
     medians = []
     for _ in range(rounds):
         times = []

@@ -56,7 +56,7 @@ def cpu_ms(call: Callable[[], object], seed: int) -> float:
 
 
 def compare(name: str, count: int, rounds: int, *, targets: bool) -> float:
-    """Print one line and return how many times less CPU the alias takes, in the median over rounds."""
+    """Print one line, and return how many times less CPU the alias takes (median over rounds)."""
     images, K, corners = scene(count)
     points = project(K[:, None], corners)[0].flatten(1, 2)
     their_keys, our_keys = (
@@ -86,7 +86,7 @@ def compare(name: str, count: int, rounds: int, *, targets: bool) -> float:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print one line for each pipeline, size of batch, and with or without targets."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=15)
     rounds: int = parser.parse_args().rounds

@@ -89,13 +89,13 @@ def target_of(animal: Any) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Write the grid."""
+    """Augment one animal in every way, and write the grid of pictures."""
     animal = synthetic_animal(0, 12, preset="horse", pose="trot")
     image, target = animal.image.permute(2, 0, 1).contiguous(), target_of(animal)
     panels = []
     for words, steps in GRID:
-        made, after = Compose(steps, allow_skew=True, fill=40.0)(image, target, key=(0, 4))
-        canvas = np.ascontiguousarray(made.permute(1, 2, 0).numpy())
+        augmented, after = Compose(steps, allow_skew=True, fill=40.0)(image, target, key=(0, 4))
+        canvas = np.ascontiguousarray(augmented.permute(1, 2, 0).numpy())
         box = Cuboid(*(torch.as_tensor(after[name][0]) for name in ("center", "rotation", "size")))
         draw_cuboid(canvas, box, after["K"])
         scale = min(SIZE[1] / canvas.shape[1], SIZE[0] / canvas.shape[0])

@@ -1,6 +1,6 @@
-"""Augment boxes that are not animals.
+"""Augment boxes that are not animals: a car as in KITTI, and a chair as in Omni3D.
 
-A KITTI-like car and an Omni3D-like chair, each under its own camera.
+Each has its own camera.
 
 Run: python examples/augment_your_own_cuboids.py [--out FILE.png]
 """
@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from animal3dbox.geometry.cuboid import CORNER_SIGNS, EDGES
+from animal3dbox.geometry.cuboid import EDGES, corners_of
 from animal3dbox.transforms import (
     ColorJitter,
     Compose,
@@ -26,12 +26,11 @@ from animal3dbox.transforms import (
 def from_kitti(
     location: list[float], dimensions: list[float], rotation_y: float
 ) -> dict[str, np.ndarray]:
-    """KITTI.
+    """A box of KITTI's conventions in ours.
 
-    Location is the middle of the bottom, dimensions are height, width, length, rotation_y turns
-    about the camera's y.
-
-    Our box axes are forward, left, up; KITTI's car looks along its own x axis, and y points down.
+    KITTI's location is the middle of the bottom, its dimensions are height, width, length, and
+    rotation_y turns about the camera's y. Our box axes are forward, left, up; KITTI's car looks
+    along its own x axis, and y points down.
     """
     height, width, length = dimensions
     cos, sin = math.cos(rotation_y), math.sin(rotation_y)
@@ -48,7 +47,10 @@ def from_kitti(
 def from_omni3d(
     center_cam: list[float], dimensions: list[float], R_cam: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Omni3D: dimensions are width, height, length; R_cam's columns are forward, down and left."""
+    """A box of Omni3D's conventions in ours.
+
+    Omni3D's dimensions are width, height, length; R_cam's columns are forward, down and left.
+    """
     width, height, length = dimensions
     forward, down, left = R_cam.T
     return {
@@ -63,22 +65,19 @@ def target_of(box: dict[str, np.ndarray], K: np.ndarray, name: str) -> dict[str,
 
     Corners are optional; here they are drawn later.
     """
-    corners = box["center"] + (np.array(CORNER_SIGNS) * box["size"] / 2) @ box["rotation"].T
+    corners = corners_of(box["center"], box["rotation"], box["size"])
     batched = {key: value[None] for key, value in (*box.items(), ("corners_3d", corners))}
     return {"K": K, **batched, "labels": np.zeros(1, dtype=np.int64), "image_id": name}
 
 
 def picture_of(target: dict[str, Any], image_hw: tuple[int, int]) -> np.ndarray:
-    """A picture (H, W, 3) uint8 of a box.
-
-    Its faces in flat colours, drawn as the camera sees them.
-    """
+    """A picture (H, W, 3) uint8 of a box, its edges drawn thick before a grid."""
     image = np.full((*image_hw, 3), 90, dtype=np.uint8)
     image[::16] = image[:, ::16] = 110
-    return drawn(image, target, (240, 240, 240), 7)
+    return with_edges(image, target, (240, 240, 240), 7)
 
 
-def drawn(
+def with_edges(
     image: np.ndarray, target: dict[str, Any], colour: tuple[int, int, int], thick: int
 ) -> np.ndarray:
     """The picture with the edges of the target's boxes, the front in green."""
@@ -99,15 +98,12 @@ def drawn(
     return image
 
 
-def main() -> None:
-    """Augment both, check that the boxes stay on the pictures, and write a sheet."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("augment_your_own_cuboids.png"))
-    out = parser.parse_args().out
+def scenes() -> list[tuple[dict[str, Any], tuple[int, int]]]:
+    """A car and a chair, as targets, and the sizes of their pictures."""
     kitti_K = np.array([[721.5, 0, 609.6], [0, 721.5, 172.9], [0, 0, 1]])
     omni_K = np.array([[520.0, 0, 330.0], [0, 525.0, 250.0], [0, 0, 1]])
     tilt = np.array([[0.8, 0, -0.6], [0, 1, 0], [-0.6, 0, -0.8]])  # columns: forward, down, left
-    scenes = [
+    return [
         (
             target_of(from_kitti([-2.0, 1.6, 11.0], [1.5, 1.7, 4.2], 0.6), kitti_K, "kitti-like"),
             (375, 1242),
@@ -117,6 +113,13 @@ def main() -> None:
             (480, 640),
         ),
     ]
+
+
+def main() -> None:
+    """Augment both, and write a sheet on which the boxes stay on their pictures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("augment_your_own_cuboids.png"))
+    out = parser.parse_args().out
     compose = Compose(
         [
             RandomHorizontalFlip(),
@@ -127,12 +130,12 @@ def main() -> None:
         seed=1,
     )
     rows = []
-    for target, image_hw in scenes:
+    for target, image_hw in scenes():
         image = picture_of(target, image_hw)
-        row = [cv2.resize(drawn(image, target, (220, 120, 40), 2), (400, 300))]
+        row = [cv2.resize(with_edges(image, target, (220, 120, 40), 2), (400, 300))]
         for index in range(3):
-            made, after = compose(image, target, key=(0, index))
-            row.append(drawn(made, after, (220, 120, 40), 2))
+            augmented, after = compose(image, target, key=(0, index))
+            row.append(with_edges(augmented, after, (220, 120, 40), 2))
             forward = after["rotation"][0, :, 0]
             print(
                 f"{target['image_id']} {index}: mirrored {after['mirrored']}, fx"

@@ -1,5 +1,18 @@
 """Augmentations that keep the camera true, for any dataset of oriented boxes.
 
+The rooms, in their order; each imports only from those above it (tests/transforms/test_rooms.py):
+
+- `camera_law`: fields of a target, and how a map of pixels changes each.
+- `steps`, `randomness`: the values that a transform draws, and the generator that it draws from.
+- `draw_context`: the picture by then, which a transform may look at when it draws.
+- `rendering`: executors that read the pixels of images, masks and depth maps.
+- `target_maps`: the law on a whole target, for pixels that another library has moved.
+- `pipeline`: one picture's way, from drawing to rendering.
+- `transform`: the base of all transforms; derive your own from it.
+- `augmentations`: the transforms, a kind a file.
+- `kornia_bridge`: kornia's augmentations as transforms; kornia is imported only if it is used.
+- `compose`: pipelines of all of these.
+
 The names below are loaded when first used (PEP 562).
 """
 
@@ -45,14 +58,16 @@ if TYPE_CHECKING:
         RandomVirtualCamera as RandomVirtualCamera,
     )
     from animal3dbox.transforms.camera_law.relabel import Relabelling as Relabelling
-    from animal3dbox.transforms.camera_law.target import inverse as inverse
-    from animal3dbox.transforms.camera_law.target import transform_target as transform_target
     from animal3dbox.transforms.compose import Compose as Compose
-    from animal3dbox.transforms.kornia_bridge.operations import KorniaTransform as KorniaTransform
+    from animal3dbox.transforms.kornia_bridge.kornia_transform import (
+        KorniaTransform as KorniaTransform,
+    )
     from animal3dbox.transforms.kornia_bridge.sequential import (
         CameraAugmentationSequential as CameraAugmentationSequential,
     )
     from animal3dbox.transforms.steps import Plan as Plan
+    from animal3dbox.transforms.target_maps import inverse as inverse
+    from animal3dbox.transforms.target_maps import transform_target as transform_target
     from animal3dbox.transforms.transform import Transform as Transform
 
 __getattr__, __dir__, __all__ = lazy_exports(
@@ -68,9 +83,9 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "augmentations.resizing": ("CenterCrop", "LetterBox", "PadTo", "Resize"),
         "augmentations.virtual_camera": ("PerspectiveCrop", "RandomVirtualCamera"),
         "camera_law.relabel": ("Relabelling",),
-        "camera_law.target": ("inverse", "transform_target"),
+        "target_maps": ("inverse", "transform_target"),
         "compose": ("Compose",),
-        "kornia_bridge.operations": ("KorniaTransform",),
+        "kornia_bridge.kornia_transform": ("KorniaTransform",),
         "kornia_bridge.sequential": ("CameraAugmentationSequential",),
         "steps": ("Plan",),
         "transform": ("Transform",),

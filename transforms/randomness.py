@@ -1,4 +1,4 @@
-"""Where randomness comes from: one generator a sample, a function of (seed, epoch, index) alone."""
+"""One generator a sample, a function of (seed, epoch, index) alone, and checks of options."""
 
 from collections.abc import Sequence
 
@@ -8,11 +8,13 @@ import torch
 from animal3dbox.errors import ConfigError
 
 SampleKey = tuple[int, ...]
-"""What names a draw, usually (epoch, index); whole numbers >= 0."""
+"""The name of a draw, usually (epoch, index); whole numbers >= 0."""
+SEEDS = 2**62
+"""How many seeds there are for a step that draws by itself, such as noise."""
 
 
 def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
-    """The generator of one sample.
+    """The generator of one sample, from which all its transforms draw.
 
     Args:
         seed: of the pipeline, >= 0.
@@ -24,7 +26,7 @@ def sample_generator(seed: int, key: SampleKey | None) -> np.random.Generator:
         ConfigError: a number is negative or not whole.
 
     """
-    numbers = (int(torch.randint(2**62, ()).item()),) if key is None else key
+    numbers = (int(torch.randint(SEEDS, ()).item()),) if key is None else key
     if any(isinstance(n, bool) or int(n) != n or n < 0 for n in (seed, *numbers)):
         raise ConfigError(
             f"seed and sample_key must be whole numbers >= 0, got seed {seed!r} and sample_key"
@@ -41,6 +43,12 @@ def check_range(
     least: float | None = None,
 ) -> tuple[float, float]:
     """A range of draws: a number x means [about - x, about + x]; without about it must be a pair.
+
+    Args:
+        name: of the option, for the message.
+        value: a number or a (low, high) pair.
+        about: the value that changes nothing.
+        least: the least value that the range may reach.
 
     Raises:
         ConfigError: the range is reversed, not finite, or reaches below least.
@@ -63,8 +71,8 @@ def check_range(
         or low > high
         or (least is not None and low < least)
     ):
-        wanted = "finite and in order" + (f", not below {least}" if least is not None else "")
-        raise ConfigError(f"{name} must be a number or a (low, high) pair, {wanted}, got {value!r}")
+        order = "finite and in order" + (f", not below {least}" if least is not None else "")
+        raise ConfigError(f"{name} must be a number or a (low, high) pair, {order}, got {value!r}")
     return float(low), float(high)
 
 

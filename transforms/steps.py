@@ -1,6 +1,4 @@
-"""What a transform draws: steps.
-
-A pipeline fuses neighbouring steps, so that the pixels are read once.
+"""Steps: what transforms draw, and what a pipeline fuses so that the pixels are read once.
 
 A step holds the drawn values and no randomness, so the same steps give the same result on any image
 of the same size.
@@ -19,10 +17,10 @@ IDENTITY = np.eye(3)
 
 @dataclass(frozen=True)
 class Warp:
-    """A map of pixels.
+    """A map of pixels, to a picture of some size.
 
     Attributes:
-        H_out_in: (3, 3) float64, w > 0 on what stays in the picture.
+        H_out_in: (3, 3) float64, w > 0 on the part that stays in the picture.
         image_hw: height and width after.
     """
 
@@ -57,12 +55,12 @@ class Standardise:
 
 @dataclass(frozen=True)
 class Keep:
-    """Which animals stay.
+    """The animals that stay; all others are dropped.
 
     Attributes:
         indices: into the animals of the target that came in.
-        min_visible: the part that decided; Compose asks again of the final picture, since a later
-            map may show more.
+        min_visible: the part that decided; the pipeline decides again by it for the final picture,
+            since a later map may show more (pipeline.returning_animals).
     """
 
     indices: tuple[int, ...]
@@ -86,7 +84,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Erase:
-    """Rectangles painted over.
+    """Rectangles that are painted over.
 
     Attributes:
         boxes: (x least, y least, x past, y past) in whole pixels.
@@ -129,7 +127,7 @@ class Pass:
 
     @property
     def idle(self) -> bool:
-        """Whether it does nothing."""
+        """Whether this reading changes no pixel."""
         return self.H_out_in is None and self.colour is None and self.standardise is None
 
 
@@ -140,6 +138,12 @@ class Plan:
     Attributes:
         image_hw: height and width of the image that it was drawn for.
         steps: in order.
+
+    Example:
+        >>> from animal3dbox.transforms import Compose, RandomHorizontalFlip, Resize
+        >>> plan = Compose([RandomHorizontalFlip(1), Resize(30)]).sample_params((60, 80), {})
+        >>> plan.H_out_in[0].tolist(), len(plan.steps), len(plan.stages())
+        ([-0.5, 0.0, 39.25], 2, 1)
     """
 
     image_hw: tuple[int, int]
@@ -156,8 +160,8 @@ class Plan:
     @property
     def keep(self) -> tuple[int, ...] | None:
         """The animals that stay, or None for all."""
-        kept = [step.indices for step in self.steps if isinstance(step, Keep)]
-        return kept[-1] if kept else None
+        indices = [step.indices for step in self.steps if isinstance(step, Keep)]
+        return indices[-1] if indices else None
 
     def stages(self) -> tuple[Pass | Local, ...]:
         """The steps, fused into as few readings of the pixels as their order allows."""
@@ -165,12 +169,10 @@ class Plan:
 
 
 def fused(steps: Iterable[Step], image_hw: tuple[int, int]) -> list[Pass | Local]:
-    """Multiply neighbouring maps and colour matrices.
+    """The stages of some steps: neighbouring maps and colour matrices are multiplied.
 
-    Blur, noise, erasing and kornia's pixel operations stay where they are.
-
-    Maps of pixels and affine maps of colours commute, but for the border: the fused pass colours
-    the fill as well.
+    Blur, noise, erasing and kornia's pixel operations stay where they are. Maps of pixels and
+    affine maps of colours commute, but for the border: the fused pass colours the fill as well.
 
     Raises:
         ConfigError: a colour change comes after the standardisation, which has no [0, 1] any more.

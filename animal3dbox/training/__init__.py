@@ -1,6 +1,4 @@
-"""What supports training.
-
-An order of samples that can be resumed, and sanity checks of the targets that reach the loss.
+"""Support of training: an order of samples that can be resumed, and sanity checks of targets.
 
 The names below are loaded when first used (PEP 562).
 """

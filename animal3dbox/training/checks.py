@@ -1,6 +1,4 @@
-"""Sanity checks of the targets that reach the loss.
-
-Cheap enough to stay on in every step of training.
+"""Sanity checks of the targets that reach the loss, cheap enough for every step of training.
 
 The fields of a batch become a few float64 arrays once; each check is a handful of NumPy calls for
 all animals together. What float32 rounds is allowed for, nothing else: a target is wrong if two of
@@ -15,14 +13,25 @@ import numpy as np
 
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.training.camera_checks import camera_findings
+from animal3dbox.training.checked_fields import Target, meta_of
 from animal3dbox.training.cuboid_checks import cuboid_findings
 from animal3dbox.training.face_checks import face_findings
 from animal3dbox.training.findings import WARNINGS, Finding, TargetReport, first_examples
 from animal3dbox.training.form_checks import form_findings, target_form
 from animal3dbox.training.frame_checks import frame_findings
 from animal3dbox.training.keypoint_checks import keypoint_findings
-from animal3dbox.training.packed import Packed, Target, groups_of, pack
+from animal3dbox.training.packed import Packed
+from animal3dbox.training.packing import groups_of, pack
 from animal3dbox.training.places import animal_findings, image_findings
+
+CHECKS_OF_VALUES = (
+    camera_findings,
+    cuboid_findings,
+    face_findings,
+    frame_findings,
+    keypoint_findings,
+)
+"""The checks of targets whose fields have the right forms, in the order of their report."""
 
 
 def check_targets(
@@ -56,6 +65,14 @@ def check_targets(
             and what to do.
         ConfigError: an option cannot be.
 
+    Example:
+        >>> import torch
+        >>> target = {"center": torch.tensor([[3.0, 0, 4]]), "distance": torch.tensor([5.0])}
+        >>> check_targets([target]).faults
+        0
+        >>> target["distance"] *= 100  # in another unit
+        >>> print(check_targets([target], on_fault="count").counts)
+        Counter({'distance': 1})
     """
     _check_options(on_fault, every, step)
     step = step or 0
@@ -88,42 +105,36 @@ def _check_options(on_fault: str, every: int, step: int | None) -> None:
 def examined(
     targets: Sequence[Target], image_hw: Sequence[tuple[int, int]] | None, step: int
 ) -> tuple[list[Finding], int]:
-    """Everything that is wrong with targets, and how many animals were looked at.
+    """The faults of targets, and how many animals were looked at.
 
     A target whose form is wrong, or that is not finite, is not looked at further.
     """
-    found: list[Finding] = []
+    findings: list[Finding] = []
     animals = 0
     for group in groups_of(targets):
         packed = _packed(targets, group, image_hw, step)
         if packed is None:
             malformed = form_findings([targets[number] for number in group], group)
-            found += malformed
+            findings += malformed
             packed = _packed(targets, _without(group, malformed), image_hw, step)
         elif (step == 0 or step % 2) and step // 2 % len(targets) in group:
             turn = step // 2 % len(targets)
-            found += target_form(targets[turn], turn)
+            findings += target_form(targets[turn], turn)
         if packed is None:
             continue
         infinite = list(_finite_findings(packed))
         if infinite:
-            found += infinite
+            findings += infinite
             packed = _packed(targets, _without(packed.index, infinite), image_hw, step)
         if packed is not None:
             animals += packed.count
-            for findings in (
-                camera_findings,
-                cuboid_findings,
-                face_findings,
-                frame_findings,
-                keypoint_findings,
-            ):
-                found += findings(packed)
-    return found, animals
+            for check in CHECKS_OF_VALUES:
+                findings += check(packed)
+    return findings, animals
 
 
 def _without(group: Sequence[int], findings: Sequence[Finding]) -> list[int]:
-    """The targets of a group that nothing was found in."""
+    """The targets of a group in which there are no findings."""
     faulty = {finding.target for finding in findings}
     return [number for number in group if number not in faulty]
 
@@ -157,14 +168,16 @@ def _finite_findings(packed: Packed) -> Iterator[Finding]:
     problem = "holds NaN or infinite values; what is unknown has no field, or a flag"
     for name, values in per_animal.items():
         wrong = ~np.isfinite(values).reshape(packed.count, -1).all(1)
-        yield from animal_findings(packed, wrong, "finite", name, lambda _: problem)
+        yield from animal_findings(
+            packed, wrong, check="finite", field=name, problem=lambda _: problem
+        )
     for name, values in packed.per_image.items():
         yield from image_findings(
             packed,
             ~np.isfinite(values).reshape(len(values), -1).all(1),
-            "finite",
-            name,
-            lambda _: problem,
+            check="finite",
+            field=name,
+            problem=lambda _: problem,
         )
 
 
@@ -179,7 +192,7 @@ def image_sizes(images: Any, targets: Sequence[Target]) -> list[tuple[int, int]]
         if len(images) != len(targets):
             raise ConfigError(f"{len(images)} images for {len(targets)} targets")
         if not len(targets):
-            return None  # all of the batch was left out, and collate_stacked has no image to tell a size by
+            return None  # all was left out, and collate_stacked has no image to tell a size by
         if hasattr(images, "shape"):
             return [(int(images.shape[-2]), int(images.shape[-1]))] * len(targets)
         shapes = [getattr(image, "shape", image) for image in images]
@@ -201,7 +214,7 @@ def error_of(finding: Finding, targets: Sequence[Target]) -> SampleError:
 
 
 def sample_of(finding: Finding, targets: Sequence[Target]) -> str:
-    """What a finding's sample is called.
+    """The name of a finding's sample.
 
     As its dataset does if the target knows, else the image and the animal's number in the target.
     """
@@ -209,12 +222,10 @@ def sample_of(finding: Finding, targets: Sequence[Target]) -> str:
     name = str(target.get("image_id", f"target {finding.target} of the batch"))
     if finding.animal is None:
         return name
-    known = target.get("sample_ids")
-    own = (
-        known[finding.animal]
-        if isinstance(known, tuple | list) and finding.animal < len(known)
-        else None
-    )
+    sample_ids = meta_of(target).get("sample_ids")
+    own = None
+    if isinstance(sample_ids, tuple | list) and finding.animal < len(sample_ids):
+        own = sample_ids[finding.animal]
     return own if isinstance(own, str) and own else f"{name}#{finding.animal}"
 
 

@@ -1,4 +1,4 @@
-"""Checks of what is said about the six faces."""
+"""Checks of the fields about the six faces of a box."""
 
 from collections.abc import Iterator
 
@@ -14,22 +14,23 @@ from animal3dbox.training.places import animal_findings
 SHARES = ("face_share", "face_share_in_image", "surface_share")
 SHARE_TOLERANCE = 1e-4
 AREA_TOLERANCE = (0.5, 2e-4)
-"""Pixels squared, and part of the visible area.
-
-Besides, float32 coordinates round by 1e-7 of themselves along the outline.
-"""
+"""Pixels squared, and a part of the visible area; besides, float32 coordinates round by 1e-7 of
+themselves along the outline."""
 
 
 def face_findings(packed: Packed) -> Iterator[Finding]:
-    """What is wrong with face_visible, face_area, face_share, face_share_in_image and
-    surface_share."""
+    """Faults of face_visible, face_area, face_share, face_share_in_image and surface_share."""
     visible = packed.others.get("face_visible")
     if visible is not None:
         both = visible[:, 0::2] & visible[:, 1::2]
         if both.any():
             problem = "says that two opposite faces are seen at once"
             yield from animal_findings(
-                packed, both.any(1), "opposite_faces", "face_visible", lambda _: problem
+                packed,
+                both.any(1),
+                check="opposite_faces",
+                field="face_visible",
+                problem=lambda _: problem,
             )
         if packed.has_box:
             yield from _visibility(packed, visible)
@@ -41,8 +42,11 @@ def face_findings(packed: Packed) -> Iterator[Finding]:
 
 
 def _visibility(packed: Packed, visible: NDArray[np.bool_]) -> Iterator[Finding]:
-    """A face is seen if the camera stands beyond its plane, which is simple to say in the box's own
-    axes."""
+    """Faces whose flag contradicts where the camera stands.
+
+    A face is seen if the camera stands beyond its plane: in the box's own axes, if a coordinate of
+    the camera's centre exceeds half the size along that axis.
+    """
     camera_box = -(packed.floats["center"][:, None] @ packed.floats["rotation"])[:, 0]
     half = packed.floats["size"] / 2
     beyond = np.stack((camera_box - half, -camera_box - half), axis=2).reshape(-1, 6)
@@ -51,6 +55,7 @@ def _visibility(packed: Packed, visible: NDArray[np.bool_]) -> Iterator[Finding]
         return
 
     def problem(n: int) -> str:
+        """The faces that are wrong, by their names, and the usual reason."""
         names = ", ".join(name for name, bad in zip(FACE_NAMES, wrong[n], strict=True) if bad)
         hint = (
             ": a mirror must exchange left and right of boxes and of faces together"
@@ -59,12 +64,15 @@ def _visibility(packed: Packed, visible: NDArray[np.bool_]) -> Iterator[Finding]
         )
         return f"is wrong for {names}, by where the camera stands{hint}"
 
-    yield from animal_findings(packed, wrong.any(1), "face_visible", "face_visible", problem)
+    yield from animal_findings(
+        packed, wrong.any(1), check="face_visible", field="face_visible", problem=problem
+    )
 
 
 def _shares(
     packed: Packed, names: list[str], visible: NDArray[np.bool_] | None
 ) -> Iterator[Finding]:
+    """Shares that are negative, of hidden faces, or do not add to 1."""
     shares = np.stack([packed.floats[name] for name in names])  # (fields, N, 6)
     total = shares.sum(2)
     wrong = ((np.abs(total - 1) > SHARE_TOLERANCE) & (total != 0)) | (shares < 0).any(2)
@@ -73,36 +81,44 @@ def _shares(
         wrong[:of_boxes] |= ((shares[:of_boxes] > SHARE_TOLERANCE) & ~visible).any(2)
     if not wrong.any():
         return
-    asked = "must be 0 for hidden faces and add to 1 (or 0 if nothing is seen), got"
+    rule = "must be 0 for hidden faces and add to 1 (or 0 if nothing is seen), got"
     for number, name in enumerate(names):
-        problems = [f"{asked} {row}" for row in shares[number].round(4).tolist()]
-        yield from animal_findings(packed, wrong[number], "shares", name, problems.__getitem__)
+        problems = [f"{rule} {row}" for row in shares[number].round(4).tolist()]
+        yield from animal_findings(
+            packed, wrong[number], check="shares", field=name, problem=problems.__getitem__
+        )
 
 
 def _areas(packed: Packed, area: Floats, visible: NDArray[np.bool_] | None) -> Iterator[Finding]:
+    """Areas (N, 6) that contradict face_share, face_visible, or the projected faces."""
     total = area.sum(1)
     allowed = AREA_TOLERANCE[0] + AREA_TOLERANCE[1] * total
     if "face_share" in packed.floats:
-        off_share = np.abs(packed.floats["face_share"] * total[:, None] - area)
-        if (off_share > allowed[:, None]).any():
-            wrong = (off_share > allowed[:, None]).any(1)
+        wrong = np.abs(packed.floats["face_share"] * total[:, None] - area) > allowed[:, None]
+        if wrong.any():
             yield from animal_findings(
                 packed,
-                wrong,
-                "share_of_area",
-                "face_share",
-                lambda _: "is not face_area over its sum: one of them is stale",
+                wrong.any(1),
+                check="share_of_area",
+                field="face_share",
+                problem=lambda _: "is not face_area over its sum: one of them is stale",
             )
-    if visible is None:
-        return
+    if visible is not None:
+        yield from _areas_of_faces(packed, area, visible, allowed)
+
+
+def _areas_of_faces(
+    packed: Packed, area: Floats, visible: NDArray[np.bool_], allowed: Floats
+) -> Iterator[Finding]:
+    """Areas (N, 6) of hidden faces, and those that differ from the projected faces'."""
     hidden = ((area > 0) & ~visible) | (area < 0)
     if hidden.any():
         yield from animal_findings(
             packed,
             hidden.any(1),
-            "hidden_area",
-            "face_area",
-            lambda n: f"must be 0 for hidden faces, got {area[n].tolist()}",
+            check="hidden_area",
+            field="face_area",
+            problem=lambda n: f"must be 0 for hidden faces, got {area[n].tolist()}",
         )
     if packed.all_in_front is None or packed.quad_areas is None:
         return
@@ -115,7 +131,7 @@ def _areas(packed: Packed, area: Floats, visible: NDArray[np.bool_] | None) -> I
         yield from animal_findings(
             packed,
             wrong.any(1),
-            "face_area",
-            "face_area",
-            lambda n: f"differs by {off[n].max():.3g} {stale}",
+            check="face_area",
+            field="face_area",
+            problem=lambda n: f"differs by {off[n].max():.3g} {stale}",
         )

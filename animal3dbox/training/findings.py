@@ -1,4 +1,4 @@
-"""What checks of targets find, and the report that counts it."""
+"""Findings of checks of targets, and the report that counts them."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -18,6 +18,7 @@ CHECKS = {
     "H_out_in": "H_out_in is not invertible",
     "mirrored": "mirrored contradicts H_out_in",
     "size": "size is not positive",
+    "distance": "distance is not that of center from the camera",
     "corners_3d": "corners are not those of center, rotation and size",
     "corner_order": "they are, in another order: a mirror, or another library's order",
     "projection": "corners_2d are not the projection of the cuboid by K and its lens",
@@ -83,6 +84,11 @@ class TargetReport:
         counts: how many targets or animals failed each check; only those above 0.
         warnings: likewise what is unusual, and no fault.
         examples: the first faults of each check, as errors that name sample and field.
+
+    Example:
+        >>> epoch = TargetReport(targets=16, animals=30) + TargetReport(targets=16, animals=41)
+        >>> print(epoch)
+        32 targets, 71 animals: 0 faults
     """
 
     targets: int = 0
@@ -97,7 +103,7 @@ class TargetReport:
         return self.counts.total()
 
     def __add__(self, other: "TargetReport") -> "TargetReport":
-        """The report of both."""
+        """The report of the batches of both."""
         return TargetReport(
             self.targets + other.targets,
             self.animals + other.animals,
@@ -117,11 +123,11 @@ class TargetReport:
 def first_examples(
     examples: Iterable[tuple[str, SampleError]],
 ) -> tuple[tuple[str, SampleError], ...]:
-    """At most EXAMPLES of each check."""
-    seen: Counter[str] = Counter()
-    kept = []
+    """The first EXAMPLES of each check."""
+    counts: Counter[str] = Counter()
+    first = []
     for check, error in examples:
-        seen[check] += 1
-        if seen[check] <= EXAMPLES:
-            kept.append((check, error))
-    return tuple(kept)
+        counts[check] += 1
+        if counts[check] <= EXAMPLES:
+            first.append((check, error))
+    return tuple(first)

@@ -3,27 +3,34 @@
 Slow and thorough, for the targets that could not be packed.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from animal3dbox.target_schema import META_PER_ANIMAL
+from animal3dbox.training.checked_fields import (
+    FORMS,
+    FREE,
+    KNOWN,
+    TYPES,
+    Target,
+    meta_of,
+)
 from animal3dbox.training.findings import Finding
-from animal3dbox.training.packed import FORMS, FREE, KNOWN, PER_IMAGE, SHARED, Target
-
-KINDS = {"masks": (torch.uint8, torch.bool), "keypoints": (torch.float32, torch.float64)}
+from animal3dbox.training.packing import is_shared
 
 
 def form_findings(targets: Sequence[Target], index: Sequence[int]) -> list[Finding]:
-    """What keeps targets from being one array: in each by itself, else between them."""
-    found = [
+    """The faults that keep targets from being one array: in each by itself, else between them."""
+    findings = [
         finding
         for target, number in zip(targets, index, strict=True)
         for finding in target_form(target, number)
     ]
-    return found or list(_unlike(targets, index))
+    return findings or list(_unlike(targets, index))
 
 
 def target_form(target: Target, number: int) -> Iterator[Finding]:
@@ -32,44 +39,42 @@ def target_form(target: Target, number: int) -> Iterator[Finding]:
     for name, value in target.items():
         if name not in KNOWN:
             continue
-        if name == "quality" and isinstance(value, Sequence):
-            counts[name] = len(value)
-            continue
         if not isinstance(value, Tensor | np.ndarray):
-            yield Finding(
-                "dtype",
-                number,
-                None,
-                name,
-                f"must be a {'list' if name == 'quality' else 'tensor'}, got"
-                f" {type(value).__name__}",
-            )
+            problem = f"must be a tensor, got {type(value).__name__}"
+            yield Finding("dtype", number, None, name, problem)
             continue
-        shared = name in PER_IMAGE or (name in SHARED and value.ndim == len(SHARED[name]))
+        shared = is_shared(name, value)
         wrong = _wrong_shape(name, value, shared=shared)
         if wrong is not None:
             yield Finding("shape", number, None, name, wrong)
         elif not shared:
             counts[name] = int(value.shape[0])
-        kinds = KINDS.get(name) or FORMS[name][1]
-        if value.dtype not in kinds and _kind(value) not in map(_kind, kinds):
-            yield Finding(
-                "dtype",
-                number,
-                None,
-                name,
-                f"must be {' or '.join(map(_kind, kinds))}, got {_kind(value)}",
-            )
+        types = TYPES[name]
+        if value.dtype not in types and _type_name(value) not in map(_type_name, types):
+            problem = f"must be {' or '.join(map(_type_name, types))}, got {_type_name(value)}"
+            yield Finding("dtype", number, None, name, problem)
+    yield from _meta_form(target, number, counts)
     if len(set(counts.values())) > 1:
         usual = max(counts.values(), key=list(counts.values()).count)
         name = next(name for name, count in counts.items() if count != usual)
-        yield Finding(
-            "count",
-            number,
-            None,
-            name,
-            f"has {counts[name]} entries, but other fields are of {usual} animals: {counts}",
-        )
+        problem = f"has {counts[name]} entries, but other fields are of {usual} animals: {counts}"
+        yield Finding("count", number, None, name, problem)
+
+
+def _meta_form(target: Target, number: int, counts: dict[str, int]) -> Iterator[Finding]:
+    """Types of a target's book-keeping; what has one entry an animal is added to the counts."""
+    if not isinstance(target.get("meta", {}), Mapping):
+        problem = f"must be a dict, got {type(target['meta']).__name__}"
+        yield Finding("dtype", number, None, "meta", problem)
+    meta = meta_of(target)
+    for name in META_PER_ANIMAL:
+        if name in meta:
+            records, field = meta[name], f"meta: {name}"
+            if isinstance(records, list | tuple | Tensor | np.ndarray):
+                counts[field] = len(records)
+            else:
+                problem = f"must be a list, got {type(records).__name__}"
+                yield Finding("dtype", number, None, field, problem)
 
 
 def _wrong_shape(name: str, value: Tensor | np.ndarray, *, shared: bool) -> str | None:
@@ -91,14 +96,14 @@ def _wrong_shape(name: str, value: Tensor | np.ndarray, *, shared: bool) -> str 
     )
 
 
-def _kind(value: Any) -> str:
+def _type_name(value: Any) -> str:
     return str(getattr(value, "dtype", value)).removeprefix("torch.")
 
 
 def _unlike(targets: Sequence[Target], index: Sequence[int]) -> Iterator[Finding]:
     """Fields that are right in each target and do not fit together: another device or library."""
     for name, value in targets[0].items():
-        if name not in KNOWN or name in ("masks", "quality"):
+        if name not in KNOWN or name == "masks":
             continue
         for target, number in zip(targets[1:], index[1:], strict=True):
             first, other = _likeness(value), _likeness(target[name])

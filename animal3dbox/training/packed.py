@@ -1,56 +1,27 @@
-"""The targets of a batch as a few NumPy arrays, so that each check is a handful of calls for all
-animals at once."""
+"""The targets of a batch as a few NumPy arrays.
 
-import math
-from collections.abc import Mapping, Sequence
+Each check is a handful of calls then, for all animals at once.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-from animal3dbox.geometry.arrays import as_numpy, norm
+from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.cuboid import FACES
+from animal3dbox.training.checked_fields import Target
 
-Target = Mapping[str, Any]
 Floats = NDArray[np.float64]
 
-FLOATS: dict[str, tuple[int, ...]] = {
-    "corners_3d": (8, 3), "center": (3,), "rotation": (3, 3), "size": (3,), "corners_2d": (8, 2), "face_area": (6,), "face_share": (6,),
-    "face_share_in_image": (6,), "surface_share": (6,), "truncation": (), "boxes": (4,), "R": (3, 3), "t": (3,),
-}  # fmt: skip
-"""Floating-point fields with one entry an animal: the shape of an entry."""
-FLAGS: dict[str, tuple[int, ...]] = {
-    "corner_in_front": (8,),
-    "face_visible": (6,),
-    "behind_camera": (),
-}
-WHOLE: dict[str, tuple[int, ...]] = {"labels": ()}
-PER_IMAGE: dict[str, tuple[int, ...]] = {"K": (3, 3), "H_out_in": (3, 3)}
-SHARED: dict[str, tuple[int, ...]] = {"R": (3, 3), "t": (3,)}
-"""Fields that may be one for all animals of an image."""
-FREE: dict[str, int] = {"keypoints": 2, "masks": 2}
-"""Fields with one entry an animal whose size is the dataset's: how many dimensions an entry has."""
-FLAGGED = {**dict.fromkeys(FLAGS, np.bool_), **dict.fromkeys(WHOLE, np.int64)}
-"""The types in which flags and whole numbers are worked on."""
-FLOATING = (torch.float32, torch.float64)
-FORMS: dict[str, tuple[tuple[int, ...], tuple[torch.dtype, ...]]] = {
-    **{name: (shape, FLOATING) for name, shape in {**FLOATS, **PER_IMAGE}.items()},
-    **{name: (shape, (torch.bool, torch.uint8)) for name, shape in FLAGS.items()},
-    **{name: (shape, (torch.int64,)) for name, shape in WHOLE.items()},
-}
-"""Of fields of a fixed form: the shape of an entry, and the types it may have."""
-KNOWN = frozenset((*FLOATS, *FLAGS, *WHOLE, *PER_IMAGE, *FREE, "quality"))
-
-
 DIAGONALS = np.array([[face[2], face[3], face[0], face[1]] for face in FACES.values()])
-"""Of each face: where its two diagonals end, and where they start."""
+"""The corners of each face at which its two diagonals end, and at which they start, (6, 4)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Packed:
     """The fields of targets that have the same fields, of N animals in B targets.
 
@@ -66,7 +37,7 @@ class Packed:
         owner: (N,) which of targets an animal belongs to.
         first: (B,) the first animal of each target.
         image_hw: (B, 2) height and width; None if it is not known.
-        step: which turn it is of what is checked in turns.
+        step: number of the training step, by which costly checks take turns.
     """
 
     targets: Sequence[Target]
@@ -83,7 +54,7 @@ class Packed:
 
     @property
     def count(self) -> int:
-        """N."""
+        """The number of animals, N."""
         return len(self.owner)
 
     @cached_property
@@ -92,11 +63,14 @@ class Packed:
         return np.asarray(self.per_image["K"][self.owner]) if "K" in self.per_image else None
 
     @cached_property
+    def far_corners(self) -> Floats | None:
+        """Where the frame of each image ends, (B, 2): x, y = W - 0.5, H - 0.5."""
+        return None if self.image_hw is None else np.asarray(self.image_hw[:, ::-1] - 0.5)
+
+    @cached_property
     def frame(self) -> Floats | None:
-        """The last pixel's far corner x, y of each animal's image, (N, 2): W - 0.5, H - 0.5."""
-        return (
-            None if self.image_hw is None else np.asarray(self.image_hw[self.owner][:, ::-1] - 0.5)
-        )
+        """Where the frame of each animal's image ends, (N, 2): x, y = W - 0.5, H - 0.5."""
+        return None if self.far_corners is None else np.asarray(self.far_corners[self.owner])
 
     @cached_property
     def has_box(self) -> bool:
@@ -137,9 +111,9 @@ class Packed:
 
     @cached_property
     def reach(self) -> Floats:
-        """Largest coordinate of each box and its diagonal together, (N,).
+        """Largest coordinate of each box, (N,): float32 rounds by a part of it.
 
-        What float32 rounds by is a part of it.
+        Without corners, at most that: of the centre, and the diagonal.
         """
         if "corners_3d" in self.floats:
             return np.asarray(np.abs(self.floats["corners_3d"]).max((1, 2)))
@@ -151,150 +125,3 @@ class Packed:
         if "size" in self.floats:
             return norm(self.floats["size"])
         return norm(self.floats["corners_3d"][:, 6] - self.floats["corners_3d"][:, 0])
-
-
-def groups_of(targets: Sequence[Target]) -> list[list[int]]:
-    """Targets by which known fields they have; almost always all of them together."""
-    if all(target.keys() == targets[0].keys() for target in targets):
-        return [list(range(len(targets)))] if targets else []
-    groups: dict[frozenset[str], list[int]] = {}
-    for number, target in enumerate(targets):
-        groups.setdefault(frozenset(KNOWN.intersection(target)), []).append(number)
-    return list(groups.values())
-
-
-def pack(
-    targets: Sequence[Target],
-    index: Sequence[int],
-    image_hw: Sequence[tuple[int, int]] | None,
-    step: int,
-) -> Packed | None:
-    """The fields of targets with the same fields.
-
-    None if their types, shapes or counts do not fit together.
-
-    Args:
-        targets: at least one.
-        index: which of the batch they are.
-        image_hw: height and width of each one's image; None if it is not known.
-        step: which turn it is.
-
-    """
-    names = [name for name in targets[0] if name in KNOWN and name not in ("masks", "quality")]
-    try:
-        per_image = {
-            name
-            for name in names
-            if name in PER_IMAGE or (name in SHARED and targets[0][name].ndim == len(SHARED[name]))
-        }
-        columns = {
-            name: (
-                joined_keypoints([target[name] for target in targets])
-                if name == "keypoints"
-                else joined([target[name] for target in targets], stacked=name in per_image)
-            )
-            for name in names
-        }
-        counting = next(
-            (name for name in (*names, "masks") if name in targets[0] and name not in per_image),
-            None,
-        )
-        counts = [0 if counting is None else target[counting].shape[0] for target in targets]
-    except (RuntimeError, TypeError, ValueError, AttributeError, KeyError, IndexError):
-        return None  # form_findings says which of them is wrong
-    total = sum(counts)
-    if not all(
-        _fits(name, column, len(targets) if name in per_image else total)
-        for name, column in columns.items()
-    ):
-        return None
-    block, floats = _as_float64(
-        {
-            name: column
-            for name, column in columns.items()
-            if name in FLOATS and name not in per_image
-        },
-        total,
-    )
-    return Packed(
-        targets,
-        index,
-        block,
-        floats,
-        {
-            name: _values(columns[name]).astype(FLAGGED[name], copy=False)
-            for name in FLAGGED
-            if name in columns
-        },
-        {name: _values(columns[name].double()) for name in names if name in per_image},
-        _values(columns["keypoints"].double()) if "keypoints" in columns else None,
-        np.repeat(np.arange(len(targets)), counts),
-        np.cumsum([0, *counts[:-1]]),
-        None if image_hw is None else np.array(image_hw),
-        step,
-    )
-
-
-def joined_keypoints(values: list[Any]) -> Tensor:
-    """Keypoints (N, J, 3) of all targets, with absent ones up to the greatest J.
-
-    Animals of one batch may have other vocabularies.
-    """
-    try:
-        return joined(values, stacked=False)
-    except RuntimeError:  # first: to ask each tensor for its shape costs more than to join them
-        if not isinstance(values[0], Tensor):
-            values = [torch.as_tensor(value) for value in values]
-        most = max(value.shape[1] for value in values)
-        return joined(
-            [torch.nn.functional.pad(value, (0, 0, 0, most - value.shape[1])) for value in values],
-            stacked=False,
-        )
-
-
-def joined(values: list[Any], *, stacked: bool) -> Tensor:
-    """One tensor of a field's values in all targets: stacked, or along the animals."""
-    if not isinstance(values[0], Tensor):
-        values = [torch.as_tensor(value) for value in values]
-    return torch.stack(values) if stacked else torch.cat(values)
-
-
-def _values(column: Tensor) -> NDArray[Any]:
-    """The column's numbers on the host; as_numpy without its detours for tensors that need none."""
-    return (
-        as_numpy(column) if column.requires_grad or column.device.type != "cpu" else column.numpy()
-    )
-
-
-def _fits(name: str, column: Tensor, entries: int) -> bool:
-    """Whether a field has so many entries, and each the right shape and type."""
-    size = column.shape
-    if name in FREE:
-        return (
-            size[0] == entries
-            and len(size) == 1 + FREE[name]
-            and size[-1] == 3
-            and column.dtype in FLOATING
-        )
-    shape, kinds = FORMS[name]
-    return size == (entries, *shape) and column.dtype in kinds
-
-
-def _as_float64(columns: dict[str, Tensor], count: int) -> tuple[Floats, dict[str, Floats]]:
-    """Columns converted together: one float64 block, and views of it."""
-    if not columns:
-        return np.zeros((count, 0)), {}
-    widths = [math.prod(FLOATS[name]) for name in columns]
-    block = np.concatenate(
-        [
-            _values(column).reshape(count, width)
-            for column, width in zip(columns.values(), widths, strict=True)
-        ],
-        1,
-        dtype=np.float64,
-    )
-    found, end = {}, 0
-    for name, width in zip(columns, widths, strict=True):
-        found[name] = block[:, end : end + width].reshape(count, *FLOATS[name])
-        end += width
-    return block, found

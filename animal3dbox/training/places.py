@@ -1,4 +1,4 @@
-"""Where in a batch something was found: rows of packed arrays as targets and animals."""
+"""Places of faults in a batch: rows of packed arrays as targets and animals."""
 
 from collections.abc import Callable, Iterator
 
@@ -9,11 +9,11 @@ from animal3dbox.training.findings import Finding
 from animal3dbox.training.packed import Packed
 
 Flags = NDArray[np.bool_] | np.bool_
-"""What NumPy calls the result of comparing arrays."""
+"""The types that NumPy gives the results of comparisons."""
 
 
 def animal_findings(
-    packed: Packed, wrong: Flags, check: str, field: str, problem: Callable[[int], str]
+    packed: Packed, wrong: Flags, *, check: str, field: str, problem: Callable[[int], str]
 ) -> Iterator[Finding]:
     """A finding for each animal (N,) that is wrong; problem describes the n-th."""
     for n in np.flatnonzero(wrong).tolist():
@@ -22,7 +22,7 @@ def animal_findings(
 
 
 def image_findings(
-    packed: Packed, wrong: Flags, check: str, field: str, problem: Callable[[int], str]
+    packed: Packed, wrong: Flags, *, check: str, field: str, problem: Callable[[int], str]
 ) -> Iterator[Finding]:
     """A finding for each target (B,) that is wrong; problem describes the b-th."""
     for b in np.flatnonzero(wrong).tolist():

@@ -1,4 +1,4 @@
-"""Which samples an epoch takes in which order: the same in every run, and from any point on."""
+"""The order in which an epoch takes its samples: the same in every run, and from any point on."""
 
 from collections.abc import Iterator, Sized
 
@@ -24,6 +24,11 @@ class EpochSampler(Sampler[tuple[int, int]]):
         drop_last: leave out the samples that do not divide among the processes; else the first are
             taken twice.
 
+    Example:
+        >>> sampler = EpochSampler(range(4), seed=0)
+        >>> sampler.set_epoch(3, start=2)  # as after a crash in the middle of epoch 3
+        >>> len(sampler), sorted(index for _, index in sampler)
+        (2, [0, 3])
     """
 
     def __init__(

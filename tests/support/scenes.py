@@ -51,15 +51,32 @@ def target_of(
     points_cam = box.center[:, None] + (inner * box.size[:, None]) @ box.rotation.mT
     keypoints, depth = project(K, points_cam, distortion)
     target = {
-        "corners_3d": box.corners(), "center": box.center, "rotation": box.rotation, "size": box.size, "corners_2d": corners_2d,
-        "corner_in_front": corners_in_front(box), "face_visible": seen.visible, "face_area": seen.area, "face_share": seen.share,
-        "face_share_in_image": seen.share_in_image, "surface_share": seen.share.flip(-1), "truncation": seen.truncation,
-        "behind_camera": ~corners_in_front(box).all(-1), "K": K, "R": world, "t": shift, "labels": torch.arange(count),
+        "corners_3d": box.corners(),
+        "center": box.center,
+        "rotation": box.rotation,
+        "size": box.size,
+        "distance": box.center.norm(dim=-1),
+        "corners_2d": corners_2d,
+        "corner_in_front": corners_in_front(box),
+        "face_visible": seen.visible,
+        "face_area": seen.area,
+        "face_share": seen.share,
+        "face_share_in_image": seen.share_in_image,
+        "surface_share": seen.share.flip(-1),
+        "truncation": seen.truncation,
+        "behind_camera": ~corners_in_front(box).all(-1),
+        "K": K,
+        "R": world,
+        "t": shift,
+        "labels": torch.arange(count),
         "keypoints": torch.cat((keypoints, (depth > 0).to(F64)[..., None]), dim=-1),
-        "keypoints_3d": (points_cam - shift[:, None]) @ world, "vertices": (box.corners() - shift[:, None]) @ world,
-        "boxes": torch.cat((corners_2d.amin(-2), corners_2d.amax(-2)), dim=-1), "keypoint_mirror": KEYPOINT_MIRROR, "image_id": "scene",
-        "quality": [{"number": n} for n in range(count)],
-    }  # fmt: skip
+        "keypoints_3d": (points_cam - shift[:, None]) @ world,
+        "vertices": (box.corners() - shift[:, None]) @ world,
+        "boxes": torch.cat((corners_2d.amin(-2), corners_2d.amax(-2)), dim=-1),
+        "keypoint_mirror": KEYPOINT_MIRROR,
+        "image_id": "scene",
+        "meta": {"quality": [{"number": n} for n in range(count)]},
+    }
     if distortion is not None:
         target["distortion"] = distortion
     return {

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from animal3dbox.transforms.camera_law.maps import about, center_of, rolling, shifting
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_range
 from animal3dbox.transforms.steps import Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 Range = float | tuple[float, float]
 
@@ -27,6 +27,10 @@ class RandomAffine(Transform):
             pipeline must allow it (Compose(allow_skew=True)).
         p: probability.
 
+    Example:
+        >>> image, target = RandomAffine(0, scale=(2, 2))(np.zeros((60, 80, 3), np.uint8), {})
+        >>> target["H_out_in"].tolist()  # a zoom about the middle, (39.5, 29.5)
+        [[2.0, 0.0, -39.5], [0.0, 2.0, -29.5], [0.0, 0.0, 1.0]]
     """
 
     geometric = True
@@ -37,6 +41,7 @@ class RandomAffine(Transform):
         translate: tuple[float, float] | None = None,
         scale: tuple[float, float] | None = None,
         shear: Range | None = None,
+        *,
         p: float = 1.0,
     ) -> None:
         super().__init__(p)
@@ -49,20 +54,18 @@ class RandomAffine(Transform):
         )
         self.shear = (0.0, 0.0) if shear is None else check_range("shear", shear)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """The one map."""
-        turn, zoom = (
-            rng.uniform(*self.degrees),
-            math.exp(rng.uniform(math.log(self.scale[0]), math.log(self.scale[1]))),
-        )
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
+        """Draw the turn, zoom, shift and shear, and make one map of them."""
+        turn = rng.uniform(*self.degrees)
+        zoom = math.exp(rng.uniform(math.log(self.scale[0]), math.log(self.scale[1])))
         shift = rng.uniform(-1, 1, 2) * self.translate
         lean = math.tan(math.radians(rng.uniform(*self.shear)))
-        linear = rolling(view.K, turn) @ np.array([[1.0, lean], [0, 1]]) * zoom
+        linear = rolling(context.K, turn) @ np.array([[1.0, lean], [0, 1]]) * zoom
         linear[np.abs(linear) < 1e-15 * np.abs(linear).max()] = 0  # a quarter turn keeps the axes
-        H = shifting(shift[0] * view.image_hw[1], shift[1] * view.image_hw[0]) @ about(
-            linear, center_of(view.image_hw)
+        H = shifting(shift[0] * context.image_hw[1], shift[1] * context.image_hw[0]) @ about(
+            linear, center_of(context.image_hw)
         )
-        return (Warp(H, view.image_hw),)
+        return (Warp(H, context.image_hw),)
 
 
 class RandomRotation(RandomAffine):
@@ -74,6 +77,10 @@ class RandomRotation(RandomAffine):
         degrees: range of the turn, clockwise; a number x means [-x, x].
         p: probability.
 
+    Example:
+        >>> image, target = RandomRotation((90, 90))(np.zeros((60, 60, 3), np.uint8), {})
+        >>> (target["H_out_in"].round() + 0).tolist()  # x' = 59 - y, y' = x
+        [[0.0, -1.0, 59.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     """
 
     def __init__(self, degrees: Range, p: float = 1.0) -> None:

@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from animal3dbox.errors import ConfigError
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_range
 from animal3dbox.transforms.steps import Colour, Standardise, Step, compose_colours
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 LUMA = np.array([0.299, 0.587, 0.114])
 """Weights of red, green and blue in brightness (Rec. 601)."""
@@ -35,6 +35,10 @@ class ColorJitter(Transform):
         hue: turn as part of the circle; a number x means [-x, x].
         p: probability.
 
+    Example:
+        >>> image = np.full((2, 2, 3), 100, np.uint8)
+        >>> ColorJitter(brightness=(1.5, 1.5))(image, {})[0][0, 0].tolist()
+        [150, 150, 150]
     """
 
     def __init__(
@@ -43,6 +47,7 @@ class ColorJitter(Transform):
         contrast: Range = 0.0,
         saturation: Range = 0.0,
         hue: Range = 0.0,
+        *,
         p: float = 1.0,
     ) -> None:
         super().__init__(p)
@@ -51,8 +56,8 @@ class ColorJitter(Transform):
         self.saturation = check_range("saturation", saturation, about=1, least=0)
         self.hue = check_range("hue", hue)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """The one matrix."""
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
+        """Draw the four factors, and make one matrix of them."""
         brightness, contrast, saturation, hue = (
             rng.uniform(*span)
             for span in (self.brightness, self.contrast, self.saturation, self.hue)
@@ -62,25 +67,40 @@ class ColorJitter(Transform):
 
 
 class RandomGrayscale(Transform):
-    """Take the colour out: all channels become the brightness."""
+    """Take the colour out: all channels become the brightness.
+
+    Args:
+        p: probability.
+
+    Example:
+        >>> image = np.zeros((2, 2, 3), np.uint8) + np.array([200, 0, 0], np.uint8)
+        >>> RandomGrayscale(p=1)(image, {})[0][0, 0].tolist()  # 0.299 of the red
+        [60, 60, 60]
+    """
 
     def __init__(self, p: float = 0.1) -> None:
         super().__init__(p)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """The one matrix."""
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
+        """The matrix whose rows are all the weights of brightness."""
         return (Colour(colour_matrix(saturation_and_hue(0.0, 0.0), 0.0)),)
 
 
 class Normalize(Transform):
-    """(x - mean) / std of colours in [0, 1]; the image leaves as float32 (float64 if it came so).
+    """Standardise colours in [0, 1]: (x - mean) / std.
 
-    Put it last.
+    The image leaves as float32 (float64 if it came so). Put it last: after it there is no [0, 1]
+    any more in which another transform could change colours.
 
     Args:
         mean: per channel, of colours in [0, 1].
         std: per channel, > 0.
 
+    Example:
+        >>> image = np.full((2, 2, 3), 255, np.uint8)
+        >>> image, _ = Normalize(mean=(0.5,) * 3, std=(0.25,) * 3)(image, {})
+        >>> image[0, 0].tolist(), image.dtype.name
+        ([2.0, 2.0, 2.0], 'float32')
     """
 
     def __init__(
@@ -100,8 +120,8 @@ class Normalize(Transform):
             )
         self.mean, self.std = tuple(float(m) for m in mean), tuple(float(s) for s in std)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """Nothing is random."""
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
+        """The standardisation; nothing of it is random."""
         return (Standardise(self.mean, self.std),)
 
 
@@ -111,7 +131,10 @@ def colour_matrix(linear: np.ndarray, offset: float) -> np.ndarray:
 
 
 def saturation_and_hue(saturation: float, hue: float) -> np.ndarray:
-    """The (3, 3) matrix that keeps brightness, scales chroma, and turns it by a part of the circle."""
+    """The (3, 3) matrix that keeps brightness, scales chroma, and turns it by a part of the circle.
+
+    YIQ^-1 diag(1, s R(2 pi hue)) YIQ, with R the turn of the chroma plane by the hue.
+    """
     angle = 2 * math.pi * hue
     turn = np.array(
         [[1, 0, 0], [0, math.cos(angle), -math.sin(angle)], [0, math.sin(angle), math.cos(angle)]]

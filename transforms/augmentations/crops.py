@@ -7,12 +7,13 @@ import numpy as np
 from animal3dbox.errors import ConfigError
 from animal3dbox.transforms.augmentations.resizing import keep_visible
 from animal3dbox.transforms.camera_law.maps import Size, check_size, cropping
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_probability, check_range
 from animal3dbox.transforms.steps import Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 TRIALS = 10
+"""Crops that are drawn at once, of which the first that shows enough of an animal is taken."""
 
 
 class RandomResizedCrop(Transform):
@@ -33,6 +34,11 @@ class RandomResizedCrop(Transform):
         p: probability of a random crop; otherwise the greatest part of the right aspect is taken
             from the middle, so that the size is always the same.
 
+    Example:
+        >>> image, target = np.zeros((60, 80, 3), np.uint8), {}
+        >>> image, target = RandomResizedCrop((30, 30), scale=(1, 1), p=0)(image, target)
+        >>> image.shape, target["H_out_in"][0].tolist()  # the middle 60 columns, halved
+        ((30, 30, 3), [0.5, 0.0, -5.25])
     """
 
     geometric = True
@@ -42,6 +48,7 @@ class RandomResizedCrop(Transform):
         size: Size,
         scale: tuple[float, float] = (0.3, 1.0),
         ratio: tuple[float, float] | None = None,
+        *,
         keep_part: float = 0.5,
         min_visible: float | None = 0.1,
         p: float = 1.0,
@@ -58,11 +65,11 @@ class RandomResizedCrop(Transform):
             None if min_visible is None else check_probability("min_visible", min_visible)
         )
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """The map, and which animals stay."""
-        boxes = self._draw(rng, view.image_hw, random=rng.random() < self.random_p)
-        asked = view.alive and (self.keep_part > 0 or self.min_visible is not None)
-        parts = view.visible_parts(boxes) if asked else None
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
+        """Draw TRIALS crops, take one by what it shows, and say which animals stay."""
+        boxes = self._draw(rng, context.image_hw, random=rng.random() < self.random_p)
+        depends = context.alive and (self.keep_part > 0 or self.min_visible is not None)
+        parts = context.visible_parts(boxes) if depends else None
         best = 0
         if parts is not None:
             most = np.where(np.isnan(parts), 0, parts).max(axis=1)
@@ -70,7 +77,10 @@ class RandomResizedCrop(Transform):
             best = int(enough[0]) if len(enough) else int(most.argmax())
         box = boxes[best]
         warp = Warp(cropping((box[0], box[1], box[2], box[3]), self.size), self.size)
-        return (warp, *keep_visible(view, None if parts is None else parts[best], self.min_visible))
+        return (
+            warp,
+            *keep_visible(context, None if parts is None else parts[best], self.min_visible),
+        )
 
     def _draw(
         self, rng: np.random.Generator, image_hw: tuple[int, int], *, random: bool
@@ -85,8 +95,8 @@ class RandomResizedCrop(Transform):
                 math.log(self.ratio[0]) + math.log(self.ratio[1] / self.ratio[0]) * stretch
             )
         height, width = image_hw
-        wide = np.minimum(width, height * aspect) * np.sqrt(area)
-        high_px = np.minimum(height, width / aspect) * np.sqrt(area)
-        left = (width - wide) * (across if random else 0.5) - 0.5
-        top = (height - high_px) * (down if random else 0.5) - 0.5
-        return np.stack((left, top, left + wide, top + high_px), axis=1)
+        crop_width = np.minimum(width, height * aspect) * np.sqrt(area)
+        crop_height = np.minimum(height, width / aspect) * np.sqrt(area)
+        left = (width - crop_width) * (across if random else 0.5) - 0.5
+        top = (height - crop_height) * (down if random else 0.5) - 0.5
+        return np.stack((left, top, left + crop_width, top + crop_height), axis=1)

@@ -6,10 +6,10 @@ No real camera takes such pictures, so it has to be asked for.
 import numpy as np
 
 from animal3dbox.errors import ConfigError
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_probability
 from animal3dbox.transforms.steps import Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 
 class RandomPerspective(Transform):
@@ -23,6 +23,11 @@ class RandomPerspective(Transform):
         allow_skew: must be True: the camera gets a skew K[0, 1], which most detectors ignore.
             RandomVirtualCamera gives perspective without it.
 
+    Example:
+        >>> move = RandomPerspective(0.3, p=1, allow_skew=True)
+        >>> image, target = move(np.zeros((60, 80, 3), np.uint8), {}, key=(0, 0))
+        >>> image.shape, bool(target["H_out_in"][2, :2].any())
+        ((60, 80, 3), True)
     """
 
     geometric = True
@@ -42,9 +47,9 @@ class RandomPerspective(Transform):
             )
         self.allow_skew = allow_skew
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """The one map."""
-        height, width = view.image_hw
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
+        """Draw four corners, and the map that takes the picture's own to them."""
+        height, width = context.image_hw
         edges = np.array(
             [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
         )
@@ -54,7 +59,7 @@ class RandomPerspective(Transform):
             * self.distortion_scale
             * (width / 2, height / 2)
         )
-        return (Warp(four_points(edges, edges + inwards), view.image_hw),)
+        return (Warp(four_points(edges, edges + inwards), context.image_hw),)
 
 
 def four_points(before: np.ndarray, after: np.ndarray) -> np.ndarray:

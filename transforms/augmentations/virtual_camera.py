@@ -11,23 +11,25 @@ from animal3dbox.errors import ConfigError
 from animal3dbox.transforms.augmentations.affine import Range
 from animal3dbox.transforms.augmentations.resizing import fitting
 from animal3dbox.transforms.camera_law.maps import Size, camera_rotation, center_of, check_size
+from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_probability, check_range
 from animal3dbox.transforms.steps import Keep, Step, Warp
 from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
 
-def required_K(view: View, name: str) -> np.ndarray:
+def required_K(context: DrawContext, name: str) -> np.ndarray:
     """The intrinsics by now, or a ConfigError saying that the transform needs them."""
-    if view.K is None:
+    if context.K is None:
         raise ConfigError(f"{name} turns the camera, so the target needs its intrinsics K (3, 3)")
-    return view.K
+    return context.K
 
 
 class RandomVirtualCamera(Transform):
     """Turn the camera on the spot, and zoom: H = K' R K^-1.
 
-    K: the focal lengths are scaled by the zoom. The camera frame is turned; no skew comes in.
+    The picture is the one that another camera at the same place would have taken, so everything
+    stays exact. K: the focal lengths are scaled by the zoom. The camera frame is turned; no skew
+    comes in.
 
     Args:
         yaw: range in degrees, to the right; a number x means [-x, x].
@@ -36,6 +38,12 @@ class RandomVirtualCamera(Transform):
         zoom: range of the factor of the focal length.
         p: probability.
 
+    Example:
+        >>> K = np.array([[90.0, 0, 39.5], [0, 90, 29.5], [0, 0, 1]])
+        >>> turn = RandomVirtualCamera((3, 3), (0, 0), (0, 0), zoom=(2, 2))
+        >>> image, target = turn(np.zeros((60, 80, 3), np.uint8), {"K": K})
+        >>> (target["K"].round(6) + 0).tolist()
+        [[180.0, 0.0, 39.5], [0.0, 180.0, 29.5], [0.0, 0.0, 1.0]]
     """
 
     geometric = True
@@ -46,6 +54,7 @@ class RandomVirtualCamera(Transform):
         pitch: Range = 5.0,
         roll: Range = 5.0,
         zoom: tuple[float, float] = (1.0, 1.0),
+        *,
         p: float = 1.0,
     ) -> None:
         super().__init__(p)
@@ -60,15 +69,15 @@ class RandomVirtualCamera(Transform):
                 )
         self.zoom = check_range("zoom", zoom, about=None, least=1e-3)
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """The one map."""
-        K = required_K(view, type(self).__name__)
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
+        """Draw the turn and the zoom of the camera."""
+        K = required_K(context, type(self).__name__)
         R = camera_rotation(
             rng.uniform(*self.yaw), rng.uniform(*self.pitch), rng.uniform(*self.roll)
         )
         K_new = K.copy()
         K_new[:2, :2] *= math.exp(rng.uniform(math.log(self.zoom[0]), math.log(self.zoom[1])))
-        return (Warp(K_new @ R @ np.linalg.inv(K), view.image_hw),)
+        return (Warp(K_new @ R @ np.linalg.inv(K), context.image_hw),)
 
 
 class PerspectiveCrop(Transform):
@@ -89,6 +98,13 @@ class PerspectiveCrop(Transform):
     With several animals one that lies in front of the camera is drawn; with none the picture is
     fitted into the size.
 
+    Example:
+        >>> cuboid = {"center": np.array([[1.0, 0.5, 6.0]]), "rotation": np.eye(3)[None]}
+        >>> K = np.array([[90.0, 0, 39.5], [0, 90, 29.5], [0, 0, 1]])
+        >>> target = {"K": K, **cuboid, "size": np.ones((1, 3))}
+        >>> image, target = PerspectiveCrop(64)(np.zeros((60, 80, 3), np.uint8), target)
+        >>> (target["center"].round(3) + 0).tolist()  # on the optical axis, as far away as before
+        [[0.0, 0.0, 6.103]]
     """
 
     geometric = True
@@ -110,44 +126,46 @@ class PerspectiveCrop(Transform):
             None if min_visible is None else check_probability("min_visible", min_visible)
         )
 
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """The map, and which animals stay."""
-        K = required_K(view, type(self).__name__)
-        draws, yaw, pitch, margin = (
+    def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
+        """Draw an animal, the camera that looks at it, and say which animals stay."""
+        K = required_K(context, type(self).__name__)
+        # Everything is drawn before it is known whether there is an animal to look at, so that the
+        # transforms behind this one draw the same in any case.
+        choice, yaw, pitch, margin = (
             rng.random(),
             rng.uniform(*self.jitter_deg),
             rng.uniform(*self.jitter_deg),
             rng.uniform(*self.margin),
         )
-        seen = np.flatnonzero(view.in_front())
-        if view.corners_cam is None or not len(seen):
-            return (Warp(fitting(view.image_hw, self.size), self.size),)
-        chosen = int(seen[int(draws * len(seen))])
-        corners = view.corners_cam[chosen]
+        candidates = np.flatnonzero(context.in_front())
+        if context.corners_cam is None or not len(candidates):
+            return (Warp(fitting(context.image_hw, self.size), self.size),)
+        row = int(candidates[int(choice * len(candidates))])
+        corners = context.corners_cam[row]
         R = camera_rotation(yaw, pitch, 0) @ look_along(corners.mean(axis=0))
         K_new = focused(corners @ R.T, self.size, margin)
         warp = Warp(K_new @ R @ np.linalg.inv(K), self.size)
-        return (warp, *self._kept(view.after(warp), chosen))
+        return (warp, *self._keep_visible(context.after(warp), row))
 
-    def _kept(self, view: View, chosen: int) -> tuple[Keep, ...]:
-        parts = None if self.min_visible is None else view.parts_in_picture()
+    def _keep_visible(self, context: DrawContext, subject: int) -> tuple[Keep, ...]:
+        """The step that keeps the animal looked at, by its row, and all that are still visible."""
+        parts = None if self.min_visible is None else context.parts_in_picture()
         if parts is None or self.min_visible is None:
             return ()
-        return (
-            Keep(
-                tuple(
-                    index
-                    for row, index in enumerate(view.alive)
-                    if row == chosen or parts[row] >= self.min_visible
-                ),
-                self.min_visible,
-            ),
+        indices = tuple(
+            index
+            for row, index in enumerate(context.alive)
+            if row == subject or parts[row] >= self.min_visible
         )
+        return (Keep(indices, self.min_visible),)
 
 
 def look_along(direction: np.ndarray) -> np.ndarray:
-    """The rotation R_new_old (3, 3) without roll that turns a direction of the camera frame into
-    the optical axis."""
+    """The rotation R_new_old (3, 3) without roll that makes a direction the optical axis.
+
+    Args:
+        direction: (3,) in the camera frame, of any length > 0.
+    """
     x, y, z = direction / np.linalg.norm(direction)
     return camera_rotation(
         math.degrees(math.atan2(x, z)), math.degrees(math.atan2(-y, math.hypot(x, z))), 0
@@ -155,8 +173,13 @@ def look_along(direction: np.ndarray) -> np.ndarray:
 
 
 def focused(corners_cam: np.ndarray, size: tuple[int, int], margin: float) -> np.ndarray:
-    """Intrinsics (3, 3) with the principal point in the middle that let corners (8, 3) fill a
-    picture up to its margin."""
+    """Intrinsics (3, 3), the principal point in the middle, under which a box fills a picture.
+
+    Args:
+        corners_cam: (8, 3) of the box, in front of the camera.
+        size: (height, width) of the picture.
+        margin: the part of half the picture that stays empty, in [0, 1).
+    """
     spread = np.abs(corners_cam[:, :2] / corners_cam[:, 2:]).max(axis=0)
     focal = (1 - margin) * min(size[1] / 2 / spread[0], size[0] / 2 / spread[1])
     across, down = center_of(size)

@@ -1,1 +1,1 @@
-"""What a map of pixels does to a target: the one law, its fields and its checks."""
+"""The camera law: the fields of a target, their checks, and how a map of pixels changes them."""

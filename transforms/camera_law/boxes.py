@@ -39,15 +39,13 @@ def mapped_boxes(
         ..., None
     ]
     x, y = px[..., 0], px[..., 1]
-    known = (w > 0).all(-1)[:, None]  # across the horizon nothing bounds the box
     if px.shape[0] == 0:
         return boxes
     start, end = xp.stack((least(x), least(y)), -1), xp.stack((-least(-x), -least(-y)), -1)
-    gone = ~(w > 0).any(-1)[:, None]
-    start, end = (
-        xp.where(known, start, low),
-        xp.where(known, end, xp.where(gone, low + 0 * start, high + 0 * start)),
-    )
+    # A box across the map's horizon is bounded by nothing; one beyond it has no area.
+    bounded, beyond = (w > 0).all(-1)[:, None], ~(w > 0).any(-1)[:, None]
+    start = xp.where(bounded, start, low)
+    end = xp.where(bounded, end, xp.where(beyond, low + 0 * start, high + 0 * start))
     if outline is not None:
         tight_start, tight_end = (
             xp.maximum(start, outline[0][:, :2]),
@@ -55,13 +53,14 @@ def mapped_boxes(
         )
         tightens = (outline[1] & (tight_end > tight_start).all(-1))[:, None]
         start, end = xp.where(tightens, tight_start, start), xp.where(tightens, tight_end, end)
-    held = [xp.minimum(xp.maximum(edge, low), high) for edge in (start, end)]
-    inside: AnyArray = xp.concatenate(held, -1)
-    return inside
+    clipped: AnyArray = xp.concatenate(
+        [xp.minimum(xp.maximum(edge, low), high) for edge in (start, end)], -1
+    )
+    return clipped
 
 
 def least(values: AnyArray) -> AnyArray:
-    """The least of the last dimension."""
+    """The least value along the last dimension (..., D), (...)."""
     if isinstance(values, Tensor):
         return values.amin(-1)
     smallest: np.ndarray = values.min(-1)
@@ -69,7 +68,7 @@ def least(values: AnyArray) -> AnyArray:
 
 
 def keeps_axes(H: Tensor | np.ndarray) -> bool:
-    """Whether upright boxes stay upright boxes."""
+    """Whether a map (3, 3) leaves upright boxes upright: no perspective, and quarter turns only."""
     (a, b, _), (c, d, _), (e, f, _) = H.tolist()
     return bool(e == 0 and f == 0 and ((b == 0 and c == 0) or (a == 0 and d == 0)))
 
@@ -79,17 +78,17 @@ def boxes_of_masks(masks: AnyArray, otherwise: AnyArray) -> AnyArray:
 
     Args:
         masks: (N, H, W), 0 or 1.
-        otherwise: (N, 4) what an empty mask gets.
+        otherwise: (N, 4) the boxes of empty masks.
 
     Returns:
         (N, 4) float64.
 
     """
-    found = otherwise.tolist()
+    boxes = otherwise.tolist()
     for index, mask in enumerate(masks > 0):
         x, y, width, height = cv2.boundingRect(
             (mask.cpu().numpy() if isinstance(mask, Tensor) else mask).astype(np.uint8)
         )
         if width:
-            found[index] = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5)
-    return like(otherwise, found) if len(found) else otherwise
+            boxes[index] = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5)
+    return like(otherwise, boxes) if len(boxes) else otherwise

@@ -1,31 +1,33 @@
-"""Is the target one target? A camera or boxes left stale by another library are found before they
-are augmented further."""
+"""Whether the fields of a target belong together.
+
+A camera or boxes left stale by another library are found before they are augmented further.
+"""
 
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.arrays import as_numpy, norm
 from animal3dbox.geometry.box_visibility import near_depth_of_corners
 from animal3dbox.geometry.camera import project
 from animal3dbox.transforms.camera_law.fields import Fields
-from animal3dbox.transforms.camera_law.law import corners_of, corners_of_boxes
+from animal3dbox.transforms.camera_law.law import cuboid_corners, parameter_corners
 
-NAMES = ("K", "distortion", "corners_3d", "corners_2d", "center", "rotation", "size")
+COMPARED = ("K", "distortion", "corners_3d", "corners_2d", "center", "rotation", "size")
 TOLERANCE_PX = 0.5
 TOLERANCE_RELATIVE = 1e-3
-"""Float32 targets agree to about 1e-6 of their values.
-
-What is beyond these was made by different cameras.
-"""
+"""Tolerances: float32 targets agree to about 1e-6 of their values, and those that differ by more
+than these belong to different cameras."""
 
 
 def check_consistent(fields: Fields) -> None:
-    """Raise a SampleError unless corners_2d are the projections of the cuboids and corners_3d are
-    those of center, rotation and size."""
-    values = {name: as_numpy(fields.values[name]) for name in NAMES if name in fields.values}
-    corners = corners_of(values)
+    """Raise a SampleError unless the target's cuboids, their projections and its camera agree.
+
+    corners_3d must be those of center, rotation and size, and corners_2d their projections.
+    """
+    values = {name: as_numpy(fields.values[name]) for name in COMPARED if name in fields.values}
+    corners = cuboid_corners(values)
     if corners is None or not fields.count:
         return
     near = near_depth_of_corners(corners)
-    boxes = corners_of_boxes(values)
+    boxes = parameter_corners(values)
     if boxes is not None and "corners_3d" in values:
         off = norm(boxes - corners).max(-1)
         if (off > 100 * TOLERANCE_RELATIVE * near).any():

@@ -1,8 +1,8 @@
-"""The one law: what a map of pixels does to everything that is known about the image.
+"""The camera law: how a map of pixels changes everything that is known about an image.
 
-With H K = k K' Q (RQ decomposition), the mapped image is what the camera K' sees after its frame
-has been turned by Q: points' = Q points. Where det Q = -1 the scene is mirrored, and what is called
-left or right is renamed (relabel.py).
+With H K = k K' Q (RQ decomposition), the mapped image is the one that the camera K' sees after its
+frame has been turned by Q: points' = Q points. Where det Q = -1 the scene is mirrored, and left and
+right change their names (relabel.py).
 """
 
 from dataclasses import replace
@@ -13,28 +13,38 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError, ShapeError
-from animal3dbox.geometry.arrays import like, namespace
+from animal3dbox.geometry.arrays import namespace
 from animal3dbox.geometry.box_visibility import (
     corners_visibility,
     near_depth_of_corners,
     visible_faces,
 )
 from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import CORNER_SIGNS
+from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.distortion import check_field_of_view, turned_distortion
+from animal3dbox.geometry.frame import in_frame
 from animal3dbox.geometry.homography import (
     CameraUpdate,
     apply_homography,
     handedness,
     update_camera,
 )
+from animal3dbox.target_schema import names_of
 from animal3dbox.transforms.camera_law.boxes import keeps_axes, least, mapped_boxes
 from animal3dbox.transforms.camera_law.fields import Fields
 from animal3dbox.transforms.camera_law.relabel import Relabelling
 
-UNMOVED = ("size", "labels", "scores", "iscrowd", "track_ids", "occlusion", "keypoint_mirror")
+UNMOVED = frozenset(names_of(under_map="unmoved"))
+"""Fields that no map of pixels changes: sizes, distances, classes, identities."""
 SKEW_TOLERANCE = 1e-6
 """Skew below this fraction of the focal length counts as none: it is rounding."""
+VISIBILITY = {
+    "face_area": "area",
+    "face_share": "share",
+    "face_share_in_image": "share_in_image",
+    "truncation": "truncation",
+}
+"""Fields of a target that FaceVisibility computes, and their names there."""
 
 
 def map_fields(
@@ -45,12 +55,12 @@ def map_fields(
     keypoint_mirror: np.ndarray | None = None,
     allow_skew: bool = False,
 ) -> Fields:
-    """Everything but pixel arrays (masks, depth) after a map of pixels.
+    """The fields of a target after a map of pixels, but for pixel arrays (masks, depth).
 
     Args:
         fields: the target before.
-        H_out_in: (3, 3) float64, of the sign that makes w > 0 on what stays in the picture: -H
-            would be the camera looking backwards.
+        H_out_in: (3, 3) float64, of the sign that makes w > 0 on the part that stays in the
+            picture: -H would be the camera looking backwards.
         image_hw_out: of the image after.
         keypoint_mirror: (J,) each keypoint's counterpart on the other side; the target's own field
             goes before.
@@ -77,18 +87,22 @@ def map_fields(
     out["H_out_in"] = H @ values["H_out_in"] if "H_out_in" in values else H
     update = _updated_camera(fields, H, allow_skew) if "K" in values else None
     if update is not None:
-        out |= _moved(fields, update, relabel)
-    corners = corners_of(out) if update is not None else None
-    out |= _faces(values, H, relabel, known=corners is not None)
+        out |= _in_new_camera(fields, update, relabel)
+    corners = cuboid_corners(out) if update is not None else None
+    out |= _renamed_faces(values, H, relabel, has_cuboids=corners is not None)
     if corners is not None:
         try:
-            out |= _seen(values, out, corners, image_hw_out)
+            out |= _projected(values, out, corners, image_hw_out)
         except ShapeError as error:
             raise SampleError(fields.sample_id, "distortion", str(error)) from error
     if update is None and "corners_2d" in values:
         out["corners_2d"] = relabel.corners(apply_homography(H, values["corners_2d"]))
     if "keypoints" in values:
-        out["keypoints"] = _mapped_keypoints(fields, H, relabel, image_hw_out, keypoint_mirror)
+        out["keypoints"] = _renamed_keypoints(
+            fields, mapped_keypoints(values["keypoints"], H, image_hw_out), relabel, keypoint_mirror
+        )
+    if "vertices" in values:
+        out["vertices"] = relabel.world_points(values["vertices"])
     if "keypoints_3d" in values:
         out["keypoints_3d"] = _renamed_keypoints(
             fields, relabel.world_points(values["keypoints_3d"]), relabel, keypoint_mirror
@@ -97,32 +111,35 @@ def map_fields(
         outline = None if corners is None or keeps_axes(H) else _projected_outline(out, corners)
         out["boxes"] = mapped_boxes(values["boxes"], H, image_hw_out, outline)
     mirrored = bool(fields.others.get("mirrored", False)) ^ bool(relabel.mirrored)
-    kept = {name: value for name, value in values.items() if name in ("masks", "depth")}
-    return replace(fields, values={**kept, **out}, others={**fields.others, "mirrored": mirrored})
+    pixels = {name: value for name, value in values.items() if name in ("masks", "depth")}
+    return replace(fields, values={**pixels, **out}, others={**fields.others, "mirrored": mirrored})
 
 
-def _faces(values: dict[str, Any], H: Any, relabel: Relabelling, *, known: bool) -> dict[str, Any]:
-    """What is said of faces, as far as a map of pixels tells it without the cuboids.
+def _renamed_faces(
+    values: dict[str, Any], H: Any, relabel: Relabelling, *, has_cuboids: bool
+) -> dict[str, Any]:
+    """The fields about faces, as far as a map of pixels tells them without the cuboids.
 
-    The rest is left out, not left stale.
+    The rest is left out, not left stale. An affine map scales all areas by one factor, so that
+    their shares stay; a projective one scales each part of the picture by its own.
     """
     out: dict[str, Any] = {}
-    if (
-        "face_visible" in values
-    ):  # the camera centre does not move, so no face appears or disappears
+    # The camera's centre does not move, so no face appears or disappears.
+    if "face_visible" in values:
         out["face_visible"] = relabel.faces(values["face_visible"])
     if bool(H[2, :2].any()):
         return out
-    grows = abs(H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]) / H[2, 2] ** 2
-    scales = (
-        {"surface_share": 1} if known else {"surface_share": 1, "face_area": grows, "face_share": 1}
-    )
+    growth = abs(H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]) / H[2, 2] ** 2
+    scales = {"surface_share": 1}
+    if not has_cuboids:
+        scales |= {"face_area": growth, "face_share": 1}
     return out | {
         name: relabel.faces(values[name] * by) for name, by in scales.items() if name in values
     }
 
 
 def _updated_camera(fields: Fields, H: Any, allow_skew: bool) -> CameraUpdate[Any]:
+    """The camera that sees the mapped picture, or a SampleError if none does, or a skewed one."""
     K = fields.values["K"]
     try:
         update = update_camera(H, K, fields.values.get("R"), fields.values.get("t"))
@@ -140,8 +157,10 @@ def _updated_camera(fields: Fields, H: Any, allow_skew: bool) -> CameraUpdate[An
     return update
 
 
-def _moved(fields: Fields, update: CameraUpdate[Any], relabel: Relabelling) -> dict[str, Any]:
-    """The camera, and everything in its frame."""
+def _in_new_camera(
+    fields: Fields, update: CameraUpdate[Any], relabel: Relabelling
+) -> dict[str, Any]:
+    """The new camera, and everything in its frame: points' = Q points, renamed under a mirror."""
     values, Q = fields.values, update.Q
     out = {"K": update.K}
     if update.R is not None:
@@ -159,53 +178,49 @@ def _moved(fields: Fields, update: CameraUpdate[Any], relabel: Relabelling) -> d
         out["center"] = values["center"] @ Q.mT
     if "rotation" in values:
         out["rotation"] = relabel.box_axes(Q @ values["rotation"])
-    if "vertices" in values:
-        out["vertices"] = relabel.world_points(values["vertices"])
     return out
 
 
-def corners_of(values: dict[str, Any]) -> Any:
+def cuboid_corners(values: dict[str, Any]) -> Any:
     """Corners (N, 8, 3) in the camera frame, from the corners or from center, rotation and size.
 
     None if there are no boxes.
     """
-    return values["corners_3d"] if "corners_3d" in values else corners_of_boxes(values)
+    return values["corners_3d"] if "corners_3d" in values else parameter_corners(values)
 
 
-def corners_of_boxes(values: dict[str, Any]) -> Any:
+def parameter_corners(values: dict[str, Any]) -> Any:
     """Corners (N, 8, 3) in the camera frame of center, rotation and size.
 
     None if one of them is missing.
     """
     if not {"center", "rotation", "size"} <= set(values):
         return None
-    signs = like(values["size"], CORNER_SIGNS)
-    return values["center"][:, None] + (signs * values["size"][:, None] / 2) @ values["rotation"].mT
+    return corners_of(values["center"], values["rotation"], values["size"])
 
 
-def _seen(
+def _projected(
     values: dict[str, Any], out: dict[str, Any], corners: Any, image_hw: tuple[int, int]
 ) -> dict[str, Any]:
-    """Projections, areas, shares and truncation under the new camera, of the fields that were
-    there."""
-    seen: dict[str, Any] = {}
+    """Projections, areas, shares and truncation under the new camera.
+
+    Args:
+        values: the target before; the fields that it has are computed anew.
+        out: the target after, as far as it is computed: the camera and its lens, and face_visible.
+        corners: (N, 8, 3) in the new camera's frame.
+        image_hw: of the image after.
+    """
+    projected: dict[str, Any] = {}
     if "distortion" in out:
         check_field_of_view(out["distortion"], corners)
     if "corners_2d" in values:
-        seen["corners_2d"] = project(out["K"], corners, out.get("distortion"))[0]
+        projected["corners_2d"] = project(out["K"], corners, out.get("distortion"))[0]
     in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]
     if "corner_in_front" in values:
-        seen["corner_in_front"] = _typed(in_front, values["corner_in_front"])
+        projected["corner_in_front"] = _typed(in_front, values["corner_in_front"])
     if "behind_camera" in values:
-        seen["behind_camera"] = _typed(~in_front.all(-1), values["behind_camera"])
-    wanted = {
-        "face_area": "area",
-        "face_share": "share",
-        "face_share_in_image": "share_in_image",
-        "truncation": "truncation",
-    }
-    wanted = {name: attribute for name, attribute in wanted.items() if name in values}
-    if wanted:
+        projected["behind_camera"] = _typed(~in_front.all(-1), values["behind_camera"])
+    if any(name in values for name in VISIBILITY):
         visible = (
             out["face_visible"] != 0
             if "face_visible" in out
@@ -214,8 +229,12 @@ def _seen(
         visibility = corners_visibility(
             corners, out["K"], image_hw, visible, distortion=out.get("distortion")
         )
-        seen |= {name: getattr(visibility, attribute) for name, attribute in wanted.items()}
-    return seen
+        projected |= {
+            name: getattr(visibility, attribute)
+            for name, attribute in VISIBILITY.items()
+            if name in values
+        }
+    return projected
 
 
 def _typed(flags: Any, before: Any) -> Any:
@@ -227,30 +246,23 @@ def _typed(flags: Any, before: Any) -> Any:
     )
 
 
-def _mapped_keypoints(
-    fields: Fields,
-    H: Any,
-    relabel: Relabelling,
-    image_hw: tuple[int, int],
-    permutation: np.ndarray | None,
-) -> Any:
-    """Keypoints (N, J, 3); visibility 0 outside the frame and beyond the map's horizon."""
-    keypoints = fields.values["keypoints"]
+def mapped_keypoints(keypoints: Any, H: Any, image_hw: tuple[int, int]) -> Any:
+    """Keypoints (N, J, 3) after a map, under their old names.
+
+    Visibility becomes 0 outside the new frame and beyond the map's horizon (w <= 0).
+    """
     xp = namespace(keypoints)
     w = keypoints[..., :2] @ H[2, :2] + H[2, 2]
     safe = xp.where(abs(w) < 1e-12, xp.full_like(w, 1e-12), w)
     px = (keypoints[..., :2] @ H[:2, :2].mT + H[:2, 2]) / safe[..., None]
-    height, width = image_hw
-    inside = (
-        (w > 0) & (px >= -0.5).all(-1) & (px[..., 0] <= width - 0.5) & (px[..., 1] <= height - 0.5)
-    )
-    mapped = xp.concatenate((px, (keypoints[..., 2] * inside)[..., None]), -1)
-    return _renamed_keypoints(fields, mapped, relabel, permutation)
+    visibility = keypoints[..., 2] * ((w > 0) & in_frame(px, image_hw))
+    return xp.concatenate((px, visibility[..., None]), -1)
 
 
 def _renamed_keypoints(
     fields: Fields, keypoints: Any, relabel: Relabelling, permutation: np.ndarray | None
 ) -> Any:
+    """Keypoints under their new names, or a SampleError if nobody says which those are."""
     if not bool(relabel.mirrored):
         return keypoints
     permutation = fields.values.get("keypoint_mirror", permutation)
@@ -268,8 +280,10 @@ def _renamed_keypoints(
 
 
 def _projected_outline(out: dict[str, Any], corners: Any) -> tuple[Any, Any]:
-    """Upright boxes (N, 4) round the projected cuboids and which of them mean something, to tighten
-    2D boxes by."""
+    """Upright boxes (N, 4) round the projected cuboids, to tighten 2D boxes by.
+
+    And which of them mean something (N,): those of cuboids that lie in front of the camera.
+    """
     px = (
         out["corners_2d"]
         if "corners_2d" in out

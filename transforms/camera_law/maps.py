@@ -7,6 +7,7 @@ import numpy as np
 from animal3dbox.errors import ConfigError
 
 Size = int | tuple[int, int]
+"""A size of pictures: (height, width), or one number for both."""
 
 
 def check_size(name: str, size: Size) -> tuple[int, int]:
@@ -41,8 +42,16 @@ def shifting(x: float, y: float) -> np.ndarray:
 
 
 def cropping(box: tuple[float, float, float, float], image_hw: tuple[int, int]) -> np.ndarray:
-    """Show an upright box (x least, y least, x greatest, y greatest, from edge to edge) in an image
-    of the given size."""
+    """Show an upright box in an image of the given size, which it fills.
+
+    Args:
+        box: x least, y least, x greatest, y greatest, from edge to edge.
+        image_hw: of the image after.
+
+    Example:
+        >>> cropping((-0.5, -0.5, 9.5, 4.5), (10, 20)).tolist()  # ten columns become twenty
+        [[2.0, 0.0, 0.5], [0.0, 2.0, 0.5], [0.0, 0.0, 1.0]]
+    """
     x_least, y_least, x_most, y_most = box
     H: np.ndarray = scaling(
         (image_hw[1] / (x_most - x_least), image_hw[0] / (y_most - y_least))
@@ -75,8 +84,7 @@ def center_of(image_hw: tuple[int, int]) -> tuple[float, float]:
 
 
 def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> np.ndarray:
-    """R_new_old of a camera that turns right by yaw, then up by pitch, then clockwise by roll, (3,
-    3)."""
+    """R_new_old (3, 3) of a camera that turns right, then up, then clockwise about its axis."""
     yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     turn = np.array(
         [[math.cos(yaw), 0, -math.sin(yaw)], [0, 1, 0], [math.sin(yaw), 0, math.cos(yaw)]]

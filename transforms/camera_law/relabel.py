@@ -1,6 +1,6 @@
-"""What a mirror does to names.
+"""The names of left and right under a mirror.
 
-The group {identity, mirror} acting on everything that is called left or right.
+The group {identity, mirror} acts on everything that is called left or right.
 
 A mirrored picture shows the mirrored animal: its left flank is the image of the old right one. One
 object holds whether a map mirrors, and acts alike on corners, faces, keypoints, box parameters and
@@ -26,6 +26,13 @@ class Relabelling:
     Attributes:
         mirrored: (...,) bool tensor or array, whether the map mirrors; its batch dimensions lead
             those of every argument below.
+
+    Example:
+        >>> mirror = Relabelling(np.array(True))
+        >>> mirror.faces(np.array([1, 2, 3, 4, 5, 6])).tolist()  # left and right change places
+        [1, 2, 4, 3, 5, 6]
+        >>> bool((mirror @ mirror).mirrored)
+        False
     """
 
     mirrored: Any
@@ -83,11 +90,13 @@ class Relabelling:
 
 def check_keypoint_mirror(permutation: Tensor | np.ndarray, count: int) -> None:
     """Raise a ShapeError unless this is a permutation of the keypoints that is its own inverse."""
-    given = permutation.tolist()
-    if sorted(given) != list(range(count)):
+    counterparts = permutation.tolist()
+    if sorted(counterparts) != list(range(count)):
         raise ShapeError(
             f"keypoint_mirror must be a permutation of 0 to {count - 1}, one entry a keypoint, got"
-            f" {given}"
+            f" {counterparts}"
         )
-    if any(given[other] != index for index, other in enumerate(given)):
-        raise ShapeError(f"keypoint_mirror must swap keypoints in pairs (p[p[j]] = j), got {given}")
+    if any(counterparts[other] != index for index, other in enumerate(counterparts)):
+        raise ShapeError(
+            f"keypoint_mirror must swap keypoints in pairs (p[p[j]] = j), got {counterparts}"
+        )

@@ -1,6 +1,6 @@
 """Anything that a pipeline may be made of, as one of our transforms.
 
-Kornia is imported only for those who use it.
+kornia is imported only for those who use it.
 """
 
 from typing import Any
@@ -20,7 +20,7 @@ def as_transform(transform: Any) -> Transform:
         return transform
     homes = {kind.__module__.split(".")[0] for kind in type(transform).__mro__}
     if "kornia" in homes:
-        from animal3dbox.transforms.kornia_bridge.operations import KorniaTransform
+        from animal3dbox.transforms.kornia_bridge.kornia_transform import KorniaTransform
 
         return KorniaTransform(transform)
     if "torch" in homes:

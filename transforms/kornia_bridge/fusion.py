@@ -1,4 +1,4 @@
-"""A batch's way through a kornia pipeline, with as few readings of the pixels as its order allows."""
+"""A batch's way through a kornia pipeline, with as few readings of the pixels as possible."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,14 +25,15 @@ LINEAR = (
 They commute with interpolation, but for the fill, which they then colour too.
 """
 WIDE = (torch.int32, torch.int64)
+"""Types of masks whose numbers float32 cannot hold."""
 
 
 @dataclass(frozen=True)
-class Moved:
+class BatchWarp:
     """Maps of pixels, one a picture.
 
     Attributes:
-        H_out_in: (B, 3, 3) float64, w > 0 on what stays in the picture.
+        H_out_in: (B, 3, 3) float64, w > 0 on the part that stays in the picture.
         image_hw: height and width after.
     """
 
@@ -41,20 +42,20 @@ class Moved:
 
 
 @dataclass(frozen=True)
-class Coloured:
-    """A kornia operation on colours, with what it drew for the batch."""
+class BatchColours:
+    """A kornia operation on colours, with the parameters that it drew for the batch."""
 
     op: Any
     params: dict[str, Any]
 
 
-Stage = Moved | Coloured
+Stage = BatchWarp | BatchColours
 
 
 def drawn_stages(
     pipeline: Any, params: Sequence[Any], shape: tuple[int, int, int, int]
 ) -> list[Stage]:
-    """What a kornia pipeline will do, in its order, without what it skips.
+    """The operations that a kornia pipeline will apply, in its order.
 
     Args:
         pipeline: an AugmentationSequential.
@@ -66,30 +67,34 @@ def drawn_stages(
     image_hw = (shape[2], shape[3])
     for item in params:
         op = pipeline.get_submodule(item.name)
-        geometric = is_geometric(op)
+        geometric = is_geometric(op)  # raises for operations without a camera, drawn or not
         if not gates(op, item.data).any():
             continue
         if not geometric:
-            stages.append(Coloured(op, item.data))
+            stages.append(BatchColours(op, item.data))
             continue
         H = matrices(op, item.data, (shape[0], shape[1], *image_hw))
         after_hw = output_hw(op, item.data, image_hw)
         if after_hw != image_hw or (np.eye(3) != H).any():
-            stages.append(Moved(H, after_hw))
+            stages.append(BatchWarp(H, after_hw))
         image_hw = after_hw
     return stages
 
 
 def fused(stages: Sequence[Stage], commutes: Callable[[Any], bool]) -> list[Stage]:
-    """The same stages with maps of pixels multiplied together, also across operations on colours
-    that commute with them."""
+    """The same stages with maps of pixels multiplied together, as far as their order allows.
+
+    Args:
+        stages: in their order.
+        commutes: whether a map of pixels may change places with this operation on colours.
+    """
     result: list[Stage] = []
     for stage in stages:
         place = len(result)
-        while isinstance(stage, Moved) and place:
+        while isinstance(stage, BatchWarp) and place:
             before = result[place - 1]
-            if isinstance(before, Moved):
-                result[place - 1] = Moved(stage.H_out_in @ before.H_out_in, stage.image_hw)
+            if isinstance(before, BatchWarp):
+                result[place - 1] = BatchWarp(stage.H_out_in @ before.H_out_in, stage.image_hw)
                 break
             place = place - 1 if commutes(before.op) else 0
         else:
@@ -97,12 +102,12 @@ def fused(stages: Sequence[Stage], commutes: Callable[[Any], bool]) -> list[Stag
     return result
 
 
-def whole_map(stages: Sequence[Stage], count: int, image_hw: tuple[int, int]) -> Moved:
+def whole_map(stages: Sequence[Stage], count: int, image_hw: tuple[int, int]) -> BatchWarp:
     """All maps of pixels of a batch together; the identity if there are none."""
     for stage in fused(stages, lambda op: True):
-        if isinstance(stage, Moved):
+        if isinstance(stage, BatchWarp):
             return stage
-    return Moved(np.broadcast_to(np.eye(3), (count, 3, 3)), image_hw)
+    return BatchWarp(np.broadcast_to(np.eye(3), (count, 3, 3)), image_hw)
 
 
 def run_images(
@@ -110,8 +115,14 @@ def run_images(
 ) -> Tensor:
     """The pictures (B, C, H', W') of a batch (B, C, H, W) after all stages."""
     for stage in fused(stages, lambda op: isinstance(op, LINEAR)):
-        if isinstance(stage, Moved):
-            images = warp(images, stage.H_out_in, stage.image_hw, interpolation, fill)
+        if isinstance(stage, BatchWarp):
+            images = warp(
+                images,
+                stage.H_out_in,
+                stage.image_hw,
+                interpolation=interpolation,
+                fill=fill,
+            )
         else:
             images = stage.op(images, params=dict(stage.params))
     return images
@@ -127,8 +138,10 @@ def run_masks(masks: Tensor, stages: Sequence[Stage]) -> Tensor:
         torch.float64 if masks.dtype in WIDE else torch.promote_types(masks.dtype, torch.float32)
     )
     for stage in fused(stages, lambda op: not isinstance(op, kornia.RandomErasing)):
-        if isinstance(stage, Moved):
-            layers = warp(layers, stage.H_out_in, stage.image_hw, "nearest", (0.0,))
+        if isinstance(stage, BatchWarp):
+            layers = warp(
+                layers, stage.H_out_in, stage.image_hw, interpolation="nearest", fill=(0.0,)
+            )
         elif isinstance(stage.op, kornia.RandomErasing):
             layers = stage.op.transform_masks(
                 layers, params=dict(stage.params), flags=stage.op.flags

@@ -1,15 +1,12 @@
-"""kornia's 2D augmentations as transforms.
+"""kornia's operations: their kind, their coin, the size they make, and their matrices.
 
-Its matrices and its colours, with our one warp and one key for all randomness.
-
-Tested with kornia 0.9, the first whose matrices agree with its pixels; importing this module
+Tested with kornia 0.9, the first whose matrices agree with its pixels. Importing this module
 imports kornia.
 """
 
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import kornia.augmentation as kornia
@@ -20,32 +17,14 @@ from kornia.augmentation.container.base import BasicSequentialBase
 from torch import Tensor
 
 from animal3dbox.errors import ConfigError
-from animal3dbox.transforms.augmentations.noise import SEEDS
-from animal3dbox.transforms.steps import Erase, KorniaPixels, Standardise, Step, Warp
-from animal3dbox.transforms.transform import Transform
-from animal3dbox.transforms.view import View
 
-CHANNELS = 3
-"""Parameters are drawn for RGB.
-
-An operation drawn for another number of channels draws again from the same seed.
-"""
 NOTHING_PX = 1e-9
-"""What moves no pixel of the picture by more than this is rounding, and is set to 0.
-
-An affine map stays affine.
-"""
+"""An entry of a matrix that moves no pixel of the picture by more than this is rounding, and set to
+0, so that an affine map stays affine."""
 
 ONE_AT_A_TIME = threading.RLock()
 """Held while kornia draws: threads share torch's generator."""
 
-FLIPS = (kornia.RandomHorizontalFlip, kornia.RandomVerticalFlip)
-BLURS = (
-    kornia.RandomBoxBlur,
-    kornia.RandomGaussianBlur,
-    kornia.RandomMedianBlur,
-    kornia.RandomMotionBlur,
-)
 REFUSED: tuple[tuple[type, str], ...] = (
     (
         PolicyAugmentBase,
@@ -74,8 +53,10 @@ REFUSED: tuple[tuple[type, str], ...] = (
 
 @contextmanager
 def seeded(seed: int) -> Iterator[None]:
-    """Let torch's CPU generator, from which kornia draws, depend on the seed alone, and leave it as
-    it was afterwards."""
+    """A context in which torch's CPU generator, from which kornia draws, depends on the seed alone.
+
+    It is left as it was afterwards.
+    """
     with ONE_AT_A_TIME, torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(seed)
         yield
@@ -107,12 +88,12 @@ def is_geometric(op: Any) -> bool:
 
 
 def gates(op: Any, params: Mapping[str, Any]) -> np.ndarray:
-    """For each picture whether kornia applies the operation, (B,) bool.
+    """The pictures of a batch that kornia applies the operation to, (B,) bool.
 
     One entry for all if it gates whole batches.
     """
-    open_: np.ndarray = np.atleast_1d(params["batch_prob"].cpu().numpy() > 0.5)
-    return np.ones_like(open_) if op.p == 1 and op.p_batch == 1 else open_
+    coins: np.ndarray = np.atleast_1d(params["batch_prob"].cpu().numpy() > 0.5)
+    return np.ones_like(coins) if op.p == 1 and op.p_batch == 1 else coins
 
 
 def output_hw(op: Any, params: Mapping[str, Any], image_hw: tuple[int, int]) -> tuple[int, int]:
@@ -130,10 +111,10 @@ def output_hw(op: Any, params: Mapping[str, Any], image_hw: tuple[int, int]) -> 
     elif "output_size" in params:
         height, width = params["output_size"][0].tolist()
         size = (int(height), int(width))
-    open_ = gates(op, params)
-    if open_.all() or size == image_hw:
+    applied = gates(op, params)
+    if applied.all() or size == image_hw:
         return size
-    if open_.any():
+    if applied.any():
         raise ConfigError(
             f"{type(op).__name__} would change the size of some pictures of the batch only; give"
             " it p=1"
@@ -142,7 +123,9 @@ def output_hw(op: Any, params: Mapping[str, Any], image_hw: tuple[int, int]) -> 
 
 
 def matrices(op: Any, params: Mapping[str, Any], shape: tuple[int, int, int, int]) -> np.ndarray:
-    """The maps of pixels of a geometric operation, from kornia's own formula but in float64 and without touching a pixel.
+    """The maps of pixels of a geometric operation, without touching a pixel.
+
+    They come from kornia's own formula, but in float64.
 
     Args:
         op: a GeometricAugmentationBase2D.
@@ -181,8 +164,12 @@ def matrices(op: Any, params: Mapping[str, Any], shape: tuple[int, int, int, int
 
 
 def oriented(H_out_in: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
-    """The same maps (B, 3, 3) with w = 1 in the middle of the picture, and without rounding where
-    there should be zeros."""
+    """Maps (B, 3, 3) with w = 1 in the middle of the picture, and with zeros instead of rounding.
+
+    Args:
+        H_out_in: (B, 3, 3) of any scale and sign.
+        image_hw: height and width of the pictures that go in.
+    """
     height, width = image_hw
     w = H_out_in[:, 2] @ np.array([(width - 1) / 2, (height - 1) / 2, 1])
     if (np.abs(w) < 1e-12 * np.abs(H_out_in[:, 2]).max(axis=1)).any():
@@ -191,10 +178,10 @@ def oriented(H_out_in: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
             " its ranges"
         )
     H = H_out_in / w[:, None, None]
-    moved_px = (
+    shift_px = (
         np.abs(H) * np.array([width, height, 1]) * np.array([[1.0], [1.0], [max(height, width)]])
     )
-    H = np.where(moved_px < NOTHING_PX, 0.0, H)
+    H = np.where(shift_px < NOTHING_PX, 0.0, H)
     if not H[:, 2, :2].any():
         H[:, 2, 2] = 1.0  # w is the same everywhere, so it was 1 but for rounding
     return H
@@ -203,166 +190,3 @@ def oriented(H_out_in: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
 def mirrored(H_out_in: np.ndarray) -> bool:
     """Whether an oriented map (3, 3) mirrors."""
     return bool(np.linalg.det(H_out_in) < 0)
-
-
-@dataclass(frozen=True)
-class PixelOp:
-    """A kornia operation on colours that gives the same pixels whenever it is run.
-
-    What it draws, it draws from the seed.
-    """
-
-    op: Any
-    seed: int
-
-    def __call__(self, images: Tensor, params: Mapping[str, Any]) -> Tensor:
-        """The changed images (1, C, H, W)."""
-        with seeded(self.seed):
-            drawn = (
-                dict(params)
-                if images.shape[1] == CHANNELS
-                else self.op.forward_parameters(images.shape)
-            )
-            result: Tensor = self.op(images, params=drawn)
-        if result.shape != images.shape:
-            raise ConfigError(
-                f"{type(self.op).__name__} should change colours only, but made"
-                f" {tuple(result.shape)} of {tuple(images.shape)}"
-            )
-        return result
-
-
-class KorniaTransform(Transform):
-    """A kornia 2D augmentation as one of our transforms; pipelines wrap it by themselves.
-
-    Geometric operations give their matrix to the one warp; the interpolation and the fill are the
-    pipeline's, not the operation's own. RandomErasing and Normalize become our own steps. Any other
-    operation on colours runs as it is, and its result is clipped to [0, 1]; blurs are measured
-    first, for some of kornia's move the picture. Whether and what it draws depends on the sample's
-    key alone; torch's generator is left as it was.
-
-    Args:
-        op: from kornia.augmentation, or derived from its 2D bases. A geometric operation that is
-            not kornia's own is measured: its pixels must be where its matrix says (kornia_probe).
-        mirrors: whether it may mirror; None finds out. An operation that mirrors all the same
-            raises.
-        probe_hw: sizes of the images that an operation of your own is measured on.
-
-    Raises:
-        ConfigError: the operation has no matrix, or is a container, a mixture, a policy or for
-            volumes.
-
-    """
-
-    def __init__(
-        self,
-        op: Any,
-        *,
-        mirrors: bool | None = None,
-        probe_hw: tuple[tuple[int, int], ...] | None = None,
-    ) -> None:
-        super().__init__()  # the operation tosses its own coin
-        self.op = op
-        self.geometric = is_geometric(op)
-        if op.device.type != "cpu":
-            raise ConfigError(
-                f"{type(op).__name__} draws on {op.device}, which no sample's key can seed; draw on"
-                " the CPU: op.to('cpu')"
-            )
-        may_mirror = measured_mirror(op, probe_hw)
-        self.mirrors = may_mirror if mirrors is None else mirrors
-        if not self.geometric:
-            _check_colours(op)
-
-    def steps(self, rng: np.random.Generator, view: View) -> tuple[Step, ...]:
-        """What kornia draws for a batch of this one picture."""
-        seed = int(rng.integers(SEEDS))
-        shape = (1, CHANNELS, *view.image_hw)
-        with seeded(seed):
-            params = self.op.forward_parameters(torch.Size(shape))
-        if not gates(self.op, params).all():
-            return ()
-        if self.geometric:
-            return self._moved(params, shape)
-        if isinstance(self.op, kornia.RandomErasing):
-            return _erased(params, view.image_hw)
-        if isinstance(self.op, kornia.Normalize):
-            return (_standardised(self.op.flags["mean"], self.op.flags["std"]),)
-        return (KorniaPixels(PixelOp(self.op, seed), params),)
-
-    def _moved(
-        self, params: Mapping[str, Any], shape: tuple[int, int, int, int]
-    ) -> tuple[Step, ...]:
-        H = matrices(self.op, params, shape)[0]
-        self.check_mirror(H)
-        return (Warp(H, output_hw(self.op, params, (shape[2], shape[3]))),)
-
-    def check_mirror(self, H_out_in: np.ndarray) -> None:
-        """Raise a ConfigError if a drawn map mirrors although the operation was taken for one that
-        does not."""
-        if mirrored(H_out_in) and not self.mirrors:
-            raise ConfigError(
-                f"{self.op!r} mirrored the picture unexpectedly; if it may, say so:"
-                " KorniaTransform(op, mirrors=True)"
-            )
-
-
-def measured_mirror(op: Any, probe_hw: tuple[tuple[int, int], ...] | None = None) -> bool:
-    """Whether a kornia augmentation may mirror; what is not known of it is measured.
-
-    Raises:
-        ConfigError: its pixels do not follow its matrix, or it moves pixels without one (see
-            kornia_probe).
-
-    """
-    from animal3dbox.transforms.kornia_bridge.probe import (
-        PROBE_HW,
-        check_blur,
-        check_matrix,
-    )  # it measures with this module's matrices
-
-    if isinstance(op, BLURS):
-        check_blur(op)
-    may_mirror = isinstance(op, FLIPS) and op.p > 0 and op.p_batch > 0
-    if is_geometric(op) and not type(op).__module__.startswith("kornia."):
-        may_mirror |= check_matrix(op, PROBE_HW if probe_hw is None else probe_hw)
-    return may_mirror
-
-
-def _check_colours(op: Any) -> None:
-    """Raise a ConfigError for operations on colours that a pipeline of pictures in [0, 1] cannot
-    hold."""
-    name = type(op).__name__
-    if isinstance(op, kornia.Denormalize):
-        raise ConfigError(
-            "Denormalize undoes a Normalize, which comes last here; leave both out, or apply it to"
-            " the result"
-        )
-    if isinstance(op, kornia.Normalize) and not (op.p == 1 and op.p_batch == 1):
-        raise ConfigError("Normalize with p < 1 would leave pictures of two kinds; give it p=1")
-    overridden = (
-        isinstance(op, kornia.RandomErasing)
-        and type(op).apply_transform is not kornia.RandomErasing.apply_transform
-    )
-    if overridden:
-        raise ConfigError(
-            f"{name} changes what RandomErasing paints, so what it hides is not known; use"
-            " RandomErasing of animal3dbox.transforms"
-        )
-
-
-def _erased(params: Mapping[str, Any], image_hw: tuple[int, int]) -> tuple[Step, ...]:
-    """Kornia's rectangle as our own step, which also marks what it hides."""
-    left, top, wide, high = (int(params[name][0]) for name in ("xs", "ys", "widths", "heights"))
-    box = (left, top, min(left + wide, image_hw[1]), min(top + high, image_hw[0]))
-    return (Erase((box,), (float(params["values"][0]),)),)
-
-
-def _standardised(mean: Tensor, std: Tensor) -> Standardise:
-    """Kornia's mean and std (C,) or (1,) for one picture.
-
-    One number stands for all three channels.
-    """
-    values = [tuple(float(x) for x in value.reshape(-1)) for value in (mean, std)]
-    values = [value * CHANNELS if len(value) == 1 else value for value in values]
-    return Standardise(values[0], values[1])

@@ -1,29 +1,51 @@
-"""Does a kornia operation move its pixels by its matrix? Measured on a picture whose colours are
-its coordinates."""
+"""Whether a kornia operation moves its pixels by its matrix.
+
+Measured on a picture whose colours are its coordinates: what came out at a pixel says where it was.
+"""
 
 from dataclasses import dataclass
 from typing import Any
 
+import kornia.augmentation as kornia
 import numpy as np
 import torch
 
 from animal3dbox.errors import ConfigError
-from animal3dbox.transforms.kornia_bridge.operations import matrices, mirrored, output_hw, seeded
+from animal3dbox.transforms.kornia_bridge.operations import (
+    is_geometric,
+    matrices,
+    mirrored,
+    output_hw,
+    seeded,
+)
 
+FLIPS = (kornia.RandomHorizontalFlip, kornia.RandomVerticalFlip)
+BLURS = (
+    kornia.RandomBoxBlur,
+    kornia.RandomGaussianBlur,
+    kornia.RandomMedianBlur,
+    kornia.RandomMotionBlur,
+)
 PROBE_HW = ((97, 128), (131, 90))
 TOLERANCE_PX = 0.1
 MARGIN_PX = 3
-"""How far from the edges of the picture that goes in.
-
-Interpolation reads up to two pixels further.
-"""
+"""How far from the edges of the picture that goes in pixels are measured: interpolation reads up
+to two pixels further."""
 MARGIN_PART = 0.15
-"""How far from the edges of the picture that comes out, over its side.
-
-A crop that is resized repeats its edge.
-"""
+"""How far from the edges of the picture that comes out, over its side: crops that are resized
+repeat their edge."""
 FEWEST_PIXELS = 25
 DRAWS = 4
+UNMEASURABLE = (
+    ArithmeticError,
+    AssertionError,
+    LookupError,
+    NotImplementedError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
+"""Errors of an operation that cannot work on a picture of some size."""
 
 
 @dataclass(frozen=True)
@@ -71,12 +93,12 @@ def measure(op: Any, image_hw: tuple[int, int], seed: int, *, applied: bool = Tr
     columns, rows = np.meshgrid(np.arange(out_hw[1]), np.arange(out_hw[0]))
     mapped = np.stack((columns, rows, np.ones_like(rows)), axis=-1) @ np.linalg.inv(H).T
     w = np.where(mapped[..., 2:] > 1e-9, mapped[..., 2:], np.nan)
-    said = mapped[..., :2] / w
+    expected = mapped[..., :2] / w
     edges = np.array([width, height]) - 1 - MARGIN_PX
-    inside = np.asarray(((said > MARGIN_PX) & (said < edges)).all(axis=-1))
+    inside = np.asarray(((expected > MARGIN_PX) & (expected < edges)).all(axis=-1))
     top, left = (int(MARGIN_PART * side) + 1 for side in out_hw)
     inside[:top], inside[-top:], inside[:, :left], inside[:, -left:] = False, False, False, False
-    off = np.abs(came_from - said)[inside]
+    off = np.abs(came_from - expected)[inside]
     return Measured(
         float(off.max(initial=0)),
         int(inside.sum()),
@@ -87,7 +109,11 @@ def measure(op: Any, image_hw: tuple[int, int], seed: int, *, applied: bool = Tr
 
 
 def check_matrix(op: Any, sizes: tuple[tuple[int, int], ...] = PROBE_HW) -> bool:
-    """Whether the operation was seen to mirror.
+    """Whether the operation mirrors, as far as some draws show; its matrix must be true in all.
+
+    Args:
+        op: a GeometricAugmentationBase2D.
+        sizes: heights and widths of the pictures to measure on.
 
     Raises:
         ConfigError: its pixels are not where its matrix says, its size is not what it announces, or
@@ -97,27 +123,8 @@ def check_matrix(op: Any, sizes: tuple[tuple[int, int], ...] = PROBE_HW) -> bool
     name = type(op).__name__
     nearest = getattr(op.flags.get("resample"), "name", "") == "NEAREST"
     allowed = TOLERANCE_PX + (0.5 if nearest else 0.0)
-    draws = [(seed, True) for seed in range(DRAWS)] + (
-        [(DRAWS, False)] if op.p < 1 or op.p_batch < 1 else []
-    )
-    seen: list[Measured] = []
-    for image_hw in sizes:
-        try:
-            seen += [measure(op, image_hw, seed, applied=applied) for seed, applied in draws]
-        except (
-            ArithmeticError,
-            AssertionError,
-            LookupError,
-            NotImplementedError,
-            RuntimeError,
-            TypeError,
-            ValueError,
-        ) as error:
-            raise ConfigError(
-                f"{name} cannot be measured on an image of {image_hw}: {error}; give"
-                " KorniaTransform(op, probe_hw=...) others"
-            ) from error
-    for result in seen:
+    results = _measurements(op, sizes)
+    for result in results:
         if result.image_hw != result.claimed_hw:
             raise ConfigError(
                 f"{name} makes images of {result.image_hw} (height, width) but announces"
@@ -128,18 +135,34 @@ def check_matrix(op: Any, sizes: tuple[tuple[int, int], ...] = PROBE_HW) -> bool
                 f"{name}'s pixels are up to {result.off_px:.3g} px from where its matrix says, so"
                 " it would leave the camera stale; correct it"
             )
-    if sum(result.pixels for result in seen) < FEWEST_PIXELS:
+    if sum(result.pixels for result in results) < FEWEST_PIXELS:
         raise ConfigError(
             f"{name} leaves nothing to measure on images of {sizes}; give KorniaTransform(op,"
             " probe_hw=...) that suit it"
         )
-    return any(result.mirrored for result in seen)
+    return any(result.mirrored for result in results)
+
+
+def _measurements(op: Any, sizes: tuple[tuple[int, int], ...]) -> list[Measured]:
+    """Some draws on each size, and one that the operation's own coin leaves out, if it has one."""
+    draws = [(seed, True) for seed in range(DRAWS)]
+    draws += [(DRAWS, False)] if op.p < 1 or op.p_batch < 1 else []
+    results: list[Measured] = []
+    for image_hw in sizes:
+        try:
+            results += [measure(op, image_hw, seed, applied=applied) for seed, applied in draws]
+        except UNMEASURABLE as error:
+            raise ConfigError(
+                f"{type(op).__name__} cannot be measured on an image of {image_hw}: {error}; give"
+                " KorniaTransform(op, probe_hw=...) others"
+            ) from error
+    return results
 
 
 def check_blur(op: Any, side_px: int = 160) -> None:
     """Raise a ConfigError if a blur also moves the picture.
 
-    An even kernel by half a pixel, a motion with a direction by more.
+    An even kernel moves it by half a pixel, a motion with a direction by more.
 
     Args:
         op: an operation on colours that leaves a ramp a ramp.
@@ -153,11 +176,30 @@ def check_blur(op: Any, side_px: int = 160) -> None:
         with seeded(seed):
             params = op.forward_parameters(image.shape)
             params["batch_prob"] = torch.ones_like(params["batch_prob"])
-            moved = (op(image.clone(), params=params) - image)[0, :2, middle, middle] * side_px
-        off_px = float(moved.detach().mean(dim=(1, 2)).abs().max())
+            shift_px = (op(image.clone(), params=params) - image)[0, :2, middle, middle] * side_px
+        off_px = float(shift_px.detach().mean(dim=(1, 2)).abs().max())
         if off_px > TOLERANCE_PX:
             raise ConfigError(
                 f"{type(op).__name__} moves the picture by {off_px:.2g} px without a matrix, which"
                 " would leave the camera stale; give it odd kernel sizes, and direction=0.0 if it"
                 " has one"
             )
+
+
+def measured_mirror(op: Any, probe_hw: tuple[tuple[int, int], ...] | None = None) -> bool:
+    """Whether a kornia augmentation may mirror; an unknown operation is measured.
+
+    Args:
+        op: of kornia, or derived from its 2D bases.
+        probe_hw: heights and widths of the pictures to measure on.
+
+    Raises:
+        ConfigError: its pixels do not follow its matrix, or it moves pixels without one.
+
+    """
+    if isinstance(op, BLURS):
+        check_blur(op)
+    may_mirror = isinstance(op, FLIPS) and op.p > 0 and op.p_batch > 0
+    if is_geometric(op) and not type(op).__module__.startswith("kornia."):
+        may_mirror |= check_matrix(op, PROBE_HW if probe_hw is None else probe_hw)
+    return may_mirror

@@ -9,36 +9,24 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from animal3dbox.errors import ConfigError, SampleError, ShapeError
+from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.homography import apply_homography
 from animal3dbox.transforms.camera_law.boxes import mapped_boxes
 from animal3dbox.transforms.camera_law.consistency import check_consistent
-from animal3dbox.transforms.camera_law.fields import read_target, write_target
 from animal3dbox.transforms.camera_law.law import map_fields
 from animal3dbox.transforms.camera_law.relabel import Relabelling, check_keypoint_mirror
+from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
+from animal3dbox.transforms.kornia_bridge.data_keys import KORNIAS, checked_images, data_key
 from animal3dbox.transforms.kornia_bridge.fusion import (
-    Moved,
+    BatchWarp,
     Stage,
     drawn_stages,
     run_images,
     run_masks,
     whole_map,
 )
-from animal3dbox.transforms.kornia_bridge.operations import measured_mirror
+from animal3dbox.transforms.kornia_bridge.probe import measured_mirror
 from animal3dbox.transforms.rendering.sampling import check_interpolation
-
-SHAPES = {
-    "input": "(B, C, H, W)", "mask": "(B, C, H, W) or (B, H, W)", "keypoints": "(B, J, 2)", "bbox_xyxy": "(B, N, 4)", "class": "(B, ...)",
-    "K": "(B, 3, 3)", "R": "(B, 3, 3) or (B, N, 3, 3)", "t": "(B, 3) or (B, N, 3)", "distortion": "(B, D)", "corners_3d": "(B, N, 8, 3)",
-    "center": "(B, N, 3)", "rotation": "(B, N, 3, 3)", "size": "(B, N, 3)", "corners_2d": "(B, N, 8, 2)", "corner_in_front": "(B, N, 8)",
-    "face_visible": "(B, N, 6)", "face_area": "(B, N, 6)", "face_share": "(B, N, 6)", "face_share_in_image": "(B, N, 6)", "truncation": "(B, N)",
-    "behind_camera": "(B, N)",
-}  # fmt: skip
-KORNIAS = ("input", "mask", "keypoints", "bbox_xyxy", "class")
-"""Keys with kornia's own meaning, but that bbox_xyxy is clipped to the frame.
-
-The others are fields of a target (fields.py), of N boxes in the camera frame, and follow the
-law."""
 
 
 class CameraAugmentationSequential(torch.nn.Module):
@@ -53,7 +41,7 @@ class CameraAugmentationSequential(torch.nn.Module):
 
     Args:
         ops: kornia augmentations, or one kornia AugmentationSequential.
-        data_keys: names out of SHAPES ("image" is "input"), one an argument.
+        data_keys: names out of data_keys.SHAPES ("image" is "input"), one an argument.
         keypoint_mirror: (J,) for each keypoint its counterpart on the other side; needed for
             keypoints if an operation may mirror.
         mirror: "relabel", or "forbid" to refuse operations that may mirror.
@@ -72,6 +60,14 @@ class CameraAugmentationSequential(torch.nn.Module):
     Raises:
         ConfigError: an operation cannot say what it does to the camera, or a key is not known.
 
+    Example:
+        >>> import kornia.augmentation as kornia
+        >>> flip = kornia.RandomHorizontalFlip(p=1.0)
+        >>> aug = CameraAugmentationSequential(flip, data_keys=["input", "K"])
+        >>> K = torch.tensor([[[90.0, 0, 44.5], [0, 90, 29.5], [0, 0, 1]]])
+        >>> images, K_new = aug(torch.zeros(1, 3, 60, 80), K)
+        >>> K_new[0, 0].tolist()  # cx' = 79 - cx
+        [90.0, 0.0, 34.5]
     """
 
     def __init__(
@@ -90,7 +86,7 @@ class CameraAugmentationSequential(torch.nn.Module):
         if mirror not in ("relabel", "forbid"):
             raise ConfigError(f"mirror must be 'relabel' or 'forbid', got {mirror!r}")
         self.pipeline = _pipeline(ops, options)
-        self.data_keys = None if data_keys is None else [_key(name) for name in data_keys]
+        self.data_keys = None if data_keys is None else [data_key(name) for name in data_keys]
         self.mirrors = {name: measured_mirror(op) for name, op in self.pipeline.named_children()}
         guilty = [
             type(self.pipeline.get_submodule(name)).__name__
@@ -106,11 +102,8 @@ class CameraAugmentationSequential(torch.nn.Module):
         )
         if self.keypoint_mirror is not None:
             check_keypoint_mirror(self.keypoint_mirror, len(self.keypoint_mirror))
-        self.allow_skew, self.interpolation, self.check = (
-            allow_skew,
-            check_interpolation(interpolation),
-            check,
-        )
+        self.allow_skew, self.check = allow_skew, check
+        self.interpolation = check_interpolation(interpolation)
         self.fill = fill if isinstance(fill, tuple) else (float(fill),)
         self.transform_matrix: Tensor | None = None
         self._params: Sequence[Any] | None = None
@@ -121,7 +114,7 @@ class CameraAugmentationSequential(torch.nn.Module):
         params: Sequence[Any] | None = None,
         data_keys: Sequence[Any] | None = None,
     ) -> Any:
-        """Augment a batch.
+        """Augment a batch of images and all that is known about them.
 
         Args:
             args: one tensor a data key, or one dict.
@@ -134,15 +127,15 @@ class CameraAugmentationSequential(torch.nn.Module):
 
         """
         as_dict = len(args) == 1 and isinstance(args[0], Mapping)
-        given = list(args[0]) if as_dict else data_keys or self.data_keys or ()
-        names = [_key(name) for name in given]
+        keys = list(args[0]) if as_dict else data_keys or self.data_keys or ()
+        names = [data_key(name) for name in keys]
         values = list(args[0].values()) if as_dict else list(args)
         if len(names) != len(values) or len(set(names)) != len(names):
             raise ConfigError(
-                f"data_keys must name each argument once, got {list(given)} for {len(values)}"
+                f"data_keys must name each argument once, got {list(keys)} for {len(values)}"
                 " arguments"
             )
-        images = _checked(dict(zip(names, values, strict=True)))
+        images = checked_images(dict(zip(names, values, strict=True)))
         if "keypoints" in names and any(self.mirrors.values()) and self.keypoint_mirror is None:
             raise ConfigError(
                 "keypoints under a mirror change their names: give keypoint_mirror=[...], each"
@@ -154,21 +147,21 @@ class CameraAugmentationSequential(torch.nn.Module):
             dict(zip(names, values, strict=True)), drawn_stages(self.pipeline, self._params, shape)
         )
         if as_dict:
-            return {name: results[key] for name, key in zip(given, names, strict=True)}
+            return {name: results[key] for name, key in zip(keys, names, strict=True)}
         return results[names[0]] if len(names) == 1 else [results[name] for name in names]
 
     def _mapped(self, values: dict[str, Tensor], stages: list[Stage]) -> dict[str, Tensor]:
         """Every value of a batch after the stages."""
         images = values["input"]
         image_hw = (images.shape[2], images.shape[3])
-        moved = whole_map(stages, images.shape[0], image_hw)
-        H = torch.from_numpy(moved.H_out_in.copy()).to(images.device)
+        batch_warp = whole_map(stages, images.shape[0], image_hw)
+        H = torch.from_numpy(batch_warp.H_out_in.copy()).to(images.device)
         if bool((torch.linalg.det(H) < 0).any()) and not any(self.mirrors.values()):
             raise ConfigError(
                 "the pipeline mirrored a picture although none of its operations was known to"
                 " mirror"
             )
-        results = self._mapped_targets(values, H, image_hw, moved) | {
+        results = self._mapped_targets(values, H, image_hw, batch_warp) | {
             "input": run_images(images, stages, self.interpolation, self.fill)
         }
         if "mask" in values:
@@ -178,7 +171,7 @@ class CameraAugmentationSequential(torch.nn.Module):
         if "bbox_xyxy" in values:
             boxes = values["bbox_xyxy"]
             rows = [
-                mapped_boxes(box.double(), H[row], moved.image_hw, None)
+                mapped_boxes(box.double(), H[row], batch_warp.image_hw, None)
                 for row, box in enumerate(boxes)
             ]
             results["bbox_xyxy"] = torch.stack(rows).to(boxes.dtype)
@@ -188,7 +181,7 @@ class CameraAugmentationSequential(torch.nn.Module):
         return results
 
     def _mapped_targets(
-        self, values: dict[str, Tensor], H: Tensor, image_hw: tuple[int, int], moved: Moved
+        self, values: dict[str, Tensor], H: Tensor, image_hw: tuple[int, int], batch_warp: BatchWarp
     ) -> dict[str, Tensor]:
         """Cameras and cuboids, picture by picture, by the law."""
         named = {name: value for name, value in values.items() if name not in KORNIAS}
@@ -204,9 +197,12 @@ class CameraAugmentationSequential(torch.nn.Module):
             )
             if self.check:
                 check_consistent(fields)
-            if moved.image_hw != image_hw or not torch.equal(H[row], still):
+            if batch_warp.image_hw != image_hw or not torch.equal(H[row], still):
                 fields = map_fields(
-                    fields, moved.H_out_in[row], moved.image_hw, allow_skew=self.allow_skew
+                    fields,
+                    batch_warp.H_out_in[row],
+                    batch_warp.image_hw,
+                    allow_skew=self.allow_skew,
                 )
             rows.append(write_target(fields))
         return {
@@ -242,55 +238,3 @@ def _pipeline(ops: Sequence[Any], options: dict[str, Any]) -> Any:
             )
         return ops[0]
     return kornia.AugmentationSequential(*ops, **options)
-
-
-def _key(name: Any) -> str:
-    """The name of a data key, or a ConfigError: what is not known would be left stale."""
-    text = name if isinstance(name, str) else str(getattr(name, "name", name)).lower()
-    text = {"image": "input", "IMAGE": "input"}.get(text, text)
-    if text not in SHAPES:
-        known = ", ".join(f"{key} {shape}" for key, shape in SHAPES.items())
-        raise ConfigError(
-            f"unknown data key {name!r}, which would be left stale; known are {known} (and image"
-            " for input)"
-        )
-    return text
-
-
-def _checked(values: dict[str, Any]) -> Tensor:
-    """The images, after the shapes of all values have been compared with theirs."""
-    images = values.get("input")
-    if (
-        not isinstance(images, Tensor)
-        or images.ndim != 4
-        or images.dtype not in (torch.float32, torch.float64)
-        or 0 in images.shape
-    ):
-        came = (
-            f"{tuple(images.shape)} {images.dtype}"
-            if isinstance(images, Tensor)
-            else type(images).__name__
-        )
-        raise ShapeError(
-            f"input must be images {SHAPES['input']} float32 or float64, not empty, got {came}"
-        )
-    for name, value in values.items():
-        if not isinstance(value, Tensor) or value.ndim == 0 or value.shape[0] != images.shape[0]:
-            came = str(tuple(value.shape)) if isinstance(value, Tensor) else type(value).__name__
-            raise ShapeError(
-                f"{name} must be a tensor {SHAPES[name]} with the images' B = {images.shape[0]},"
-                f" got {came}"
-            )
-    for name, sides in (("keypoints", 2), ("bbox_xyxy", 4)):
-        if name in values and (values[name].ndim != 3 or values[name].shape[-1] != sides):
-            raise ShapeError(
-                f"{name} must have shape {SHAPES[name]}, got {tuple(values[name].shape)}"
-            )
-    if "mask" in values and (
-        values["mask"].ndim not in (3, 4) or values["mask"].shape[-2:] != images.shape[-2:]
-    ):
-        raise ShapeError(
-            f"mask must be {SHAPES['mask']} of the images' size {tuple(images.shape[-2:])}, got"
-            f" {tuple(values['mask'].shape)}"
-        )
-    return images

@@ -1,7 +1,4 @@
-"""Plans of a batch run side by side.
-
-What has the same kind, size and form goes through the device together.
-"""
+"""Plans of a batch, run side by side: images of one kind, size and form go through together."""
 
 from collections.abc import Sequence
 
@@ -41,16 +38,16 @@ def run_batch(
                 groups.setdefault(_alike(plan[turn], current[row]), []).append(row)
         for rows in groups.values():
             together = torch.stack([current[row] for row in rows])
-            done = run_stage(
+            results = run_stage(
                 together, [stages[row][turn] for row in rows], interpolation, fill, uint8=uint8
             )
-            for row, result in zip(rows, done, strict=True):
+            for row, result in zip(rows, results, strict=True):
                 current[row] = result
     return current
 
 
 def _alike(stage: Pass | Local, image: Tensor) -> tuple[object, ...]:
-    """What must agree for images to go through the device together."""
+    """The properties in which images must agree to go through the device together."""
     if isinstance(stage, Pass):
         return (
             "pass",

@@ -1,5 +1,7 @@
-"""Images as they come in (tensors or arrays, CHW or HWC, uint8 or float) and as the executors want
-them."""
+"""The forms of images: as they come in, and as the executors take them.
+
+Tensors or arrays, CHW or HWC, uint8 or float.
+"""
 
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -15,6 +17,14 @@ from animal3dbox.transforms.steps import Standardise
 Image = Tensor | np.ndarray
 AnyImage = TypeVar("AnyImage", Tensor, np.ndarray)
 CHANNELS = (1, 3, 4)
+DTYPES = (
+    torch.uint8,
+    torch.float32,
+    torch.float64,
+    np.dtype(np.uint8),
+    np.dtype(np.float32),
+    np.dtype(np.float64),
+)
 
 
 @dataclass(frozen=True)
@@ -42,7 +52,7 @@ class ImageForm:
 
 
 def image_form(image: Image) -> ImageForm:
-    """What kind of image this is.
+    """The form of an image, by its type and shape.
 
     Args:
         image: tensor, (C, H, W) unless only the last size is 1, 3 or 4; or array, (H, W, C) unless
@@ -51,42 +61,43 @@ def image_form(image: Image) -> ImageForm:
     Raises:
         ShapeError: the shape or the dtype is none that is supported.
 
+    Example:
+        >>> form = image_form(np.zeros((60, 80, 3), np.uint8))
+        >>> form.layout, form.image_hw, form.channels
+        ('hwc', (60, 80), 3)
     """
     if not isinstance(image, Tensor | np.ndarray):
         raise ShapeError(
             f"image must be a torch tensor or a numpy array, got {type(image).__name__}"
         )
     shape = tuple(image.shape)
-    first, last = (len(shape) == 3 and shape[side] in CHANNELS for side in (0, -1))
     tensor = isinstance(image, Tensor)
-    if len(shape) == 2:
-        layout = "hw"
-    elif first and (tensor or not last):
-        layout = "chw"
-    elif last:
-        layout = "hwc"
-    else:
-        raise ShapeError(
-            f"image must have shape (C, H, W), (H, W, C) or (H, W) with C = 1, 3 or 4, got {shape}"
-        )
+    layout = _layout(shape, tensor=tensor)
     height, width = shape[-2:] if layout != "hwc" else shape[:2]
     if height == 0 or width == 0:
         raise ShapeError(f"image must not be empty, got shape {shape}")
     dtype: torch.dtype | np.dtype[np.generic] = image.dtype
-    if dtype not in (
-        torch.uint8,
-        torch.float32,
-        torch.float64,
-        np.dtype(np.uint8),
-        np.dtype(np.float32),
-        np.dtype(np.float64),
-    ):
+    if dtype not in DTYPES:
         raise ShapeError(
             f"image must be uint8 (0 to 255), float32 or float64 (0 to 1), got {dtype}; convert it"
             " first"
         )
     channels = {"hw": 1, "chw": shape[0], "hwc": shape[-1]}[layout]
     return ImageForm(tensor, layout, dtype, (int(height), int(width)), channels)
+
+
+def _layout(shape: tuple[int, ...], *, tensor: bool) -> str:
+    """The order of an image's dimensions: "hw", "chw" or "hwc", of its shape and its library."""
+    first, last = (len(shape) == 3 and shape[side] in CHANNELS for side in (0, -1))
+    if len(shape) == 2:
+        return "hw"
+    if first and (tensor or not last):
+        return "chw"
+    if last:
+        return "hwc"
+    raise ShapeError(
+        f"image must have shape (C, H, W), (H, W, C) or (H, W) with C = 1, 3 or 4, got {shape}"
+    )
 
 
 def image_to_hwc(image: Image, form: ImageForm, *, spare: bool = False) -> np.ndarray:
@@ -111,8 +122,13 @@ def image_to_hwc(image: Image, form: ImageForm, *, spare: bool = False) -> np.nd
 def image_from_hwc(
     array: np.ndarray, form: ImageForm, standardise: Standardise | None = None
 ) -> Any:
-    """The (H, W, C) result, perhaps with a spare channel, in the form in which the image came, and
-    standardised if asked."""
+    """The result in the form in which the image came.
+
+    Args:
+        array: (H, W, C), perhaps with a spare channel, which is dropped.
+        form: of the image.
+        standardise: the standardisation of the colours, if any; the result is float32 then.
+    """
     planes = [array[..., 0]] if array.shape[-1] == 1 else list(cv2.split(array))[: form.channels]
     if standardise is not None:
         floats = np.empty((form.channels, *array.shape[:2]), dtype=np.float32)

@@ -24,10 +24,11 @@ def run_stages(
     image: Image,
     form: ImageForm,
     stages: Sequence[Pass | Local],
+    *,
     interpolation: str,
     fill: tuple[float, ...],
 ) -> Any:
-    """All stages of a plan.
+    """The image after all stages of a plan.
 
     Args:
         image: of any supported kind.
@@ -50,7 +51,9 @@ def run_stages(
     for index, stage in enumerate(stages):
         if index and array.shape[2] != form.channels:
             array = cv2.cvtColor(array, cv2.COLOR_RGBA2RGB)
-        array = run_stage(array, stage, interpolation, fill, channels=form.channels)
+        array = run_stage(
+            array, stage, interpolation=interpolation, fill=fill, channels=form.channels
+        )
     last = stages[-1] if stages else None  # a standardisation is always the last thing done
     standardise = last.standardise if isinstance(last, Pass) else None
     if standardise is not None and len(standardise.mean) != form.channels:
@@ -63,14 +66,19 @@ def run_stages(
 def run_stage(
     image: np.ndarray,
     stage: Pass | Local,
+    *,
     interpolation: str,
     fill: tuple[float, ...],
-    *,
     channels: int,
 ) -> np.ndarray:
-    """One stage of a plan but for its standardisation.
+    """The image after one stage of a plan, but for its standardisation.
 
-    Image (H, W, C) uint8, or float in [0, 1], perhaps with a spare channel.
+    Args:
+        image: (H, W, C) uint8, or float in [0, 1], perhaps with a spare channel.
+        stage: of a plan.
+        interpolation: see sampling.INTERPOLATIONS.
+        fill: grey levels 0 to 255, one or one a channel.
+        channels: of the picture, without a spare one.
     """
     if isinstance(stage, Pass):
         if stage.H_out_in is not None:
@@ -79,8 +87,8 @@ def run_stage(
                 image,
                 stage.H_out_in,
                 stage.image_hw,
-                interpolation,
-                tuple(level * unit for level in fill),
+                interpolation=interpolation,
+                fill=tuple(level * unit for level in fill),
             )
         return image if stage.colour is None else recolour(image, stage.colour, channels)
     if isinstance(stage, Blur):
@@ -100,17 +108,24 @@ def warp(
     image: np.ndarray,
     H_out_in: np.ndarray,
     image_hw: tuple[int, int],
+    *,
     interpolation: str,
     fill: tuple[float, ...],
 ) -> np.ndarray:
     """The mapped image (H', W', C).
 
-    Fill in the image's own grey levels where there is nothing to read.
+    Args:
+        image: (H, W, C).
+        H_out_in: (3, 3), w > 0 on the part that stays in the picture.
+        image_hw: height and width after.
+        interpolation: see sampling.INTERPOLATIONS.
+        fill: in the image's own grey levels, where there is nothing to read.
     """
+    # Flips and shifts by whole pixels copy them, so that they are lossless whatever interpolates.
     if H_out_in[2, 2] > 0 and (H_out_in[2, :2] == 0).all():
-        moved = _whole_pixels(image, H_out_in / H_out_in[2, 2], image_hw, fill)
-        if moved is not None:
-            return moved
+        copy = _whole_pixels(image, H_out_in / H_out_in[2, 2], image_hw, fill)
+        if copy is not None:
+            return copy
     reading = plan_reading(H_out_in, (image.shape[0], image.shape[1]), image_hw, interpolation)
     source = _shrunken(image, reading.shrink_xy, fill)
     three = source.shape[2:] == (3,)
@@ -138,6 +153,7 @@ def warp(
 
 
 def _blank_beyond(image: np.ndarray, reading: Reading, border: tuple[float, ...]) -> np.ndarray:
+    """The image with the border's grey level beyond the map's horizon, where OpenCV reads on."""
     if reading.horizon:
         image[reading.beyond()] = border[: image.shape[2]]
     return image
@@ -218,6 +234,7 @@ def erased(image: np.ndarray, step: Erase) -> np.ndarray:
 
 
 def _kornia(image: np.ndarray, step: KorniaPixels) -> np.ndarray:
+    """The image after one of kornia's operations on colours."""
     batch = torch.from_numpy(np.ascontiguousarray(_levels(image).transpose(2, 0, 1)))[None] / 255
     changed = step.op(batch, params=step.params)[0].permute(1, 2, 0).numpy()
     return _in_levels(changed * 255, image)

@@ -56,23 +56,22 @@ def warp_pixel_fields(
 
     Args:
         before: the target before the map.
-        H_out_in: (3, 3), w > 0 on what stays in the picture.
+        H_out_in: (3, 3), w > 0 on the part that stays in the picture.
         image_hw_out: of the image after.
 
     Returns:
         masks (N, H', W') and depth (H', W'), those that there were; 0 where nothing is known.
 
     """
-    moved: dict[str, Any] = {}
+    layers_out: dict[str, Any] = {}
     if "masks" in before.values:
         masks = as_numpy(before.values["masks"])
         readable = masks.astype(np.uint8) if masks.dtype == bool else masks
-        layers = [
-            warp(mask[..., None], H_out_in, image_hw_out, "nearest", (0.0,))[..., 0]
-            for mask in readable
-        ]
+        layers = [_nearest(mask, H_out_in, image_hw_out) for mask in readable]
         stacked = np.stack(layers) if layers else np.zeros((0, *image_hw_out))
-        moved["masks"] = _as_came(stacked.astype(masks.dtype, copy=False), before.values["masks"])
+        layers_out["masks"] = _as_came(
+            stacked.astype(masks.dtype, copy=False), before.values["masks"]
+        )
     if "depth" in before.values:
         if "K" not in before.values:
             raise SampleError(
@@ -80,12 +79,15 @@ def warp_pixel_fields(
                 "depth",
                 "needs the intrinsics K (3, 3): a turn of the camera changes depth",
             )
-        read = warp(
-            as_numpy(before.values["depth"])[..., None], H_out_in, image_hw_out, "nearest", (0.0,)
-        )[..., 0]
+        depth = _nearest(as_numpy(before.values["depth"]), H_out_in, image_hw_out)
         factor = depth_factor(H_out_in, as_numpy(before.values["K"]), image_hw_out)
-        moved["depth"] = _as_came(read * factor.astype(read.dtype), before.values["depth"])
-    return moved
+        layers_out["depth"] = _as_came(depth * factor.astype(depth.dtype), before.values["depth"])
+    return layers_out
+
+
+def _nearest(layer: np.ndarray, H_out_in: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
+    """A layer (H, W) of numbers read at the nearest pixel, 0 where there is nothing to read."""
+    return warp(layer[..., None], H_out_in, image_hw, interpolation="nearest", fill=(0.0,))[..., 0]
 
 
 def _as_came(array: np.ndarray, before: Tensor | np.ndarray) -> Tensor | np.ndarray:
@@ -93,7 +95,10 @@ def _as_came(array: np.ndarray, before: Tensor | np.ndarray) -> Tensor | np.ndar
 
 
 def depth_factor(H_out_in: np.ndarray, K: np.ndarray, image_hw: tuple[int, int]) -> np.ndarray:
-    """W / k at every pixel of the mapped image, (H', W') or (1, 1) for an affine map."""
+    """The factor w / k of depth at every pixel of the mapped image, (H', W').
+
+    (1, 1) for an affine map, which has one factor for all pixels. k is the norm of row 3 of H K.
+    """
     k = np.linalg.norm(H_out_in[2] @ K)
     a, b, c = np.linalg.inv(H_out_in)[2]
     if a == 0 and b == 0:

@@ -1,7 +1,4 @@
-"""What both executors share about reading pixels.
-
-How much to shrink first, where there is nothing to read, ties.
-"""
+"""The rules by which both executors read pixels: shrinking first, horizons, ties, kernels."""
 
 from dataclasses import dataclass
 
@@ -56,10 +53,10 @@ def plan_reading(
     image_hw_out: tuple[int, int],
     interpolation: str,
 ) -> Reading:
-    """How to read a picture.
+    """How to read a picture for a warp by a map.
 
     Args:
-        H_out_in: (3, 3), w > 0 on what stays in the picture.
+        H_out_in: (3, 3), w > 0 on the part that stays in the picture.
         image_hw_in: height and width before.
         image_hw_out: height and width after.
         interpolation: one of INTERPOLATIONS; "nearest" is never shrunk first.
@@ -100,9 +97,9 @@ def _shrink(
     *,
     affine: bool,
 ) -> tuple[int, int]:
-    """Whole numbers of pixels (x, y) to average.
+    """Whole numbers of pixels (x, y) to average: how many go into one pixel of the result.
 
-    How many are read per pixel made, where the fewest are.
+    Where the fewest do, so that no part of the picture becomes blurred.
     """
     if affine:
         fewest = np.hypot(H_in_out[:2, 0], H_in_out[:2, 1]) / abs(H_in_out[2, 2])

@@ -1,7 +1,4 @@
-"""The executor of batches on a device.
-
-Torch on (B, C, H, W) floats, differentiable in the image.
-"""
+"""The executor of batches on a device: torch on (B, C, H, W) floats, with their gradients."""
 
 import numpy as np
 import torch
@@ -25,7 +22,7 @@ def run_stage(
     *,
     uint8: bool,
 ) -> Tensor:
-    """One stage of the plans of a batch.
+    """The images of a batch after one stage of their plans.
 
     Args:
         images: (B, C, H, W) float: grey levels 0 to 255 if uint8, else colours in [0, 1].
@@ -57,8 +54,8 @@ def run_stage(
             images,
             H,
             first.image_hw,
-            interpolation,
-            tuple(level * unit / 255 for level in fill),
+            interpolation=interpolation,
+            fill=tuple(level * unit / 255 for level in fill),
             rounded=uint8,
         )
     if any(stage.colour is not None for stage in passes):
@@ -79,16 +76,16 @@ def warp(
     images: Tensor,
     H_out_in: np.ndarray,
     image_hw: tuple[int, int],
+    *,
     interpolation: str,
     fill: tuple[float, ...],
-    *,
     rounded: bool = False,
 ) -> Tensor:
-    """The mapped images.
+    """The images after one map of pixels each.
 
     Args:
         images: (B, C, H, W) float.
-        H_out_in: (B, 3, 3) float64, w > 0 on what stays in the picture.
+        H_out_in: (B, 3, 3) float64, w > 0 on the part that stays in the picture.
         image_hw: height and width after.
         interpolation: see sampling.INTERPOLATIONS.
         fill: in the images' own grey levels, where there is nothing to read.
@@ -213,6 +210,7 @@ def _recoloured(images: Tensor, passes: list[Pass], unit: float) -> Tensor:
 
 
 def _standardised(image: Tensor, step: Standardise) -> Tensor:
+    """(x - mean) / std of an image (1, C, H, W) in [0, 1]."""
     if len(step.mean) != image.shape[1]:
         raise ShapeError(f"Normalize has {len(step.mean)} channels, the image {image.shape[1]}")
     mean, std = (image.new_tensor(x)[:, None, None] for x in (step.mean, step.std))
@@ -223,7 +221,7 @@ def _local(image: Tensor, step: Local, unit: float) -> Tensor:
     """Blur, noise, erasing or kornia's pixels on one image (1, C, H, W)."""
     height, width = image.shape[-2:]
     if isinstance(step, KorniaPixels):
-        return _kept(step.op(image / unit, params=step.params) * unit, unit)
+        return _clipped(step.op(image / unit, params=step.params) * unit, unit)
     if isinstance(step, Blur):
         kernel = torch.from_numpy(gaussian_kernel(step.sigma_px, (height, width))).to(image)
         reach, channels = len(kernel) // 2, image.shape[1]
@@ -234,11 +232,11 @@ def _local(image: Tensor, step: Local, unit: float) -> Tensor:
         blurred = torch.nn.functional.conv2d(
             rows, kernel.reshape(1, 1, -1, 1).expand(channels, 1, -1, 1), groups=channels
         )
-        return _kept(blurred, unit) if unit == 255 else blurred
+        return _clipped(blurred, unit) if unit == 255 else blurred
     rng = np.random.default_rng(step.seed)
     if isinstance(step, Noise):
         noise = rng.standard_normal((height, width, image.shape[1]), dtype=np.float32)
-        return _kept(
+        return _clipped(
             image + torch.from_numpy(noise).permute(2, 0, 1).to(image) * (step.sigma * unit), unit
         )
     check_erase(step, image.shape[1])
@@ -253,9 +251,9 @@ def _local(image: Tensor, step: Local, unit: float) -> Tensor:
         result[..., y_least:y_past, x_least:x_past] = (
             torch.from_numpy(np.ascontiguousarray(colours)).permute(2, 0, 1).to(image) * unit
         )
-    return _kept(result, unit) if unit == 255 else result
+    return _clipped(result, unit) if unit == 255 else result
 
 
-def _kept(image: Tensor, unit: float) -> Tensor:
-    """Clipped, and rounded where grey levels are whole."""
+def _clipped(image: Tensor, unit: float) -> Tensor:
+    """The image held in [0, unit], and rounded where grey levels are whole."""
     return image.clamp(0, unit).round() if unit == 255 else image.clamp(0, unit)

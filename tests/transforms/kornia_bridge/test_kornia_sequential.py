@@ -19,7 +19,7 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import MIRRORED_CORNERS
 from animal3dbox.geometry.homography import apply_homography
 from animal3dbox.transforms import CameraAugmentationSequential
-from animal3dbox.transforms.camera_law.law import corners_of_boxes
+from animal3dbox.transforms.camera_law.law import parameter_corners
 from animal3dbox.transforms.rendering.torch_executor import warp
 
 HW = (120, 160)
@@ -161,7 +161,7 @@ def test_cuboids_stay_where_the_pixels_go(name: str, seed: int) -> None:
             project(after["K"][row], after["corners_3d"][row])[0], expected, atol=1e-6, rtol=0
         )
         assert_close(after["corners_2d"][row], expected, atol=1e-6, rtol=0)
-        boxes = corners_of_boxes(
+        boxes = parameter_corners(
             {name: after[name][row] for name in ("center", "rotation", "size")}
         )
         assert_close(boxes, after["corners_3d"][row])
@@ -377,8 +377,8 @@ def test_the_fill_lies_outside_the_picture_and_the_scale_of_a_map_does_not_matte
     assert_close(filled[..., :120, :160], image, atol=1e-5, rtol=0)
     H = torch.tensor([[[0.9, 0.1, 3], [-0.1, 0.9, 5], [0, 0, 1]]], dtype=torch.float64).numpy()
     assert_close(
-        warp(image, 2 * H, HW, "bilinear", (0.0,)),
-        warp(image, H, HW, "bilinear", (0.0,)),
+        warp(image, 2 * H, HW, interpolation="bilinear", fill=(0.0,)),
+        warp(image, H, HW, interpolation="bilinear", fill=(0.0,)),
         atol=1e-6,
         rtol=0,
     )

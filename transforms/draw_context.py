@@ -1,6 +1,6 @@
-"""What a transform may look at when it draws.
+"""The picture as it is by then, which a transform may look at when it draws.
 
-The picture's size, its camera and its boxes as they are by then.
+Its size, its camera and its boxes, after the steps that the transforms before it drew.
 """
 
 import math
@@ -19,13 +19,16 @@ from animal3dbox.geometry.box_visibility import (
 from animal3dbox.geometry.homography import CameraUpdate, update_camera
 from animal3dbox.geometry.polygon import area_in_box, polygon_area
 from animal3dbox.transforms.camera_law.fields import Fields
-from animal3dbox.transforms.camera_law.law import corners_of
+from animal3dbox.transforms.camera_law.law import cuboid_corners
 from animal3dbox.transforms.steps import IDENTITY, Keep, Step, Warp
 
 
 @dataclass(frozen=True)
-class View:
+class DrawContext:
     """The picture after the steps drawn so far; nothing has been rendered yet.
+
+    Everything but the size is computed when it is first asked for: most transforms draw from the
+    size alone.
 
     Attributes:
         image_hw: height and width by now.
@@ -44,17 +47,19 @@ class View:
     first_hw: tuple[int, int]
 
     @staticmethod
-    def of(image_hw: tuple[int, int], fields: Fields) -> "View":
+    def of(image_hw: tuple[int, int], fields: Fields) -> "DrawContext":
         """The picture before any step."""
         names = ("K", "corners_3d", "center", "rotation", "size", "face_visible")
         arrays = {name: as_numpy(fields.values[name]) for name in names if name in fields.values}
-        return View(image_hw, IDENTITY, arrays, tuple(range(fields.count)), fields.count, image_hw)
+        return DrawContext(
+            image_hw, IDENTITY, arrays, tuple(range(fields.count)), fields.count, image_hw
+        )
 
-    def before(self) -> "View":
+    def before(self) -> "DrawContext":
         """The picture before any step, of the animals that are alive."""
         return replace(self, image_hw=self.first_hw, H_out_in=IDENTITY)
 
-    def after(self, step: Step) -> "View":
+    def after(self, step: Step) -> "DrawContext":
         """The picture after one more step."""
         if isinstance(step, Warp):
             return replace(self, image_hw=step.image_hw, H_out_in=step.H_out_in @ self.H_out_in)
@@ -62,7 +67,7 @@ class View:
 
     @cached_property
     def camera(self) -> CameraUpdate[np.ndarray] | None:
-        """What the steps did to the camera; None without K."""
+        """The camera after the steps, and the turn Q of its frame; None without K."""
         return update_camera(self.H_out_in, self.values["K"]) if "K" in self.values else None
 
     @cached_property
@@ -71,9 +76,9 @@ class View:
         if "K" not in self.values:
             return None
         (a, b, _), (c, d, _), (e, f, _) = self.H_out_in.tolist()
-        if (
-            b == c == e == f == 0
-        ):  # flips, crops and resizes keep the camera's axes but for their signs
+        # A fast path, equal to the camera law's K: flips, crops and resizes keep the camera's axes
+        # but for their signs, and need no RQ decomposition (benchmarks/augment.py, all targets).
+        if b == c == e == f == 0:
             K: np.ndarray = (
                 self.H_out_in
                 @ self.values["K"]
@@ -87,15 +92,14 @@ class View:
     def corners_cam(self) -> np.ndarray | None:
         """Corners (N, 8, 3) in the camera frame by now, of the animals that are alive.
 
-        None without boxes or camera.
-
-        After a mirror they carry their old names, which no drawing depends on.
+        None without boxes or camera. After a mirror they carry their old names, which no drawing
+        depends on.
         """
-        corners = corners_of(dict(self.values))
+        corners = cuboid_corners(dict(self.values))
         if corners is None or self.camera is None:
             return None
-        moved: np.ndarray = (corners @ self.camera.Q.mT)[list(self.alive)]
-        return moved
+        in_new_camera: np.ndarray = (corners @ self.camera.Q.mT)[list(self.alive)]
+        return in_new_camera
 
     def in_front(self) -> np.ndarray:
         """Which animals lie entirely in front of the camera, (N,) bool; none without cuboids."""
@@ -107,13 +111,13 @@ class View:
 
     @cached_property
     def _outlines(self) -> np.ndarray | None:
-        """The hidden faces of the boxes in px (N, 6, P, 2), the visible ones collapsed.
+        """The hidden faces of the boxes in px (N, 6, P, 2), the visible ones collapsed to a point.
 
         Together they tile the silhouettes.
         """
         affine = not self.H_out_in[2, :2].any()  # such maps move outlines as they move pixels
         corners = (
-            corners_of(dict(self.values)) if affine and "K" in self.values else self.corners_cam
+            cuboid_corners(dict(self.values)) if affine and "K" in self.values else self.corners_cam
         )
         K = self.values.get("K") if affine or self.camera is None else self.camera.K
         if corners is None or K is None:
@@ -141,32 +145,29 @@ class View:
         """
         if self._outlines is None:
             return None
-        whole, left = (
-            polygon_area(self._outlines).sum(-1),
-            area_in_box(self._outlines, self._frame).sum(-1),
-        )
-        parts: np.ndarray = left / (whole + (whole <= 0))
+        whole = polygon_area(self._outlines).sum(-1)
+        inside = area_in_box(self._outlines, self._frame).sum(-1)
+        parts: np.ndarray = inside / (whole + (whole <= 0))
         return parts
 
     def visible_parts(self, boxes: np.ndarray) -> np.ndarray | None:
-        """How much of what the picture shows of each animal lies in each of some upright boxes.
+        """The part of each animal in the picture that some upright boxes show, such as crops.
 
         Args:
             boxes: (M, 4) px.
 
         Returns:
-            (M, N) in [0, 1], 1 for animals of which nothing is in the picture; None without
+            (M, N) in [0, 1], NaN for animals of which nothing is in the picture; None without
             cuboids.
-
         """
         if self._outlines is None:
             return None
         frame = self._frame
-        shown = np.concatenate(
+        boxes_in_frame = np.concatenate(
             (np.maximum(boxes[:, :2], frame[:2]), np.minimum(boxes[:, 2:], frame[2:])), axis=1
         )
         areas = area_in_box(
-            self._outlines, np.concatenate((frame[None], shown))[:, None, None]
+            self._outlines, np.concatenate((frame[None], boxes_in_frame))[:, None, None]
         ).sum(-1)
         parts: np.ndarray = np.where(areas[0] > 0, areas[1:] / (areas[0] + (areas[0] <= 0)), np.nan)
         return parts

@@ -1,4 +1,4 @@
-"""The law on a whole target, for maps of pixels that somebody else has made."""
+"""The law on a whole target, for pixels that another library has moved, and the way back."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,8 +10,9 @@ from animal3dbox.errors import SampleError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.homography import oriented_homography
 from animal3dbox.transforms.camera_law.consistency import check_consistent
-from animal3dbox.transforms.camera_law.fields import Fields, read_target, write_target
+from animal3dbox.transforms.camera_law.fields import Fields
 from animal3dbox.transforms.camera_law.law import map_fields
+from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
 from animal3dbox.transforms.rendering.pixel_fields import mapped_with_pixels
 
 
@@ -43,6 +44,11 @@ def transform_target(
     Raises:
         SampleError: naming the field that is wrong or cannot follow.
 
+    Example:
+        >>> H = np.array([[-1.0, 0, 79], [0, 1, 0], [0, 0, 1]])  # somebody mirrored 80 columns
+        >>> target = {"boxes": np.array([[10.0, 5, 30, 25]])}
+        >>> transform_target(target, H, (60, 80), (60, 80))["boxes"].tolist()
+        [[49.0, 5.0, 69.0, 25.0]]
     """
     fields = read_target(target, image_hw_in)
     check_consistent(fields)
@@ -82,6 +88,10 @@ def inverse(
         SampleError: a field is wrong, see Compose; masks and depth cannot be read backwards without
             loss.
 
+    Example:
+        >>> H = np.array([[0.5, 0, -0.25], [0, 0.5, -0.25], [0, 0, 1]])  # the picture was halved
+        >>> inverse({"boxes": np.array([[5.0, 5, 10, 10]])}, H, image_hw=(60, 80))
+        {'boxes': array([[10.5, 10.5, 20.5, 20.5]])}
     """
     fields = read_target(
         {
@@ -107,7 +117,7 @@ def inverse(
 
 
 def checked_map(H_out_in: Tensor | np.ndarray, fields: Fields) -> np.ndarray:
-    """The map as a float64 array, or a SampleError."""
+    """The map as a float64 array, or a SampleError if it is none that can be inverted."""
     H = np.asarray(as_numpy(H_out_in))
     if H.shape != (3, 3) or not np.isfinite(H).all():
         raise SampleError(
