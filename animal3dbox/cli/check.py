@@ -3,7 +3,6 @@
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,11 @@ import msgspec
 from torch.utils.data import DataLoader
 from tqdm import tqdm
 
+from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.export import is_labels, read_cuboids
+from animal3dbox.cli.jobs import CheckJob
 from animal3dbox.datasets.batches import collate
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
-from animal3dbox.datasets.labelling.label_records import PosePolicy
 from animal3dbox.datasets.readers.cuboids.omni3d_recognition import is_omni3d
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.report.label_checks import row_findings
@@ -24,27 +24,10 @@ from animal3dbox.report.label_targets import target_of_record, target_of_row
 from animal3dbox.training.checks import examined, sample_of
 from animal3dbox.training.findings import WARNINGS
 
-EXIT_OK, EXIT_FAULTY = 0, 4
 AT_ONCE = 256
 SHOWN = 20
 READING = "reading"
 """The check that a file's elements fail that cannot be read."""
-
-
-@dataclass(frozen=True)
-class CheckJob:
-    """What ``check`` was asked to do; the fields are its options."""
-
-    path: Path
-    images: Path | None
-    json: bool
-    format: str = "auto"
-    model: Path | None = None
-    body: str | None = None
-    vocabulary: str | None = None
-    stored_pose: PosePolicy = "hypothesis"
-    cache: Path | None = None
-    workers: int = 0
 
 
 class CheckedFault(msgspec.Struct, kw_only=True):
@@ -67,12 +50,12 @@ class CheckReport(msgspec.Struct, kw_only=True):
     notes: list[str]
 
 
-def run_check(job: CheckJob) -> int:
-    """Check labels or cuboids, and say what is wrong; returns the exit code."""
+def run_check(job: CheckJob) -> ExitCode:
+    """Check labels or cuboids, and say what is wrong."""
     if job.workers < 0:
         raise ConfigError(f"--workers must not be negative, got {job.workers}")
     on_disk = is_labels(job.path) or is_omni3d(job.path)
-    report = checked(job.path, job.images) if on_disk else checked_dataset(job)
+    report = checked(job.path, job.dataset.images) if on_disk else checked_dataset(job)
     if job.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     else:
@@ -87,11 +70,11 @@ def run_check(job: CheckJob) -> int:
             print(f"  and {len(report.faults) - SHOWN} more: --json has all")
         for note in report.notes:
             print(note, file=sys.stderr)
-    return EXIT_FAULTY if report.faults else EXIT_OK
+    return ExitCode.FAULTY if report.faults else ExitCode.OK
 
 
 def checked(path: Path, images: Path | None = None) -> CheckReport:
-    """What is wrong with a labels.json, the folder that ``label`` wrote, or a JSON in Omni3D's format.
+    """The faults of a labels.json, of the folder that `label` wrote, or of Omni3D's JSON.
 
     Raises:
         DatasetNotFoundError: nothing there.
@@ -149,9 +132,16 @@ def checked_dataset(job: CheckJob) -> CheckReport:
 
     """
     dataset = AnnotatedDataset(
-        job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=job.body, on_bad="skip",
-        pose=job.stored_pose, cache=job.cache,
-    )  # fmt: skip
+        job.path,
+        format=job.dataset.format,
+        images=job.dataset.images,
+        model=job.dataset.model,
+        vocabulary=job.dataset.vocabulary,
+        body=job.body,
+        on_bad="skip",
+        pose=job.stored_camera,
+        cache=job.cache,
+    )
     loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
     found: list[CheckedFault] = []
     animals = 0

@@ -4,14 +4,14 @@ Posed quadrupeds under known cameras, labelled from noisy keypoints and compared
 """
 
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import DemoJob
 from animal3dbox.datasets.bodies.sources import model_mobility, standing_vertices
 from animal3dbox.datasets.synthetic.annotation import annotate
 from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
@@ -28,19 +28,6 @@ from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.quadruped.preset_bodies import preset_betas
-
-
-@dataclass(frozen=True)
-class DemoJob:
-    """What ``demo`` was asked to do; the fields are its options."""
-
-    out: Path
-    n: int
-    seed: int
-    noise_px: float
-    outliers: float
-    rigid: bool
-    json: bool
 
 
 class Score(msgspec.Struct, kw_only=True):
@@ -124,8 +111,8 @@ def label_synthetic(
     )
 
 
-def run_demo(job: DemoJob) -> int:
-    """Render, label, compare; returns the exit code."""
+def run_demo(job: DemoJob) -> ExitCode:
+    """Render, label, compare."""
     if job.n < 1 or not job.noise_px >= 0 or not 0 <= job.outliers <= 1:
         raise ConfigError(
             f"--n must be at least 1, --noise-px not negative, --outliers from 0 to 1; got {job.n},"
@@ -166,7 +153,7 @@ def run_demo(job: DemoJob) -> int:
     results = [_result(method, found, job.n) for method, found in scores.items()]
     write_whole(job.out / "demo.json", msgspec.json.format(msgspec.json.encode(results), indent=1))
     _print(results, job)
-    return 0
+    return ExitCode.OK
 
 
 def _result(method: str, found: list[Score], n: int) -> MethodResult:

@@ -14,8 +14,8 @@ import torch
 from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
 
-from animal3dbox.cli.label import EXIT_FAULTY, EXIT_OK, LabelJob
-from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import LabelJob
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.label_store import NOT_STORED
@@ -42,36 +42,40 @@ class Warmed(Dataset[tuple[Case, ...]]):
         return self.dataset.warm(self.indices[place * AT_ONCE : (place + 1) * AT_ONCE])
 
 
-def run_fill(job: LabelJob) -> int:
+def run_fill(job: LabelJob) -> ExitCode:
     """Fill the cache; returns the exit code."""
     if job.out is not None:
         raise ConfigError(
             "give --out for labels and pictures, or --cache to fill a Dataset's label cache, not"
             " both"
         )
-    if job.workers < 0:
-        raise ConfigError(f"--workers must not be negative, got {job.workers}")
-    if job.model is not None and not (job.body is None and job.landmarks is None):
-        raise ConfigError(
-            "--model takes each animal's own body from the dataset's parameters, --body one for"
-            " all: give one of them"
-        )
+    if job.cache.workers < 0:
+        raise ConfigError(f"--workers must not be negative, got {job.cache.workers}")
     torch.set_num_threads(1)
-    body = (
-        None
-        if job.body is None and job.landmarks is None
-        else body_source(job.body or DEFAULT_BODY, job.landmarks)
-    )
+    body = job.body.source(job.dataset.model)
     config = replace(
-        job.config, surface_share=False, mask_iou=job.mask_iou or job.stored_pose == "hypothesis"
+        job.config,
+        surface_share=False,
+        mask_iou=job.cache.mask_iou or job.camera.stored_camera == "hypothesis",
     )
     dataset = AnnotatedDataset(
-        job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=body, on_bad="skip",
-        focal_px=job.focal_px, config=config, scale=job.scale, pose=job.stored_pose, cache=job.cache, reuse=job.resume,
-    )  # fmt: skip
-    first, step = shard_of(job.shard)
+        job.path,
+        format=job.dataset.format,
+        images=job.dataset.images,
+        model=job.dataset.model,
+        vocabulary=job.dataset.vocabulary,
+        body=body,
+        on_bad="skip",
+        focal_px=job.camera.focal_px,
+        config=config,
+        scale=job.scale_source,
+        pose=job.camera.stored_camera,
+        cache=job.cache.folder,
+        reuse=job.cache.resume,
+    )
+    first, step = shard_of(job.cache.shard)
     indices = range(first, len(dataset), step)
-    loader = DataLoader(Warmed(dataset, indices), batch_size=None, num_workers=job.workers)
+    loader = DataLoader(Warmed(dataset, indices), batch_size=None, num_workers=job.cache.workers)
     for _ in tqdm(loader, desc="labelling", unit=f"{AT_ONCE} images", disable=job.json or None):
         pass
     return _told(dataset, job, len(indices), sum(dataset.source.animals(i) for i in indices))
@@ -87,7 +91,7 @@ def shard_of(shard: str | None) -> tuple[int, int]:
     return int(found[1]) - 1, int(found[2])
 
 
-def _told(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> int:
+def _told(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> ExitCode:
     """Say what was done, and in which words a Dataset uses it."""
     report = dataset.report()
     counts = Counter(case.kind for case in report.cases)
@@ -105,13 +109,13 @@ def _told(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> in
         sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
     else:
         print(
-            f"{images} images, {animals} animals: {stored} in the cache {job.cache} (rejections are"
-            " kept too)"
+            f"{images} images, {animals} animals: {stored} in the cache {job.cache.folder}"
+            " (rejections are kept too)"
         )
         for case in report.cases:
             print(f"  {case.kind}: {case}")
         print(
-            f"use them: AnnotatedDataset({str(job.path)!r}, cache={str(job.cache)!r}, ...) with the"
-            " same options"
+            f"use them: AnnotatedDataset({str(job.path)!r}, cache={str(job.cache.folder)!r}, ...)"
+            " with the same options"
         )
-    return EXIT_FAULTY if counts["fault"] or lost else EXIT_OK
+    return ExitCode.FAULTY if counts["fault"] or lost else ExitCode.OK

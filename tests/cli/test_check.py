@@ -196,7 +196,7 @@ def test_nothing_to_check_is_an_input_error(tmp_path: Path) -> None:
 
 
 def test_a_dataset_is_labelled_and_checked(animals: Path) -> None:
-    known = ("--model", str(model_of(animals)), "--stored-pose", "exact")
+    known = ("--model", str(model_of(animals)), "--stored-camera", "exact")
     code, said = ran("check", animals, *known, "--json")
     report = json.loads(said)
     assert (code, report["faults"]) == (0, [])
@@ -208,7 +208,7 @@ def test_a_dataset_is_labelled_and_checked(animals: Path) -> None:
 
 def test_a_dataset_s_bad_samples_are_named(copied: Path) -> None:
     image, _ = plant(copied, "train.json", 1, "image of words")
-    code, said = ran("check", copied, "--model", str(model_of(copied)), "--stored-pose", "exact")
+    code, said = ran("check", copied, "--model", str(model_of(copied)), "--stored-camera", "exact")
     assert code == 4
     assert f"{image}: image: " in said
 
