@@ -37,18 +37,27 @@ class Table:
             for row in self.rows
         ]
 
+    @property
+    def has_words(self) -> list[bool]:
+        """For each column, whether it holds words and not numbers."""
+        return [
+            all(isinstance(row[i], str | None) for row in self.rows)
+            for i in range(len(self.columns))
+        ]
+
+    @staticmethod
+    def is_published(row: Sequence[Cell]) -> bool:
+        """Whether a row is the paper's own figures."""
+        return any(isinstance(cell, str) and PAPER in cell for cell in row)
+
     def text(self) -> str:
         """The table as aligned text."""
         lines = [self.columns, *(tuple(shown(cell) for cell in row) for row in self.rows)]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
-        words = [
-            all(isinstance(row[i], str | None) for row in self.rows)
-            for i in range(len(self.columns))
-        ]
         drawn = [
             "  ".join(
                 cell.ljust(width) if word else cell.rjust(width)
-                for cell, width, word in zip(line, widths, words, strict=True)
+                for cell, width, word in zip(line, widths, self.has_words, strict=True)
             ).rstrip()
             for line in lines
         ]

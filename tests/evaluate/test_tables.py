@@ -63,6 +63,17 @@ def test_the_page_without_matplotlib_says_how_to_get_the_plots(
     assert '<tr class="paper">' in page
 
 
+def test_names_cannot_put_tags_into_the_page(tmp_path: Path) -> None:
+    evil = '"><script>alert(1)</script><img src=x onerror=alert(1)>{{ tables }}'
+    table = Table("t", evil, (evil,), (evil, "px"), ((evil, 1.0),))
+    evaluation = Evaluation(evil, {evil: evil}, (table,))
+    write_page(tmp_path / "e.html", evaluation, {"t": b"png"}, {evil: b"png"})
+    page = (tmp_path / "e.html").read_text()
+    assert "<script" not in page
+    assert page.count("<img") == 2  # a picture and a plot
+    assert page.count("&lt;script&gt;alert(1)&lt;/script&gt;") == 11
+
+
 def test_with_plots_the_page_does_not_ask_for_matplotlib(tmp_path: Path) -> None:
     write_page(tmp_path / "e.html", Evaluation("Title", {}, (TABLE,)), {"t": b"png"})
     page = (tmp_path / "e.html").read_text()
