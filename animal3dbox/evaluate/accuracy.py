@@ -46,6 +46,11 @@ class AccuracyRow:
         rule: of RULES, NAMED or REMESHED.
         angle_deg: to the true trunk.
         iou3d: of the box along these axes with the true box; None where no box was made.
+
+    Example:
+        >>> row = AccuracyRow(index=0, pose="walk", rule="pca of mesh", angle_deg=180.0)
+        >>> row.angle_deg, row.iou3d  # PCA cannot tell the nose from the tail
+        (180.0, None)
     """
 
     index: int

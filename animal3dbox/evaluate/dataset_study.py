@@ -56,6 +56,11 @@ class DatasetRow:
         corner_percent: mean distance of corners from the true ones, in % of the true diagonal; None
             without truth.
         iou3d: with the true box; None without truth.
+
+    Example:
+        >>> row = DatasetRow("a.jpg", "default", reason=None, annotated_px=3.5)
+        >>> row.annotated_px, row.iou3d  # a fit is known, an accuracy is not
+        (3.5, None)
     """
 
     sample_id: str
@@ -76,6 +81,11 @@ def true_boxes(path: Path) -> dict[str, Cuboid] | None:
     Raises:
         DatasetFormatError: it is not as docs/formats.md says.
 
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     print(true_boxes(Path(folder)))
+        None
     """
     file = (path if path.is_dir() else path.parent) / TRUTH
     if not file.is_file():
@@ -102,6 +112,14 @@ def dataset_rows(
     """Every record by every method.
 
     Poses that come with the dataset are not given to any method.
+
+    Example:
+        >>> from animal3dbox.datasets.bodies.sources import preset_body
+        >>> fault = SampleError("a.jpg", "joints", "must be 24 triples")
+        >>> records = RecordSet("coco", records=(), faults=(fault,))
+        >>> rows = dataset_rows(records, preset_body("dog"), truths=None)
+        >>> rows[0].method, rows[0].reason  # a faulty record counts for every method
+        ('basic', 'faulty')
     """
     rows = [
         DatasetRow(fault.sample_id or "", method, "faulty")
@@ -153,7 +171,14 @@ def _row(
 
 
 def dataset_table(rows: Sequence[DatasetRow]) -> Table:
-    """Every method over the dataset."""
+    """Every method over the dataset.
+
+    Example:
+        >>> table = dataset_table([DatasetRow("a.jpg", "default", None, annotated_px=3.5)])
+        >>> row = table.records()[-1]
+        >>> row["method"], row["labelled"], row["annotated mean px"]
+        ('default', 1, 3.5)
+    """
     lines: list[tuple[Cell, ...]] = []
     for method in METHODS:
         found = [row for row in rows if row.method == method]

@@ -40,6 +40,11 @@ class FaceRow:
             animal's visible surface that faces there.
         same_side: the largest share is of the side that most of the surface faces; None if no
             surface is seen.
+
+    Example:
+        >>> row = FaceRow(0, "in frame", 6, 6e-6, 6e-6, surface_difference=0.14, same_side=True)
+        >>> row.booleans_right, row.same_side  # all six faces as the rays say
+        (6, True)
     """
 
     index: int

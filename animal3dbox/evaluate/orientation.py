@@ -65,6 +65,20 @@ class StabilityRow:
         delta_own: 1 - cos of each axis from the rule's own axis without noise.
         delta_ideal: 1 - cos of each axis from the paper's ideal one, of the landmarks without
             noise.
+
+    Example:
+        >>> row = StabilityRow(
+        ...     index=0,
+        ...     protocol="image",
+        ...     rule="ours, mesh",
+        ...     sigma=2.0,
+        ...     theta_deg=0.0,
+        ...     theta_float32_deg=0.02,
+        ...     delta_own=(0.0, 0.0, 0.0),
+        ...     delta_ideal=(0.1, 0.0, 0.1),
+        ... )
+        >>> row.theta_deg  # axes of the mesh do not see the noise of an image
+        0.0
     """
 
     index: int

@@ -20,7 +20,7 @@ def write_page(
     plots: Mapping[str, bytes] | None,
     pictures: Mapping[str, bytes] | None = None,
 ) -> None:
-    """Write the page.
+    """Write evaluation.html: every table with its plot, escaped and with nothing to load.
 
     Args:
         path: the HTML file.
@@ -29,6 +29,12 @@ def write_page(
             get them.
         pictures: caption -> PNG, shown first.
 
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_page(Path(folder) / "e.html", Evaluation("<b>", {}, ()), plots={})
+        ...     "<h1>&lt;b&gt;</h1>" in (Path(folder) / "e.html").read_text()
+        True
     """
     page = render(
         "animal3dbox.evaluate",

@@ -90,6 +90,11 @@ class PoseRow:
         iou3d: with the true box.
         behind: the animal, or a corner of its box, is put at or behind the camera where it is not.
         flipped: see depth_flip.
+
+    Example:
+        >>> row = PoseRow(0, "2 px", "basic", reason="no_pose")
+        >>> row.clean_px, row.behind
+        (None, False)
     """
 
     index: int

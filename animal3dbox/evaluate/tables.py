@@ -14,7 +14,7 @@ PAPER = "PAPER"
 
 @dataclass(frozen=True)
 class Table:
-    """One table.
+    """A table of results as the text, the JSON and the page show it.
 
     Attributes:
         name: its key in the JSON.
@@ -22,6 +22,13 @@ class Table:
         notes: whole sentences below it: what was measured, in which unit.
         columns: names, the unit last.
         rows: a cell a column; None is unknown or does not apply.
+
+    Example:
+        >>> table = Table("t", "Errors", (), ("method", "px"), (("default", 1.5), ("pca", None)))
+        >>> table.records()[1]
+        {'method': 'pca', 'px': None}
+        >>> table.has_words
+        [True, False]
     """
 
     name: str
@@ -54,7 +61,7 @@ class Table:
         """The table as aligned text."""
         lines = [self.columns, *(tuple(shown(cell) for cell in row) for row in self.rows)]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
-        drawn = [
+        lines_of_text = [
             "  ".join(
                 cell.ljust(width) if word else cell.rjust(width)
                 for cell, width, word in zip(line, widths, self.has_words, strict=True)
@@ -62,7 +69,12 @@ class Table:
             for line in lines
         ]
         return "\n".join(
-            [self.title, "=" * len(self.title), *drawn, *(f"  {note}" for note in self.notes)]
+            [
+                self.title,
+                "=" * len(self.title),
+                *lines_of_text,
+                *(f"  {note}" for note in self.notes),
+            ]
         )
 
 

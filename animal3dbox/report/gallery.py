@@ -34,6 +34,11 @@ class Card:
         mask_iou: or None.
         facts: lines below the picture.
         overlay: the file beside the page that the picture leads to, or None.
+
+    Example:
+        >>> card = Card("a.jpg", None, "rejected", -1.0, None, None, ("no_pose: none",), None)
+        >>> card.status, card.facts[0]
+        ('rejected', 'no_pose: none')
     """
 
     title: str
@@ -54,6 +59,15 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
         cards: in any order.
         summary: what became of all animals.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.report.summary import summarize
+        >>> summary = summarize("set", "dog", "default", animals=(), flags=(), rejected=(), faults=())
+        >>> card = Card("<a>.jpg", None, "kept", 0.9, 1.5, None, ("side: left",), None)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     shown = write_gallery(Path(folder) / "gallery.html", [card], summary)
+        ...     "&lt;a&gt;.jpg" in (Path(folder) / "gallery.html").read_text(), shown
+        (True, 1)
     """
     worst_first = sorted(cards, key=lambda card: card.confidence)
     shown = _fitting(worst_first)

@@ -40,6 +40,17 @@ def draw_label(image: Picture, label: CuboidLabel) -> Picture:
     Returns:
         (H', W', 3) uint8 RGB; enlarged if it was small.
 
+    Example:
+        >>> from animal3dbox import LabelConfig, label_animal
+        >>> label = label_animal(
+        ...     image_hw=(120, 160),
+        ...     vertices=[[x, y, z] for x in (-1, 1) for y in (-0.5, 0.5) for z in (-0.4, 0.4)],
+        ...     K=[[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]],
+        ...     pose=([[1, 0, 0], [0, 0, -1], [0, 1, 0]], [0, 0, 5]),
+        ...     config=LabelConfig(axes="pca"),
+        ... )
+        >>> draw_label(np.zeros((120, 160, 3), dtype=np.uint8), label).shape  # and words below
+        (428, 480, 3)
     """
     canvas, factor = enlarged(image)
     draw_cuboid(canvas, label.cuboid, label.K, factor)
@@ -74,7 +85,20 @@ def enlarged(image: Picture) -> tuple[Picture, float]:
 def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: float = 1.0) -> None:
     """Draw a cuboid of the camera frame into a picture that was enlarged by a factor.
 
-    Cut at the near plane.
+    It is cut at the near plane. The picture itself is drawn into.
+
+    Args:
+        canvas: (H, W, 3) uint8 RGB.
+        cuboid_cam: in the camera frame.
+        K: (3, 3) px of the picture before it was enlarged.
+        factor: by which it was.
+
+    Example:
+        >>> canvas = np.zeros((120, 160, 3), dtype=np.uint8)
+        >>> box = Cuboid(torch.tensor([0, 0, 5.0]), torch.eye(3), torch.tensor([2.0, 1.0, 1.0]))
+        >>> draw_cuboid(canvas, box, torch.tensor([[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]]))
+        >>> bool(canvas[:, 40:120].any()), bool(canvas[:, :40].any())
+        (True, False)
     """
     corners, near, unit = cuboid_cam.corners(), near_depth(cuboid_cam), thickness(canvas)
     seen = visible_faces(corners, torch.zeros_like(cuboid_cam.center)).tolist()

@@ -1,4 +1,9 @@
-"""What became of every animal: kept, flagged, rejected or faulty, and why."""
+"""What became of every animal: kept, flagged, rejected or faulty, and why.
+
+Example:
+    >>> FLAGS["near_camera"]
+    'a corner of the box is at or behind the camera'
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -32,9 +37,15 @@ class FaultRow(msgspec.Struct, kw_only=True):
 
 
 class Summary(msgspec.Struct, kw_only=True):
-    """All of report.json.
+    """The counts of a run, as report.json holds them.
 
     Every animal of the input is counted exactly once in kept, flagged, rejected or faulty.
+
+    Example:
+        >>> fault = SampleError("a.jpg", "joints", "must be 24 triples")
+        >>> summary = summarize("set", "dog", "default", (), (), (), [fault])
+        >>> summary.animals, summary.kept, summary.faulty, summary.faults[0].sample_id
+        (1, 0, 1, 'a.jpg')
     """
 
     source: str
@@ -54,7 +65,20 @@ class Summary(msgspec.Struct, kw_only=True):
 
 
 def flags_of(label: CuboidLabel) -> tuple[str, ...]:
-    """The FLAGS that a label raises."""
+    """The FLAGS that a label raises, in their order.
+
+    Example:
+        >>> from animal3dbox import LabelConfig, label_animal
+        >>> label = label_animal(
+        ...     image_hw=(120, 160),
+        ...     vertices=[[x, y, z] for x in (-1, 1) for y in (-0.5, 0.5) for z in (-0.4, 0.4)],
+        ...     K=[[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]],
+        ...     pose=([[1, 0, 0], [0, 0, -1], [0, 1, 0]], [0, 0, 5]),
+        ...     config=LabelConfig(axes="pca"),
+        ... )
+        >>> flags_of(label)
+        ()
+    """
     quality = label.quality
     raised = {
         "few_inliers": (
