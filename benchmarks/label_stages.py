@@ -1,4 +1,4 @@
-"""What labels cost beside the JPEG decode that every training loader pays, side by side on one thread.
+"""The cost of labels beside the JPEG decode that every training loader pays, on one thread.
 
 Each call comes right after a decode, as in a loader: the processor's caches are then full of other
 things, which makes short calls several times slower than in a loop of their own. Processor time, so
@@ -52,11 +52,11 @@ class Loader:
         return file.getvalue()
 
     def decode(self, i: int) -> None:
-        """The floor."""
+        """Decode a JPEG, which every loader must do: the floor."""
         np.asarray(Image.open(io.BytesIO(self.jpegs[i])).convert("RGB"))
 
     def arguments(self, i: int, **more: object) -> dict[str, object]:
-        """label_animal's, of an animal whose body is posed already."""
+        """The arguments of label_animal for an animal whose body is posed already."""
         record, body = self.records[i], self.posed[i]
         known = {
             "image_hw": record.image_hw,
@@ -142,10 +142,10 @@ def main() -> None:
             stage(turn % len(load.records))
             times[name].append((time.process_time() - begin) / count)
     floor = float(np.median(times["decode a JPEG"]))
-    for name, taken in times.items():
+    for name, seconds in times.items():
         print(
-            f"{name:36s} {1e3 * float(np.median(taken)):8.2f} ms"
-            f" {float(np.median(taken)) / floor:7.2f} decodes"
+            f"{name:36s} {1e3 * float(np.median(seconds)):8.2f} ms"
+            f" {float(np.median(seconds)) / floor:7.2f} decodes"
         )
 
 

@@ -16,7 +16,7 @@ from animal3dbox.datasets.synthetic.world.scene import plan_scene
 
 
 def main() -> None:
-    """Print the rates and the shares."""
+    """Print how fast scenes are planned and rendered, and how many animals are hidden or cut."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=60)
     scenes = parser.parse_args().scenes

@@ -1,7 +1,4 @@
-"""The command `convert-model`.
-
-A SMAL pickle as a safetensors file that loads at once and cannot hold code.
-"""
+"""The command `convert-model`: a SMAL pickle as safetensors, which cannot hold code."""
 
 import sys
 from pathlib import Path

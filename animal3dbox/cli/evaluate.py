@@ -1,7 +1,4 @@
-"""``animal3dbox evaluate``.
-
-The paper's evaluation on the synthetic world, and what of it any dataset allows.
-"""
+"""The command `evaluate`: the paper's evaluation on our world, or what of it a dataset allows."""
 
 import sys
 from pathlib import Path

@@ -1,7 +1,4 @@
-"""``animal3dbox export``.
-
-Labels, or any cuboids in Omni3D's format, written for other people's tools.
-"""
+"""The command `export`: labels, or cuboids in Omni3D's format, for other people's tools."""
 
 import sys
 from pathlib import Path
@@ -20,7 +17,7 @@ from animal3dbox.report.label_cuboids import read_label_cuboids
 from animal3dbox.report.label_files import labels_file
 
 FILE_NAME = "annotations.json"
-"""What a JSON is called if --out is a folder."""
+"""Name of the JSON if --out is a folder."""
 
 
 def run_export(job: ExportJob) -> ExitCode:

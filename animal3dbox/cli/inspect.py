@@ -1,4 +1,4 @@
-"""``animal3dbox inspect``: what is in a user's own copy of a dataset."""
+"""The command `inspect`: a description of a user's own copy of a dataset."""
 
 import sys
 
@@ -12,7 +12,7 @@ from animal3dbox.datasets.inspection.text import as_text
 
 
 def run_inspect(job: InspectJob) -> ExitCode:
-    """Inspect a dataset."""
+    """Print what a copy of a dataset holds, in words or as JSON."""
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     inspection = inspect_dataset(job.path, job.dataset.format, job.dataset.read_options())
     text = msgspec.json.encode(inspection).decode() + "\n" if job.json else as_text(inspection)

@@ -35,7 +35,7 @@ class Job(Protocol):
     """A command with its options."""
 
     def run(self) -> ExitCode:
-        """Do it."""
+        """Do what the options ask for; the exit code says how it ended."""
         ...
 
 
@@ -140,7 +140,7 @@ class SynthJob:
     annotation: FaultOptions
 
     def run(self) -> ExitCode:
-        """Write the dataset."""
+        """Write the synthetic dataset."""
         from animal3dbox.cli.synth import run_synth
 
         return run_synth(self)
@@ -204,7 +204,7 @@ class ExportJob:
 
 @dataclass(frozen=True, kw_only=True)
 class CheckJob:
-    """Check labels.
+    """Check labels for what cannot be true.
 
     Cuboids against their corners, projections, faces, boxes and cameras, as training loops do.
 

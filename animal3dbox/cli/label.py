@@ -1,4 +1,4 @@
-"""``animal3dbox label``: a dataset in, labels and pictures out."""
+"""The command `label`: a dataset in, labels and pictures out."""
 
 import sys
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ from animal3dbox.report.summary import Summary
 
 
 def run_label(job: LabelJob) -> ExitCode:
-    """Label a dataset."""
+    """Label the animals of a dataset and write labels, pictures and a report."""
     if job.out is None:
         raise ConfigError(
             "give --out for labels, pictures and a report, or --cache to fill a Dataset's label"

@@ -117,7 +117,7 @@ class BodyOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOptions:
-    """What is known of the cameras."""
+    """The cameras, as far as they are known."""
 
     focal_px: float | None = None
     """focal length of images without a camera of their own; else the dataset's, EXIF's, a guess"""
@@ -153,7 +153,7 @@ class MethodOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleOptions:
-    """What makes labels metric."""
+    """The source of metres, if labels are to be metric."""
 
     metres_per_unit: float | None = None
     """metres in a unit of the bodies, to make labels metric"""

@@ -1,4 +1,4 @@
-"""``animal3dbox synth``: a synthetic dataset in the files that users have."""
+"""The command `synth`: a synthetic dataset in the files that users have."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 
 
 def run_synth(job: SynthJob) -> ExitCode:
-    """Write the dataset."""
+    """Write a synthetic dataset, and print how it is labelled."""
     faults = job.annotation.config()
     if job.out.exists() and (not job.out.is_dir() or any(job.out.iterdir())):
         raise ConfigError(
