@@ -62,7 +62,10 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
     Example:
         >>> import tempfile
         >>> from animal3dbox.report.summary import summarize
-        >>> summary = summarize("set", "dog", "default", animals=(), flags=(), rejected=(), faults=())
+        >>> summary = summarize(
+        ...     source="set", body="dog", method="default",
+        ...     animals=(), flags=(), rejected=(), faults=(),
+        ... )
         >>> card = Card("<a>.jpg", None, "kept", 0.9, 1.5, None, ("side: left",), None)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     shown = write_gallery(Path(folder) / "gallery.html", [card], summary)

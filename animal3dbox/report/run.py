@@ -107,7 +107,15 @@ def write_run(
         animals.append(animal_row(label, result.image_id, number, result.category))
         flags.append(raised)
         cards.append(_card(label, _name(result, number), card_picture(picture), raised, overlay))
-    summary = summarize(source, body, config.method, animals, flags, rejected, faults)
+    summary = summarize(
+        source=source,
+        body=body,
+        method=config.method,
+        animals=animals,
+        flags=flags,
+        rejected=rejected,
+        faults=faults,
+    )
     write_labels_json(
         out / "labels.json",
         LabelFile(body=body, config=asdict(config), animals=animals, rejected=rejected),

@@ -367,7 +367,15 @@ def test_every_animal_is_counted_exactly_once(outcomes: list[tuple[str, ...] | s
         if isinstance(o, str)
     ]
     faults = [SampleError("f", "seg", "bad") for o in outcomes if o is None]
-    summary = summarize("set", "dog", "default", [row] * len(flags), flags, rejected, faults)
+    summary = summarize(
+        source="set",
+        body="dog",
+        method="default",
+        animals=[row] * len(flags),
+        flags=flags,
+        rejected=rejected,
+        faults=faults,
+    )
     assert (
         summary.animals
         == len(outcomes)
@@ -401,7 +409,15 @@ def test_medians_leave_out_what_is_unknown(
         animal_row(with_quality(label, reprojection_error_px=v, mask_iou=v), "a.jpg", i, "dog")
         for i, v in enumerate(values)
     ]
-    summary = summarize("set", "dog", "default", rows, [()] * len(rows), [], [])
+    summary = summarize(
+        source="set",
+        body="dog",
+        method="default",
+        animals=rows,
+        flags=[()] * len(rows),
+        rejected=[],
+        faults=[],
+    )
     assert (summary.median_reprojection_error_px, summary.median_mask_iou) == (median, median)
 
 
@@ -410,7 +426,18 @@ def test_medians_leave_out_what_is_unknown(
 
 
 def summary_of(**changes: str | int | dict[str, int]) -> Summary:
-    return msgspec.structs.replace(summarize("set", "dog", "default", [], [], [], []), **changes)
+    return msgspec.structs.replace(
+        summarize(
+            source="set",
+            body="dog",
+            method="default",
+            animals=[],
+            flags=[],
+            rejected=[],
+            faults=[],
+        ),
+        **changes,
+    )
 
 
 def card(
