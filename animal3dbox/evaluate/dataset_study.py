@@ -1,7 +1,4 @@
-"""Any dataset: how well labels fit what is annotated, which needs no truth.
-
-And against the truth where it lies beside.
-"""
+"""Labels of any dataset against its annotations, and against the truth where it lies beside."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +13,7 @@ from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError
 from animal3dbox.evaluate.config import METHODS
-from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
+from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile, table_from_records
 from animal3dbox.geometry.box_iou import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.rigid import rotation_angle
@@ -26,7 +23,7 @@ TRUTH = "truth.json"
 
 
 class TrueBox(msgspec.Struct):
-    """What is needed of one animal in truth.json; camera frame."""
+    """The fields of one animal in truth.json that are used here; camera frame."""
 
     sample_id: str
     center: tuple[float, float, float]
@@ -37,7 +34,7 @@ class TrueBox(msgspec.Struct):
 
 
 class TruthFile(msgspec.Struct):
-    """What is needed of truth.json."""
+    """The part of truth.json that is used here."""
 
     animals: list[TrueBox]
 
@@ -90,17 +87,17 @@ def true_boxes(path: Path) -> dict[str, Cuboid] | None:
     file = (path if path.is_dir() else path.parent) / TRUTH
     if not file.is_file():
         return None
-    found = {}
+    boxes = {}
     for animal in decode_json(file, TruthFile).animals:
         center, rotation, size = (
             torch.tensor(value, dtype=torch.float64)
             for value in (animal.center, animal.rotation, animal.size)
         )
         try:
-            found[animal.sample_id] = Cuboid(center, rotation, size)
+            boxes[animal.sample_id] = Cuboid(center, rotation, size)
         except ValueError as error:
             raise DatasetFormatError(f"{file}: {animal.sample_id}: {error}") from error
-    return found
+    return boxes
 
 
 def dataset_rows(
@@ -179,33 +176,37 @@ def dataset_table(rows: Sequence[DatasetRow]) -> Table:
         >>> row["method"], row["labelled"], row["annotated mean px"]
         ('default', 1, 3.5)
     """
-    lines: list[tuple[Cell, ...]] = []
+    records: list[dict[str, Cell]] = []
     for method in METHODS:
-        found = [row for row in rows if row.method == method]
-        px, iou = [r.annotated_px for r in found], [r.mask_iou for r in found]
-        rotation, corners = [r.rotation_deg for r in found], [r.corner_percent for r in found]
-        lines.append((
-            method, len(found), sum(r.reason is None for r in found), mean(px), quantile(px, 0.5), quantile(px, 0.95),
-            quantile(iou, 0.5), quantile(iou, 0.05), percent([r.reason not in (None, "faulty") for r in found]),
-            percent([r.reason == "degenerate_box" for r in found]), percent([r.reason == "behind_camera" for r in found]),
-            sum(r.reason == "faulty" for r in found), quantile(rotation, 0.5), quantile(corners, 0.5), quantile([r.iou3d for r in found], 0.5),
-        ))  # fmt: skip
-    columns = (
-        "method", "animals", "labelled", "annotated mean px", "annotated median px", "annotated p95 px", "mask IoU median", "mask IoU p5",
-        "rejected %", "degenerate %", "behind camera %", "faulty", "rotation median deg", "corners median % diag", "IoU3D median",
-    )  # fmt: skip
+        of_method = [row for row in rows if row.method == method]
+        reasons = [row.reason for row in of_method]
+        px, iou = [row.annotated_px for row in of_method], [row.mask_iou for row in of_method]
+        records.append(
+            {
+                "method": method,
+                "animals": len(of_method),
+                "labelled": sum(reason is None for reason in reasons),
+                "annotated mean px": mean(px),
+                "annotated median px": quantile(px, 0.5),
+                "annotated p95 px": quantile(px, 0.95),
+                "mask IoU median": quantile(iou, 0.5),
+                "mask IoU p5": quantile(iou, 0.05),
+                "rejected %": percent([reason not in (None, "faulty") for reason in reasons]),
+                "degenerate %": percent([reason == "degenerate_box" for reason in reasons]),
+                "behind camera %": percent([reason == "behind_camera" for reason in reasons]),
+                "faulty": sum(reason == "faulty" for reason in reasons),
+                "rotation median deg": quantile([row.rotation_deg for row in of_method], 0.5),
+                "corners median % diag": quantile([row.corner_percent for row in of_method], 0.5),
+                "IoU3D median": quantile([row.iou3d for row in of_method], 0.5),
+            }
+        )
     notes = (
-        (
-            "annotated: distance to the keypoints given: a fit, not an accuracy. mask IoU: of the"
-            " projected body with the dataset's mask."
-        ),
-        (
-            "degenerate: the projected box has less than 1 % of the mask's area. faulty: records"
-            " that cannot be used."
-        ),
-        (
-            f"rotation, corners, IoU3D: against {TRUTH} beside the annotations, where there is one."
-            " Stored poses are given to no method."
-        ),
+        "annotated: distance to the keypoints given: a fit, not an accuracy. mask IoU: of the"
+        " projected body with the dataset's mask.",
+        "degenerate: the projected box has less than 1 % of the mask's area. faulty: records that"
+        " cannot be used.",
+        f"rotation, corners, IoU3D: against {TRUTH} beside the annotations, where there is one."
+        " Stored poses are given to no method.",
     )
-    return Table("dataset", "Labels against what is annotated", notes, columns, tuple(lines))
+    title = "Labels against what is annotated"
+    return table_from_records("dataset", title, records, notes=notes)

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.subject import Annotated, Subject
-from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean
+from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, table_from_records
 from animal3dbox.geometry.rigid import alignment_variation, rotation_angle
 from animal3dbox.labels.axes.body_axes import body_axes
 from animal3dbox.labels.axes.landmarks import axes_from_directions
@@ -43,9 +43,14 @@ PROTOCOLS = {
         "noise of sigma model units (the animal is about one long) on landmarks and vertices in 3D"
     ),
 }
-PUBLISHED: tuple[tuple[Cell, ...], ...] = (
-    (f"({PAPER})", "pca", *(None,) * 5, 120.68, None, None, None, None, None, 0.5034, None),
-    (f"({PAPER})", "theirs", *(None,) * 5, 0.0046, None, None, None, None, None, 0.0, None),
+PUBLISHED: tuple[dict[str, Cell], ...] = tuple(
+    {
+        "protocol": f"({PAPER})",
+        "rule": rule,
+        "theta_R deg": theta_deg,
+        "delta_a ideal": delta,
+    }
+    for rule, theta_deg, delta in (("pca", 120.68, 0.5034), ("theirs", 0.0046, 0.0))
 )
 
 
@@ -196,48 +201,39 @@ def _compared(
 
 def stability_table(rows: Sequence[StabilityRow]) -> Table:
     """Every protocol and rule, beside the paper's figures."""
-    lines: list[tuple[Cell, ...]] = []
-    for protocol in PROTOCOLS:
-        for rule in RULES:
-            found = [row for row in rows if (row.protocol, row.rule) == (protocol, rule)]
-            by_sigma = [mean(r.theta_deg for r in found if r.sigma == sigma) for sigma in SIGMAS]
-            own = [mean(r.delta_own[axis] for r in found) for axis in range(3)]
-            ideal = mean(d for r in found for d in r.delta_ideal)
-            forward = mean(r.delta_ideal[0] for r in found)
-            all_own, by_formula = (
-                mean(d for r in found for d in r.delta_own),
-                mean(r.theta_float32_deg for r in found),
-            )
-            lines.append(
-                (
-                    protocol,
-                    rule,
-                    *by_sigma,
-                    mean(r.theta_deg for r in found),
-                    *own,
-                    all_own,
-                    forward,
-                    ideal,
-                    by_formula,
-                )
-            )
-    columns = ("protocol", "rule", *(f"sigma {s:g}" for s in SIGMAS), "theta_R deg", "delta AP", "delta LR", "delta DV", "delta_a", "ideal AP",
-               "delta_a ideal", "theta_R float32")  # fmt: skip
+    records = [_statistics(protocol, rule, rows) for protocol in PROTOCOLS for rule in RULES]
     animals = len({row.index for row in rows})
     notes = (
-        (
-            "theta_R: mean angle to the rule's own axes without noise, per sigma and over all, of"
-            f" {animals} animals. delta: 1 - cos per axis, anterior-posterior, left-right,"
-            " dorsal-ventral, and their mean; ideal: against the landmark axes without noise, as"
-            " the paper defines it."
-        ),
-        (
-            "theta_R float32: the same with axes built in float32 and by arccos of a trace:"
-            " thousandths of a degree for no rotation at all."
-        ),
+        "theta_R: mean angle to the rule's own axes without noise, per sigma and over all, of"
+        f" {animals} animals. delta: 1 - cos per axis, anterior-posterior, left-right,"
+        " dorsal-ventral, and their mean; ideal: against the landmark axes without noise, as the"
+        " paper defines it.",
+        "theta_R float32: the same with axes built in float32 and by arccos of a trace: thousandths"
+        " of a degree for no rotation at all.",
         *(f"{name}: {meaning}." for name, meaning in PROTOCOLS.items()),
         f"{PAPER}: published figures, not computed here.",
     )
-    return Table(
-        "stability", "Orientation stability under noise", notes, columns, (*lines, *PUBLISHED)
-    )
+    title = "Orientation stability under noise"
+    return table_from_records("stability", title, [*records, *PUBLISHED], notes=notes)
+
+
+def _statistics(protocol: str, rule: str, rows: Sequence[StabilityRow]) -> dict[str, Cell]:
+    """The row of the table for one protocol and one rule."""
+    selected = [row for row in rows if (row.protocol, row.rule) == (protocol, rule)]
+    by_sigma = {
+        f"sigma {sigma:g}": mean(row.theta_deg for row in selected if row.sigma == sigma)
+        for sigma in SIGMAS
+    }
+    return {
+        "protocol": protocol,
+        "rule": rule,
+        **by_sigma,
+        "theta_R deg": mean(row.theta_deg for row in selected),
+        "delta AP": mean(row.delta_own[0] for row in selected),
+        "delta LR": mean(row.delta_own[1] for row in selected),
+        "delta DV": mean(row.delta_own[2] for row in selected),
+        "delta_a": mean(delta for row in selected for delta in row.delta_own),
+        "ideal AP": mean(row.delta_ideal[0] for row in selected),
+        "delta_a ideal": mean(delta for row in selected for delta in row.delta_ideal),
+        "theta_R float32": mean(row.theta_float32_deg for row in selected),
+    }

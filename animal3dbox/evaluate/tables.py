@@ -1,7 +1,7 @@
-"""Tables of results: what the text, the JSON and the page are made of."""
+"""Tables of results, of which the text, the JSON and the page are made."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,6 +76,33 @@ class Table:
                 *(f"  {note}" for note in self.notes),
             ]
         )
+
+
+def table_from_records(
+    name: str,
+    title: str,
+    records: Sequence[Mapping[str, Cell]],
+    *,
+    notes: Sequence[str],
+    columns: Sequence[str] | None = None,
+) -> Table:
+    """A table whose rows are dictionaries; a column that a row does not have is unknown.
+
+    Args:
+        name: the table's key.
+        title: one line.
+        records: the rows.
+        notes: whole sentences below the table.
+        columns: in their order; None: those of the first row.
+
+    Example:
+        >>> records = [{"method": "default", "px": 1.5}, {"method": "(PAPER)"}]
+        >>> table_from_records("t", "Errors", records, notes=()).rows[1]
+        ('(PAPER)', None)
+    """
+    columns = tuple(records[0] if columns is None else columns)
+    rows = tuple(tuple(record.get(column) for column in columns) for record in records)
+    return Table(name, title, tuple(notes), columns, rows)
 
 
 def shown(cell: Cell) -> str:
