@@ -105,12 +105,9 @@ class Loader:
         )
 
 
-def main() -> None:
-    """Print the medians and their ratios to the decode."""
-    torch.set_num_threads(1)
-    cv2.setNumThreads(1)
-    load = Loader()
-    stages: dict[str, tuple[int, Callable[[int], object]]] = {
+def stages_of(load: Loader) -> dict[str, tuple[int, Callable[[int], object]]]:
+    """Name -> how many animals a stage takes at once, and the stage by an animal's number."""
+    return {
         "decode a JPEG": (1, load.decode),
         "pose a body, read its landmarks": (1, lambda i: load.bodies.body(load.records[i])),
         "  the same in float64": (1, lambda i: load.float64.body(load.records[i])),
@@ -132,6 +129,14 @@ def main() -> None:
         "cold label, no mask": (1, lambda i: load.label(i, COLD)),
         "cold label with mask overlap": (1, lambda i: load.label(i, COLD, mask=load.masks[i])),
     }
+
+
+def main() -> None:
+    """Print the medians and their ratios to the decode."""
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+    load = Loader()
+    stages = stages_of(load)
     times: dict[str, list[float]] = {name: [] for name in stages}
     for turn in range(ROUNDS * 4):
         for name, (count, stage) in stages.items():

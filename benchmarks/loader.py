@@ -100,8 +100,8 @@ def kinds(root: Path, model: Path, cache: Path) -> dict[str, Dataset[Any]]:
     }
 
 
-def compare(root: Path, model: Path, cache: Path, workers: list[int], rounds: int) -> None:
-    """Print samples a second and ratios."""
+def compare(root: Path, model: Path, cache: Path, *, workers: list[int], rounds: int) -> None:
+    """Print the samples a second of each kind of loading, and its time by the floor's."""
     compared = kinds(root, model, cache)
     for _ in range(2):
         seconds_an_image(compared["cached labels"], 0)  # fills the cache, then sees it
@@ -152,27 +152,36 @@ def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
         "label, from the cache": (BATCH, lambda batch: labelled(stored, batch)),
         "whole sample, cached": (BATCH, stored.__getitems__),
     }
-    floor, spent = {name: list[float]() for name in parts}, {name: list[float]() for name in parts}
-    with one_thread():
-        for _ in range(rounds):
-            for name, (size, part) in parts.items():
-                for first in range(0, len(pictures), size):
-                    batch = [*range(first, min(first + size, len(pictures)))]
-                    begin = time.perf_counter()
-                    parts["JPEG"][1](batch)
-                    decoded = time.perf_counter()
-                    part(batch)
-                    floor[name].append((decoded - begin) / len(batch))
-                    spent[name].append((time.perf_counter() - decoded) / len(batch))
     print(
         f"\nstages of an image of one animal in the main process, batches of {BATCH} after their"
         " JPEGs"
     )
-    for name, times in spent.items():
+    with one_thread():
+        times = time_after_jpegs(parts, len(pictures), rounds)
+    for name, (seconds, jpeg_seconds) in times.items():
         print(
-            f"  {name:28} {1e3 * float(np.median(times)):7.3f} ms"
-            f" {np.median(np.array(times) / np.array(floor[name])):7.2f} x JPEG"
+            f"  {name:28} {1e3 * float(np.median(seconds)):7.3f} ms"
+            f" {np.median(np.array(seconds) / np.array(jpeg_seconds)):7.2f} x JPEG"
         )
+
+
+def time_after_jpegs(
+    parts: dict[str, tuple[int, Callable[[list[int]], Any]]], images: int, rounds: int
+) -> dict[str, tuple[list[float], list[float]]]:
+    """For each part its seconds an image, and those of the JPEGs that were decoded just before."""
+    times = {name: (list[float](), list[float]()) for name in parts}
+    for _ in range(rounds):
+        for name, (size, part) in parts.items():
+            for first in range(0, images, size):
+                batch = [*range(first, min(first + size, images))]
+                begin = time.perf_counter()
+                parts["JPEG"][1](batch)
+                middle = time.perf_counter()
+                part(batch)
+                end = time.perf_counter()
+                times[name][0].append((end - middle) / len(batch))
+                times[name][1].append((middle - begin) / len(batch))
+    return times
 
 
 def epoch_with_faults(folder: Path, images: int) -> None:
@@ -212,7 +221,7 @@ def main() -> None:
             epoch_with_faults(folder, options.faults)
             return
         root, model = write_dataset(folder, options.images)
-        compare(root, model, folder / "cache", options.workers, options.rounds)
+        compare(root, model, folder / "cache", workers=options.workers, rounds=options.rounds)
         stages(root, model, folder / "cache", options.rounds)
 
 

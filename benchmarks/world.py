@@ -30,13 +30,13 @@ def main() -> None:
     for index in range(scenes):
         begin = time.perf_counter()
         plan = plan_scene(0, index, config)
-        planned = time.perf_counter()
+        middle = time.perf_counter()
         render_scene(plan)
-        rendered = time.perf_counter()
+        end = time.perf_counter()
         scene = synthetic_scene(0, index, config)
-        seconds["planning"] += planned - begin
-        seconds["rendering"] += rendered - planned
-        seconds["the whole scene"] += time.perf_counter() - rendered
+        seconds["planning"] += middle - begin
+        seconds["rendering"] += end - middle
+        seconds["the whole scene"] += time.perf_counter() - end
         first = scene.animals[0]
         counts["animals"] += len(scene.animals)
         counts["images with several"] += len(scene.animals) > 1

@@ -33,7 +33,7 @@ def panel(index: int, preset: str, pose: str) -> Picture:
 
 
 def main() -> None:
-    """Write the picture."""
+    """Label the four animals and write their pictures as one."""
     panels = [panel(*animal) for animal in ANIMALS]
     rows = [np.concatenate(panels[i : i + 2], axis=1) for i in (0, 2)]
     image = Image.fromarray(np.concatenate(rows))

@@ -41,7 +41,7 @@ class ToyNetwork(torch.nn.Module):
 
 
 def loss_of(out: tuple[torch.Tensor, ...], target: dict[str, torch.Tensor]) -> torch.Tensor:
-    """All tasks together.
+    """The sum of the losses of all tasks.
 
     3D corners about the centre in box sizes, pixels only where a corner is in front of the camera.
     """

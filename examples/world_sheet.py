@@ -28,7 +28,7 @@ def sheet(seed: int) -> Image.Image:
 
 
 def main() -> None:
-    """Write the sheet."""
+    """Write the sheet to the file that the command line names."""
     out = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images/world.jpg")
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 7
     sheet(seed).save(out, quality=85, optimize=True)

@@ -89,7 +89,13 @@ def accuracy_rows(subject: Subject) -> list[AccuracyRow]:
     truth, pose = given.animal.cuboid.rotation, given.animal.pose
     rows = []
     for rule in RULES:
-        R_box = axes_of(given, rule, given.said.keypoints_2d, given.landmarks, given.vertices)
+        R_box = axes_of(
+            given,
+            rule,
+            keypoints=given.said.keypoints_2d,
+            landmarks=given.landmarks,
+            vertices=given.vertices,
+        )
         if R_box is None:
             continue
         rows.append(AccuracyRow(subject.index, pose, rule, _angle(R_box, truth)))

@@ -146,14 +146,11 @@ def _row(
     )
     if truth is None:
         return row
-    apart = (
-        torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean()
-        / truth.diagonal
-    )
+    corner_errors = torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1)
     return replace(
         row,
         rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
-        corner_percent=100 * float(apart),
+        corner_percent=100 * float(corner_errors.mean() / truth.diagonal),
         iou3d=float(
             box_iou(
                 outcome.center,

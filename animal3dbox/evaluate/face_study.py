@@ -108,22 +108,26 @@ def face_rows(subject: Subject) -> list[FaceRow]:
     """One animal's box under a camera of every class of view."""
     animal, rows = subject.animal, []
     for view in CLASSES:
-        camera = draw_view(view, animal.cuboid_world, animal.vertices, subject.seed, subject.index)
+        camera = draw_view(
+            view, animal.cuboid_world, animal.vertices, seed=subject.seed, index=subject.index
+        )
         if camera is None:
             continue
         box = animal.cuboid_world.transformed(camera.T_cam_world)
-        seen = face_visibility(box, camera.K, camera.image_hw)
+        faces = face_visibility(box, camera.K, camera.image_hw)
         whole = (
             None
             if view == BEHIND
             else float(
-                (window_shares(box, camera.K, camera.image_hw, False) - seen.share).abs().amax()
+                (window_shares(box, camera.K, camera.image_hw, False) - faces.share).abs().amax()
             )
         )
         inside = float(
-            (window_shares(box, camera.K, camera.image_hw, True) - seen.share_in_image).abs().amax()
+            (window_shares(box, camera.K, camera.image_hw, True) - faces.share_in_image)
+            .abs()
+            .amax()
         )
-        right = int((seen_by_rays(box) == seen.visible).sum())
+        right = int((seen_by_rays(box) == faces.visible).sum())
         surface = surface_share(
             transform_points(camera.T_cam_world, animal.vertices),
             animal.model.faces,
@@ -131,10 +135,11 @@ def face_rows(subject: Subject) -> list[FaceRow]:
             camera.K,
             camera.image_hw,
         )
-        shown = bool(surface.any())
-        apart = float((surface - seen.share_in_image).abs().amax()) if shown else None
-        same = bool(surface.argmax() == seen.share_in_image.argmax()) if shown else None
-        rows.append(FaceRow(subject.index, view, right, whole, inside, apart, same))
+        difference = same_side = None
+        if bool(surface.any()):
+            difference = float((surface - faces.share_in_image).abs().amax())
+            same_side = bool(surface.argmax() == faces.share_in_image.argmax())
+        rows.append(FaceRow(subject.index, view, right, whole, inside, difference, same_side))
     return rows
 
 

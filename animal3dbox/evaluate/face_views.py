@@ -32,11 +32,11 @@ _TRIES = 50
 
 
 def draw_view(
-    view: str, cuboid_world: Cuboid, vertices: Tensor, seed: int, index: int
+    view: str, cuboid_world: Cuboid, vertices: Tensor, *, seed: int, index: int
 ) -> PinholeCamera | None:
     """A camera of a class of view, always the same for the same seed and index.
 
-    None if none was found.
+    None if none of some tries has such a view.
 
     Args:
         view: of CLASSES.

@@ -97,7 +97,7 @@ class StabilityRow:
 
 
 def axes_of(
-    given: Annotated, rule: str, keypoints: Tensor, landmarks: Tensor, vertices: Tensor
+    given: Annotated, rule: str, *, keypoints: Tensor, landmarks: Tensor, vertices: Tensor
 ) -> Tensor | None:
     """R_box (3, 3) by a rule of RULES, from keypoints (J, 3), landmarks (J, 3) and vertices (V, 3).
 
@@ -143,58 +143,71 @@ def float32_angle_deg(R_a: Tensor, R_b: Tensor) -> float:
 def stability_rows(subject: Subject) -> list[StabilityRow]:
     """One animal under every protocol and noise, by every rule."""
     given = subject.annotated(FaultConfig())
-    keypoints, landmarks, vertices = given.said.keypoints_2d, given.landmarks, given.vertices
-    still = {rule: axes_of(given, rule, keypoints, landmarks, vertices) for rule in RULES}
-    start = given.labelled(LabelConfig())
-    per_px = float(vertices[:, 2].mean() / given.said.K[0, 0])
+    still = {
+        "keypoints": given.said.keypoints_2d,
+        "landmarks": given.landmarks,
+        "vertices": given.vertices,
+    }
+    axes_still = {rule: axes_of(given, rule, **still) for rule in RULES}
+    ideal = axes_still["landmarks (paper)"]
+    label_still = given.labelled(LabelConfig())
+    units_per_px = float(given.vertices[:, 2].mean() / given.said.K[0, 0])
     rows = []
     for sigma in SIGMAS:
-        noise_2d = subject.normal(f"image-{sigma}", (len(keypoints), 2))
-        moved = torch.cat(
-            (keypoints[:, :2] + sigma * noise_2d * (keypoints[:, 2:] > 0), keypoints[:, 2:]), dim=1
-        )
-        noise = (
-            subject.normal(f"landmarks-{sigma}", tuple(landmarks.shape)),
-            subject.normal(f"vertices-{sigma}", tuple(vertices.shape)),
-        )
-        end = replace(given, said=replace(given.said, keypoints_2d=moved)).labelled(LabelConfig())
+        keypoints, noise_3d = _noise(subject, still, sigma)
+        annotation = replace(given.said, keypoints_2d=keypoints)
+        label = replace(given, said=annotation).labelled(LabelConfig())
         for rule in RULES:
-            before, ideal = still[rule], still["landmarks (paper)"]
-            after = axes_of(given, rule, moved, landmarks, vertices)
-            rows += _compared(subject.index, "image", rule, sigma, before, after, ideal)
-            for protocol, size in (("pixel-equivalent", per_px * sigma), ("model units", sigma)):
-                after_3d = axes_of(
-                    given, rule, keypoints, landmarks + size * noise[0], vertices + size * noise[1]
-                )
-                rows += _compared(subject.index, protocol, rule, sigma, before, after_3d, ideal)
-            if isinstance(start, CuboidLabel) and isinstance(end, CuboidLabel):
-                turned = [
+            blank = StabilityRow(subject.index, "", rule, sigma, 0.0, 0.0, (0.0,) * 3, (0.0,) * 3)
+            before = axes_still[rule]
+            after = axes_of(given, rule, **{**still, "keypoints": keypoints})
+            rows += _compared(replace(blank, protocol="image"), before, after, ideal)
+            for protocol, size in (
+                ("pixel-equivalent", units_per_px * sigma),
+                ("model units", sigma),
+            ):
+                shifted = {name: still[name] + size * noise for name, noise in noise_3d.items()}
+                after_3d = axes_of(given, rule, **{**still, **shifted})
+                rows += _compared(replace(blank, protocol=protocol), before, after_3d, ideal)
+            if isinstance(label_still, CuboidLabel) and isinstance(label, CuboidLabel):
+                in_camera = [
                     None if axes is None else pose.R @ axes
-                    for pose, axes in ((start, before), (end, after), (start, ideal))
+                    for pose, axes in ((label_still, before), (label, after), (label_still, ideal))
                 ]
-                rows += _compared(subject.index, "camera", rule, sigma, *turned)
+                rows += _compared(replace(blank, protocol="camera"), *in_camera)
     return rows
 
 
+def _noise(
+    subject: Subject, still: dict[str, Tensor], sigma: float
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """Keypoints (J, 3) with noise of sigma px, and unit noise for landmarks and vertices."""
+    keypoints = still["keypoints"]
+    noise_px = sigma * subject.normal(f"image-{sigma}", (len(keypoints), 2))
+    moved_px = keypoints[:, :2] + noise_px * (keypoints[:, 2:] > 0)
+    noise_3d = {
+        name: subject.normal(f"{name}-{sigma}", tuple(still[name].shape))
+        for name in ("landmarks", "vertices")
+    }
+    return torch.cat((moved_px, keypoints[:, 2:]), dim=1), noise_3d
+
+
 def _compared(
-    index: int,
-    protocol: str,
-    rule: str,
-    sigma: float,
-    before: Tensor | None,
-    after: Tensor | None,
-    ideal: Tensor | None,
+    blank: StabilityRow, before: Tensor | None, after: Tensor | None, ideal: Tensor | None
 ) -> list[StabilityRow]:
-    """The row of two sets of axes; none if one is missing."""
+    """The row of two sets of axes (3, 3), a blank one filled in; none if a set is missing."""
     if before is None or after is None or ideal is None:
         return []
-    theta = float(torch.rad2deg(rotation_angle(after, before)))
-    own, off = (
+    delta_own, delta_ideal = (
         tuple(alignment_variation(reference.mT, after.mT).tolist()) for reference in (before, ideal)
     )
     return [
-        StabilityRow(
-            index, protocol, rule, sigma, theta, float32_angle_deg(after, before), own, off
+        replace(
+            blank,
+            theta_deg=float(torch.rad2deg(rotation_angle(after, before))),
+            theta_float32_deg=float32_angle_deg(after, before),
+            delta_own=delta_own,
+            delta_ideal=delta_ideal,
         )
     ]
 

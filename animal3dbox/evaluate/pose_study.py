@@ -1,7 +1,7 @@
 """Camera poses over the dial of annotation faults, against keypoints and truth (section 3.2)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -97,7 +97,9 @@ def pose_rows(subject: Subject, settings: dict[str, FaultConfig]) -> list[PoseRo
     for setting, faults in settings.items():
         given = subject.annotated(faults)
         rows += [
-            _row(subject.index, setting, method, given, given.labelled(config))
+            _row(
+                PoseRow(subject.index, setting, method, reason=None), given, given.labelled(config)
+            )
             for method, config in METHODS.items()
         ]
     return rows
@@ -128,30 +130,21 @@ def clean_error(label: CuboidLabel, given: Annotated) -> float | None:
     return float(torch.linalg.vector_norm(px - truth[in_frame, :2], dim=-1).mean())
 
 
-def _row(
-    index: int, setting: str, method: str, given: Annotated, outcome: CuboidLabel | Rejection
-) -> PoseRow:
+def _row(blank: PoseRow, given: Annotated, outcome: CuboidLabel | Rejection) -> PoseRow:
+    """The row of an outcome: a blank one of its animal, setting and method, filled in."""
     if isinstance(outcome, Rejection):
-        return PoseRow(
-            index, setting, method, outcome.reason, behind=outcome.reason == "behind_camera"
-        )
+        return replace(blank, reason=outcome.reason, behind=outcome.reason == "behind_camera")
     truth = given.animal.cuboid
-    apart = (
-        torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean()
-        / truth.diagonal
-    )
+    corner_errors = torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1)
     shared = box_iou(
         outcome.center, outcome.rotation, outcome.size, truth.center, truth.rotation, truth.size
     )
-    return PoseRow(
-        index,
-        setting,
-        method,
-        None,
+    return replace(
+        blank,
         annotated_px=outcome.quality.reprojection_error_px,
         clean_px=clean_error(outcome, given),
         rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
-        corner_percent=100 * float(apart),
+        corner_percent=100 * float(corner_errors.mean() / truth.diagonal),
         iou3d=float(shared),
         behind=outcome.behind_camera and bool((truth.corners()[:, 2] > 0).all()),
         flipped=depth_flip(outcome.rotation, truth.rotation),

@@ -97,7 +97,7 @@ def reproduction_rows(subject: Subject) -> list[ReproductionRow]:
         problem = _problem_with_zeros(given)
         if degenerate_points(problem, METHODS["basic"].min_keypoints) is not None:
             continue
-        rows += [_fed(subject.index, part, method, given, problem) for method in FED]
+        rows += [_fed(subject.index, part, method, given=given, problem=problem) for method in FED]
         rows += [_dropped(subject.index, part, method, given) for method in DROPPED]
     return rows
 
@@ -122,7 +122,7 @@ def _problem_with_zeros(given: Annotated) -> PoseProblem:
 
 
 def _fed(
-    index: int, part: float, method: str, given: Annotated, problem: PoseProblem
+    index: int, part: float, method: str, *, given: Annotated, problem: PoseProblem
 ) -> ReproductionRow:
     config = METHODS[method]
 

@@ -73,11 +73,11 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
         (True, 1)
     """
     worst_first = sorted(cards, key=lambda card: card.confidence)
-    shown = _fitting(worst_first)
+    articles = _fitting(worst_first)
     note = (
         ""
-        if len(shown) == len(worst_first)
-        else f"The {len(shown)} worst of {len(worst_first)} animals are shown;"
+        if len(articles) == len(worst_first)
+        else f"The {len(articles)} worst of {len(worst_first)} animals are shown;"
         " all are in labels.json."
     )
     page = render(
@@ -87,10 +87,10 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
         funnel=_funnel(summary),
         most=max(summary.animals, 1),
         note=note,
-        articles=shown,
+        articles=articles,
     )
     write_whole(path, page.encode())
-    return len(shown)
+    return len(articles)
 
 
 def _fitting(worst_first: Sequence[Card]) -> list[str]:

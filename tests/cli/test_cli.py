@@ -49,15 +49,15 @@ SIDES = {"left.jpg": (95, "left"), "right.jpg": (-80, "right"), "back.jpg": (185
 
 
 @dataclass(frozen=True)
-class Ran:
-    """What a command gave back."""
+class CommandResult:
+    """The exit code and the output of a command."""
 
     code: int
     stdout: str
     stderr: str
 
 
-def ran(*arguments: str | Path) -> Ran:
+def ran(*arguments: str | Path) -> CommandResult:
     """Run a command in this process."""
     out, err = io.StringIO(), io.StringIO()
     with (
@@ -67,7 +67,7 @@ def ran(*arguments: str | Path) -> Ran:
     ):
         main([str(a) for a in arguments])
     code = left.value.code
-    return Ran(
+    return CommandResult(
         code if isinstance(code, int) else 0 if code is None else 1, out.getvalue(), err.getvalue()
     )
 
@@ -92,7 +92,7 @@ class Faulty:
 
     root: Path
     out: Path
-    ran: Ran
+    ran: CommandResult
     report: dict[str, Any]
     spoilt: dict[str, Spoilt]
 
@@ -263,8 +263,8 @@ def test_two_animals_of_one_image_have_numbers_and_overlays_of_their_own(good: P
 
 
 def test_there_is_an_overlay_for_each_label(good: Path) -> None:
-    taken: set[str] = set()
-    names = sorted(overlay_name(row.image, row.animal, taken) for row in rows_of(good))
+    names_so_far: set[str] = set()
+    names = sorted(overlay_name(row.image, row.animal, names_so_far) for row in rows_of(good))
     assert sorted(path.name for path in (good / "out" / "overlays").iterdir()) == names
     assert all((good / "out" / "overlays" / name).stat().st_size > 1000 for name in names)
 
@@ -414,9 +414,9 @@ def small(tmp_path: Path, views: dict[str, View]) -> Path:
 def test_wrong_options_end_with_a_code_and_a_remedy(
     small: Path, options: list[str], code: int, words: list[str]
 ) -> None:
-    given = [option.format(small) for option in options]
+    arguments = [option.format(small) for option in options]
     result = ran(
-        "label", small, *([] if "--out" in given else ["--out", str(small / "out")]), *given
+        "label", small, *([] if "--out" in arguments else ["--out", str(small / "out")]), *arguments
     )
     assert result.code == code
     assert result.stderr.startswith("animal3dbox: ")

@@ -122,14 +122,14 @@ def test_images_that_cannot_be_used_are_told_before_an_epoch_meets_them(
         tmp_path / "cache",
         "--json",
     )
-    told = json.loads(out)
+    report = json.loads(out)
     assert code == 4
-    assert {(case["sample_id"], case["field"]) for case in told["cases"]} == {
+    assert {(case["sample_id"], case["field"]) for case in report["cases"]} == {
         (head.sample_id, "image") for one in faulty for head in one.animals
     }
     assert (
-        told["stored"]
-        == told["animals"] - sum(len(one.animals) for one in faulty)
+        report["stored"]
+        == report["animals"] - sum(len(one.animals) for one in faulty)
         == entries(tmp_path / "cache")
     )
 
@@ -206,14 +206,14 @@ def test_labels_made_together_are_those_made_one_by_one(
         "--cache",
         tmp_path / "cache",
     )
-    stored, made = small_dataset(animals, cache=tmp_path / "cache"), small_dataset(animals)
-    held = entries(tmp_path / "cache")
-    for index in range(len(made)):
-        for name, value in made[index][1].items():  # type: ignore[index]
+    stored, fresh = small_dataset(animals, cache=tmp_path / "cache"), small_dataset(animals)
+    entries_before = entries(tmp_path / "cache")
+    for index in range(len(fresh)):
+        for name, value in fresh[index][1].items():  # type: ignore[index]
             other = stored[index][1][name]  # type: ignore[index]
             if isinstance(value, torch.Tensor):
                 assert torch.allclose(value.double(), other.double(), rtol=1e-6, atol=1e-6), name
-    assert entries(tmp_path / "cache") == held
+    assert entries(tmp_path / "cache") == entries_before
 
 
 def test_the_masks_overlap_is_stored_for_datasets_whose_filters_ask_for_it(
@@ -230,9 +230,9 @@ def test_the_masks_overlap_is_stored_for_datasets_whose_filters_ask_for_it(
         tmp_path / "cache",
     )
     run(capsys, *common, "--mask-iou")
-    held = entries(tmp_path / "cache")
+    entries_before = entries(tmp_path / "cache")
     dataset = small_dataset(
         animals, cache=tmp_path / "cache", filters=LabelFilter(min_mask_iou=0.1)
     )
     assert not isinstance(dataset[0], Skipped)
-    assert entries(tmp_path / "cache") == held
+    assert entries(tmp_path / "cache") == entries_before
