@@ -1,4 +1,4 @@
-"""Angle of each axes rule to the true trunk, over all presets and named poses of the embedded quadruped.
+"""Angle of each axes rule to the true trunk, over all presets and poses of the quadruped.
 
 Run: python benchmarks/axes.py
 """
@@ -46,10 +46,10 @@ def main() -> None:
             for name, R_box in rules.items():
                 angle = rotation_angle(torch.from_numpy(R_box), truth)
                 angles.setdefault(name, []).append(float(torch.rad2deg(angle)))
-    for name, found in angles.items():
-        values = torch.tensor(found)
+    for name, of_rule in angles.items():
+        values = torch.tensor(of_rule)
         print(
-            f"{name:36} {len(found)} bodies: median {values.median():6.2f}, 95 %"
+            f"{name:36} {len(of_rule)} bodies: median {values.median():6.2f}, 95 %"
             f" {values.quantile(0.95):6.2f}, most {values.amax():6.2f} degrees"
         )
 

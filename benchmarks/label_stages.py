@@ -1,4 +1,4 @@
-"""What labels cost beside the JPEG decode that every training loader pays, side by side on one thread.
+"""The cost of labels beside the JPEG decode that every training loader pays, on one thread.
 
 Each call comes right after a decode, as in a loader: the processor's caches are then full of other
 things, which makes short calls several times slower than in a loop of their own. Processor time, so
@@ -52,11 +52,11 @@ class Loader:
         return file.getvalue()
 
     def decode(self, i: int) -> None:
-        """The floor."""
+        """Decode a JPEG, which every loader must do: the floor."""
         np.asarray(Image.open(io.BytesIO(self.jpegs[i])).convert("RGB"))
 
     def arguments(self, i: int, **more: object) -> dict[str, object]:
-        """label_animal's, of an animal whose body is posed already."""
+        """The arguments of label_animal for an animal whose body is posed already."""
         record, body = self.records[i], self.posed[i]
         known = {
             "image_hw": record.image_hw,
@@ -105,12 +105,9 @@ class Loader:
         )
 
 
-def main() -> None:
-    """Print the medians and their ratios to the decode."""
-    torch.set_num_threads(1)
-    cv2.setNumThreads(1)
-    load = Loader()
-    stages: dict[str, tuple[int, Callable[[int], object]]] = {
+def stages_of(load: Loader) -> dict[str, tuple[int, Callable[[int], object]]]:
+    """Name -> how many animals a stage takes at once, and the stage by an animal's number."""
+    return {
         "decode a JPEG": (1, load.decode),
         "pose a body, read its landmarks": (1, lambda i: load.bodies.body(load.records[i])),
         "  the same in float64": (1, lambda i: load.float64.body(load.records[i])),
@@ -132,6 +129,14 @@ def main() -> None:
         "cold label, no mask": (1, lambda i: load.label(i, COLD)),
         "cold label with mask overlap": (1, lambda i: load.label(i, COLD, mask=load.masks[i])),
     }
+
+
+def main() -> None:
+    """Print the medians and their ratios to the decode."""
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+    load = Loader()
+    stages = stages_of(load)
     times: dict[str, list[float]] = {name: [] for name in stages}
     for turn in range(ROUNDS * 4):
         for name, (count, stage) in stages.items():
@@ -142,10 +147,10 @@ def main() -> None:
             stage(turn % len(load.records))
             times[name].append((time.process_time() - begin) / count)
     floor = float(np.median(times["decode a JPEG"]))
-    for name, taken in times.items():
+    for name, seconds in times.items():
         print(
-            f"{name:36s} {1e3 * float(np.median(taken)):8.2f} ms"
-            f" {float(np.median(taken)) / floor:7.2f} decodes"
+            f"{name:36s} {1e3 * float(np.median(seconds)):8.2f} ms"
+            f" {float(np.median(seconds)) / floor:7.2f} decodes"
         )
 
 

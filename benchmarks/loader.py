@@ -1,6 +1,4 @@
-"""Samples a second of a training loader, against the floor.
-
-Reading the same JPEGs and masks and doing nothing else.
+"""Samples a second of a training loader, against reading the same JPEGs and masks alone.
 
 Run: python benchmarks/loader.py [--images N] [--rounds R] [--workers 0 1 2] [--faults N]
 
@@ -44,10 +42,7 @@ BATCH = 8
 
 
 class Decoded(Dataset[Any]):
-    """The floor.
-
-    Images and masks of a Dataset, decoded as it decodes them, from paths that were found before.
-    """
+    """Images and masks of a Dataset, decoded as it decodes them and nothing else: the floor."""
 
     def __init__(self, dataset: LabelDataset) -> None:
         samples = [dataset.source.sample(index) for index in range(len(dataset))]
@@ -64,7 +59,7 @@ class Decoded(Dataset[Any]):
         return image_tensor(photo.pixels), {"masks": torch.from_numpy(whole.view(np.uint8))}
 
 
-def written(folder: Path, images: int) -> tuple[Path, Path]:
+def write_dataset(folder: Path, images: int) -> tuple[Path, Path]:
     """A synthetic Animal3D folder of one animal an image, and its model."""
     world = replace(animal3d_world(WorldConfig()), animals=(1, 1))
     write_animal3d(SyntheticSet(0, images, world), folder / "set", folder / "model.pkl")
@@ -90,7 +85,7 @@ def seconds_an_image(dataset: Dataset[Any], workers: int) -> float:
 
 
 def kinds(root: Path, model: Path, cache: Path) -> dict[str, Dataset[Any]]:
-    """What is compared; the first is the floor."""
+    """The Datasets that are compared, by name; the first is the floor."""
     augment = Compose([RandomHorizontalFlip(), RandomResizedCrop(512), ColorJitter(0.2)])
     exact = Animal3DDataset(root, model, stored_cameras="exact")
     return {
@@ -107,29 +102,28 @@ def kinds(root: Path, model: Path, cache: Path) -> dict[str, Dataset[Any]]:
     }
 
 
-def compare(root: Path, model: Path, cache: Path, workers: list[int], rounds: int) -> None:
-    """Print samples a second and ratios."""
+def compare(root: Path, model: Path, cache: Path, *, workers: list[int], rounds: int) -> None:
+    """Print the samples a second of each kind of loading, and its time by the floor's."""
     compared = kinds(root, model, cache)
     for _ in range(2):
         seconds_an_image(compared["cached labels"], 0)  # fills the cache, then sees it
     print(f"{'':28}" + "".join(f"{f'{n} workers':>24}" for n in workers))
-    found: dict[tuple[str, int], list[float]] = {}
+    seconds: dict[tuple[str, int], list[float]] = {}
     for turn in range(rounds):
         for count in workers:
-            for name, dataset in list(compared.items())[
-                :: -1 if turn % 2 else 1
-            ]:  # none always comes after the same other
-                found.setdefault((name, count), []).append(seconds_an_image(dataset, count))
+            order = -1 if turn % 2 else 1  # so that none always comes after the same other
+            for name, dataset in list(compared.items())[::order]:
+                seconds.setdefault((name, count), []).append(seconds_an_image(dataset, count))
     for name in compared:
         cells = []
         for count in workers:
-            times, floor = np.array(found[name, count]), np.array(found["decode only", count])
+            times, floor = np.array(seconds[name, count]), np.array(seconds["decode only", count])
             cells.append(f"{1 / np.median(times):10.1f} /s {np.median(times / floor):8.2f} x")
         print(f"{name:28}" + "".join(f"{cell:>24}" for cell in cells))
 
 
 def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
-    """Print what one image costs, stage by stage, by its JPEG's decoding.
+    """Print the cost of one image, stage by stage, in units of its JPEG's decoding.
 
     As in a worker, each stage comes right after a batch's JPEGs have been decoded: the processor's
     caches are then full of them.
@@ -158,27 +152,36 @@ def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
         "label, from the cache": (BATCH, lambda batch: labelled(stored, batch)),
         "whole sample, cached": (BATCH, stored.__getitems__),
     }
-    floor, spent = {name: list[float]() for name in parts}, {name: list[float]() for name in parts}
-    with one_thread():
-        for _ in range(rounds):
-            for name, (size, part) in parts.items():
-                for first in range(0, len(pictures), size):
-                    batch = [*range(first, min(first + size, len(pictures)))]
-                    begin = time.perf_counter()
-                    parts["JPEG"][1](batch)
-                    decoded = time.perf_counter()
-                    part(batch)
-                    floor[name].append((decoded - begin) / len(batch))
-                    spent[name].append((time.perf_counter() - decoded) / len(batch))
     print(
         f"\nstages of an image of one animal in the main process, batches of {BATCH} after their"
         " JPEGs"
     )
-    for name, times in spent.items():
+    with one_thread():
+        times = time_after_jpegs(parts, len(pictures), rounds)
+    for name, (seconds, jpeg_seconds) in times.items():
         print(
-            f"  {name:28} {1e3 * float(np.median(times)):7.3f} ms"
-            f" {np.median(np.array(times) / np.array(floor[name])):7.2f} x JPEG"
+            f"  {name:28} {1e3 * float(np.median(seconds)):7.3f} ms"
+            f" {np.median(np.array(seconds) / np.array(jpeg_seconds)):7.2f} x JPEG"
         )
+
+
+def time_after_jpegs(
+    parts: dict[str, tuple[int, Callable[[list[int]], Any]]], images: int, rounds: int
+) -> dict[str, tuple[list[float], list[float]]]:
+    """For each part its seconds an image, and those of the JPEGs that were decoded just before."""
+    times = {name: (list[float](), list[float]()) for name in parts}
+    for _ in range(rounds):
+        for name, (size, part) in parts.items():
+            for first in range(0, images, size):
+                batch = [*range(first, min(first + size, images))]
+                begin = time.perf_counter()
+                parts["JPEG"][1](batch)
+                middle = time.perf_counter()
+                part(batch)
+                end = time.perf_counter()
+                times[name][0].append((end - middle) / len(batch))
+                times[name][1].append((middle - begin) / len(batch))
+    return times
 
 
 def epoch_with_faults(folder: Path, images: int) -> None:
@@ -200,7 +203,7 @@ def epoch_with_faults(folder: Path, images: int) -> None:
 
 
 def main() -> None:
-    """Run what is asked for."""
+    """Compare the loaders and their stages, or load an epoch with planted faults."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--images", type=int, default=64)
     parser.add_argument("--rounds", type=int, default=9)
@@ -211,15 +214,15 @@ def main() -> None:
         default=0,
         help="instead: an epoch over so many small images with planted faults",
     )
-    chosen = parser.parse_args()
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        if chosen.faults:
-            epoch_with_faults(folder, chosen.faults)
+        if options.faults:
+            epoch_with_faults(folder, options.faults)
             return
-        root, model = written(folder, chosen.images)
-        compare(root, model, folder / "cache", chosen.workers, chosen.rounds)
-        stages(root, model, folder / "cache", chosen.rounds)
+        root, model = write_dataset(folder, options.images)
+        compare(root, model, folder / "cache", workers=options.workers, rounds=options.rounds)
+        stages(root, model, folder / "cache", options.rounds)
 
 
 if __name__ == "__main__":

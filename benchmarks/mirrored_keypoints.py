@@ -1,4 +1,4 @@
-"""How often check_targets finds keypoints that were mirrored alone, and how often it is wrong about good ones.
+"""How often check_targets finds keypoints that were mirrored alone, and how often it errs.
 
 python benchmarks/mirrored_keypoints.py [--images N] [--data PATH]: the synthetic world, exact and
 with 2 px of noise, 10 % outliers and hidden keypoints marked; or a dataset that `animal3dbox label`
@@ -42,18 +42,12 @@ FIELDS = ("boxes", "corners_2d", "corner_in_front", "keypoints", "masks")
 
 
 def animals(image: Tensor, target: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """A target of each animal that has four keypoints in the image, with what the check looks at."""
+    """A target with FIELDS of each animal that has four keypoints in the image."""
     height, width = image.shape[-2:]
     for n, keypoints in enumerate(target["keypoints"]):
-        x, y, v = keypoints.unbind(-1)
-        if (
-            int(
-                (
-                    (v > 0) & (x >= -0.5) & (y >= -0.5) & (x <= width - 0.5) & (y <= height - 0.5)
-                ).sum()
-            )
-            >= 4
-        ):
+        x, y, visibility = keypoints.unbind(-1)
+        in_image = (x >= -0.5) & (y >= -0.5) & (x <= width - 0.5) & (y <= height - 0.5)
+        if int((in_image & (visibility > 0)).sum()) >= 4:
             yield {name: target[name][n : n + 1] for name in FIELDS if name in target}
 
 
@@ -64,19 +58,14 @@ def mirrored(animal: dict[str, Any], axis: int, length: int) -> dict[str, Any]:
     return {**animal, "keypoints": keypoints}
 
 
-def found(animal: dict[str, Any], image: Tensor, *, by_mask: bool) -> bool:
-    """Whether the check finds anything, in a step that looks at the animal's mask or by its box
-    alone."""
-    return (
-        check_targets([animal], [image], step=1 if by_mask else 2, on_fault="count").counts[
-            "keypoints_on_animal"
-        ]
-        > 0
-    )
+def is_detected(animal: dict[str, Any], image: Tensor, *, by_mask: bool) -> bool:
+    """Whether the check objects, in a step that looks at the animal's mask or at its box alone."""
+    report = check_targets([animal], [image], step=1 if by_mask else 2, on_fault="count")
+    return report.counts["keypoints_on_animal"] > 0
 
 
-def counted(dataset: LabelDataset, augmented: Sequence[Any]) -> Counter[str]:
-    """Animals, false alarms, and mirrored ones that are found."""
+def count_alarms(dataset: LabelDataset, augmented: Sequence[Any]) -> Counter[str]:
+    """Number of animals, of false alarms, and of mirrored animals that are detected."""
     counts: Counter[str] = Counter()
     for index in range(len(dataset)):
         sample = dataset[index]
@@ -86,21 +75,21 @@ def counted(dataset: LabelDataset, augmented: Sequence[Any]) -> Counter[str]:
             image, target = sample if transform is None else transform(*sample, key=(0, index))
             for animal in animals(image, target):
                 counts["good animals"] += 1
-                counts["false alarms"] += found(animal, image, by_mask=True)
+                counts["false alarms"] += is_detected(animal, image, by_mask=True)
                 for axis, name in ((0, "left to right"), (1, "top to bottom")):
                     wrong = mirrored(animal, axis, image.shape[2 - axis])
-                    counts[f"{name}, in the mask's turn"] += found(wrong, image, by_mask=True)
-                    counts[f"{name}, by boxes"] += found(wrong, image, by_mask=False)
+                    counts[f"{name}, in the mask's turn"] += is_detected(wrong, image, by_mask=True)
+                    counts[f"{name}, by boxes"] += is_detected(wrong, image, by_mask=False)
     return counts
 
 
 def main() -> None:
-    """Print the counts."""
-    asked = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    asked.add_argument("--images", type=int, default=400)
-    asked.add_argument("--seed", type=int, default=21)
-    asked.add_argument("--data", type=Path)
-    options = asked.parse_args()
+    """Print the share of mirrored animals that are detected, for each dataset."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--images", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=21)
+    parser.add_argument("--data", type=Path)
+    options = parser.parse_args()
     torch.set_num_threads(1)
     datasets: dict[str, LabelDataset] = {}
     if options.data is not None:
@@ -113,7 +102,7 @@ def main() -> None:
             faulty, on_bad="skip"
         )
     for name, dataset in datasets.items():
-        counts = counted(dataset, AUGMENTED)
+        counts = count_alarms(dataset, AUGMENTED)
         print(
             f"{name}: {counts['good animals']} good animals, {counts['false alarms']} false alarms;"
             " mirrored ones found:"

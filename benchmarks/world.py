@@ -16,7 +16,7 @@ from animal3dbox.datasets.synthetic.world.scene import plan_scene
 
 
 def main() -> None:
-    """Print the rates and the shares."""
+    """Print how fast scenes are planned and rendered, and how many animals are hidden or cut."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=60)
     scenes = parser.parse_args().scenes
@@ -30,13 +30,13 @@ def main() -> None:
     for index in range(scenes):
         begin = time.perf_counter()
         plan = plan_scene(0, index, config)
-        planned = time.perf_counter()
+        middle = time.perf_counter()
         render_scene(plan)
-        rendered = time.perf_counter()
+        end = time.perf_counter()
         scene = synthetic_scene(0, index, config)
-        seconds["planning"] += planned - begin
-        seconds["rendering"] += rendered - planned
-        seconds["the whole scene"] += time.perf_counter() - rendered
+        seconds["planning"] += middle - begin
+        seconds["rendering"] += end - middle
+        seconds["the whole scene"] += time.perf_counter() - end
         first = scene.animals[0]
         counts["animals"] += len(scene.animals)
         counts["images with several"] += len(scene.animals) > 1

@@ -1,7 +1,11 @@
-"""Label one animal from arrays; the README shows this file."""
+"""Label one animal from arrays; the README shows this file.
+
+Run: python examples/label_one_animal.py
+"""
 
 from animal3dbox import CuboidLabel, LabelConfig, label_animal
 from animal3dbox.datasets.synthetic.scenes import synthetic_animal
+from animal3dbox.geometry.cuboid import FACE_NAMES
 
 animal = synthetic_animal(seed=0, index=2)  # stands in for your own image, keypoints, mesh and mask
 
@@ -20,14 +24,5 @@ if not isinstance(label, CuboidLabel):
     raise SystemExit(f"no label: {label.reason}: {label.detail}")
 
 print(f"{label.sample_id}: {label.side} side, seen from {label.viewpoint}")
-print(
-    "shares:",
-    dict(
-        zip(
-            ("front", "back", "left", "right", "top", "bottom"),
-            label.face_share.tolist(),
-            strict=True,
-        )
-    ),
-)
+print("shares:", dict(zip(FACE_NAMES, label.face_share.tolist(), strict=True)))
 print("corners in the image:", label.corners_2d.round().tolist())

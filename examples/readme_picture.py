@@ -15,32 +15,30 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
 from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
-from animal3dbox.report.overlay import draw_label
+from animal3dbox.report.overlay import Picture, draw_label
 
-ANIMALS = (
-    (0, "dog", "walk"),
-    (4, "cat", "stand"),
-    (12, "horse", "trot"),
-    (7, "cow", "graze"),
-)  # index, preset, pose
+ANIMALS = ((0, "dog", "walk"), (4, "cat", "stand"), (12, "horse", "trot"), (7, "cow", "graze"))
+"""Index in the world, preset and pose."""
+WIDTH = 1000
+
+
+def panel(index: int, preset: str, pose: str) -> Picture:
+    """An animal's picture with its label, made from noisy keypoints."""
+    animal = synthetic_animal(0, index, preset=preset, pose=pose)
+    annotation = faulty(annotate(animal, hidden="marked"), FaultConfig(noise_px=2.0))
+    label = label_synthetic(animal, annotation.keypoints_2d, LabelConfig())
+    if not isinstance(label, CuboidLabel):
+        raise SystemExit(f"{animal.sample_id}: {label.reason}")
+    return draw_label(animal.image.numpy(), label)
 
 
 def main() -> None:
-    """Write the picture."""
-    panels = []
-    for index, preset, pose in ANIMALS:
-        animal = synthetic_animal(0, index, preset=preset, pose=pose)
-        label = label_synthetic(
-            animal,
-            faulty(annotate(animal, hidden="marked"), FaultConfig(noise_px=2.0)).keypoints_2d,
-            LabelConfig(),
-        )
-        if not isinstance(label, CuboidLabel):
-            raise SystemExit(f"{animal.sample_id}: {label.reason}")
-        panels.append(draw_label(animal.image.numpy(), label))
+    """Label the four animals and write their pictures as one."""
+    panels = [panel(*animal) for animal in ANIMALS]
     rows = [np.concatenate(panels[i : i + 2], axis=1) for i in (0, 2)]
     image = Image.fromarray(np.concatenate(rows))
-    image = image.resize((1000, round(image.height * 1000 / image.width)), Image.Resampling.LANCZOS)
+    height = round(image.height * WIDTH / image.width)
+    image = image.resize((WIDTH, height), Image.Resampling.LANCZOS)
     out = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images/readme.jpg")
     image.save(out, quality=85, optimize=True)
 

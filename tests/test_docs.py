@@ -1,6 +1,7 @@
 """The documents say what is so."""
 
 import ast
+import importlib
 import re
 import runpy
 from pathlib import Path
@@ -59,12 +60,84 @@ def test_every_citation_of_an_equation_is_in_the_table() -> None:
     assert cited == {row[0] for row in ROWS}
 
 
-@pytest.mark.parametrize(
-    "name",
-    sorted(
-        p.relative_to(ROOT).as_posix() for p in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
-    ),
+PAGES = sorted(
+    p.relative_to(ROOT).as_posix() for p in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
 )
+DOTTED = re.compile(r"(?<!schema `)(?<![\"\w./-])animal3dbox(?:\.[A-Za-z_]\w*)+")
+"""A name of the package, in code or in prose; in quotation marks it is a file's schema."""
+NAMES_IN = re.compile(r"((?:`\w+`(?:,|,? and)?\s+)+)in `(animal3dbox[.\w]*)`")
+"""Names that a page says lie in a module: `a`, `b` and `c` in `animal3dbox.d`."""
+FILE = re.compile(r"`((?:\w+/)+\w+\.py)`")
+IMPORTED = re.compile(
+    r"from (animal3dbox[.\w]*) import (?:\(([^)]*)\)|((?:\w+(?: as \w+)?)(?:, *\w+(?: as \w+)?)*))"
+)
+
+
+def names_in(text: str) -> set[str]:
+    """The dotted names of the package that a page tells its reader."""
+    names = set(DOTTED.findall(text))
+    for module, in_brackets, in_line in IMPORTED.findall(text):
+        words = re.sub(r"#.*", "", in_brackets or in_line).split(",")
+        names |= {f"{module}.{word.split()[0]}" for word in words if word.strip()}
+    for words, module in NAMES_IN.findall(text):
+        names |= {f"{module}.{word}" for word in re.findall(r"`(\w+)`", words)}
+    return names
+
+
+def is_importable(name: str) -> bool:
+    """Whether a dotted name is a module, or an attribute of one."""
+    module, attributes = name, list[str]()
+    while True:
+        try:
+            thing = importlib.import_module(module)
+            break
+        except ModuleNotFoundError:
+            module, _, attribute = module.rpartition(".")
+            attributes.insert(0, attribute)
+    for attribute in attributes:
+        if not hasattr(thing, attribute):
+            return False
+        thing = getattr(thing, attribute)
+    return True
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_name_of_the_package_in_a_page_can_be_imported(page: str) -> None:
+    names = names_in((ROOT / page).read_text())
+    assert [name for name in sorted(names) if not is_importable(name)] == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_python_file_that_a_page_names_exists(page: str) -> None:
+    files = FILE.findall((ROOT / page).read_text())
+    homes = (ROOT, ROOT / "animal3dbox")
+    assert [name for name in files if not any((home / name).is_file() for home in homes)] == []
+
+
+def test_names_are_recognised_in_code_and_in_prose() -> None:
+    text = """`from animal3dbox.a import b, c as d` and animal3dbox.e.F.g; "animal3dbox.truth".
+    `h`, `i` and `j` in `animal3dbox.k`.
+    from animal3dbox import (
+        x,  # of y
+        z,
+    )
+    """
+    assert names_in(text) == {
+        "animal3dbox.a",
+        "animal3dbox.a.b",
+        "animal3dbox.a.c",
+        "animal3dbox.e.F.g",
+        "animal3dbox.k",
+        *(f"animal3dbox.k.{name}" for name in "hij"),
+        "animal3dbox.x",
+        "animal3dbox.z",
+    }
+    assert is_importable("animal3dbox.labels.config.LabelConfig.method")
+    assert not is_importable("animal3dbox.datasets.exchange.read_omni3d")
+    assert not is_importable("animal3dbox.no_such_room.name")
+
+
+@pytest.mark.parametrize("name", PAGES)
 def test_links_and_pictures_in_the_documents_exist(name: str) -> None:
     page = ROOT / name
     targets = re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text())

@@ -1,5 +1,7 @@
-"""The examples run, and what they write is a picture, a loss or a folder."""
+"""The examples run in every way their docstrings name, and write a picture, a loss or a folder."""
 
+import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,71 +11,108 @@ import pytest
 from photo_dataset import add_photo, toy_scene, view_of, write_annotations
 
 ROOT = Path(__file__).parent.parent
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+VALUES = {
+    "FILE": "sheet.jpg",
+    "FILE.png": "sheet.png",
+    "FOLDER": "pictures",
+    "OUT": "copies",
+    "OUT_DIR": "pictures",
+    "PHOTOS": "photos",
+    "SEED": "3",
+}
+"""A value for each word that a usage line has."""
 
 
-@pytest.mark.parametrize(
-    ("example", "options", "shape"),
-    [
-        ("augment_your_own_cuboids.py", ["--out", "{out}"], (600, 1600)),
-        ("augment_grid.py", ["{out}"], (600, 1000)),
-    ],
-)
-def test_the_example_runs_and_writes_its_sheet(
-    example: str, options: list[str], shape: tuple[int, int], tmp_path: Path
-) -> None:
-    out = tmp_path / "sheet.png"
-    command = [
-        sys.executable,
-        str(ROOT / "examples" / example),
-        *(option.format(out=out) for option in options),
-    ]
-    ran = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert ran.returncode == 0, ran.stderr
-    picture = cv2.imread(str(out))
-    assert picture is not None
-    assert picture.shape[:2] == shape
-    assert float(picture.std()) > 10
+def ways_of(docstring: str) -> list[list[str]]:
+    """The arguments that a usage line `python examples/x.py A [B] [--out C]` allows, B before C."""
+    usage = re.search(r"python examples/\w+\.py([^`\n]*)", docstring)
+    assert usage is not None, "the docstring has no line that says how the example is run"
+    ways: list[list[str]] = [[]]
+    for optional, option, word in re.findall(r"(\[?)(--\w+ )?([A-Z][\w.]*)\]?", usage[1]):
+        longer = [*ways[-1], *([option.strip()] if option else []), VALUES[word]]
+        ways = [*ways, longer] if optional else [longer]
+    return ways
 
 
-def run_example(example: str, *options: str) -> str:
-    ran = subprocess.run(
+SHAPES = {"augment_grid.py": (600, 1000), "augment_your_own_cuboids.py": (600, 1600)}
+"""Height and width of the sheets that these draw."""
+WAYS = [
+    pytest.param(path.name, way, id=" ".join([path.stem, *way]))
+    for path in EXAMPLES
+    if path.name != "train_loop.py"  # which has a test of its own, below
+    for way in ways_of(ast.get_docstring(ast.parse(path.read_text())) or "")
+]
+
+
+def run_example(example: str, *options: str, cwd: Path) -> str:
+    """Run an example in a folder; what it printed."""
+    process = subprocess.run(
         [sys.executable, str(ROOT / "examples" / example), *options],
         capture_output=True,
         text=True,
         check=False,
+        cwd=cwd,
     )
-    assert ran.returncode == 0, ran.stderr
-    return ran.stdout
+    assert process.returncode == 0, process.stderr
+    return process.stdout
 
 
-def test_the_training_loop_trains_on_every_sample() -> None:
-    assert len((ROOT / "examples" / "train_loop.py").read_text().splitlines()) < 60
-    lines = run_example("train_loop.py").splitlines()
+def write_photos(root: Path) -> None:
+    """One animal seen from six sides, in StanfordExtra's files."""
+    scene = toy_scene()
+    azimuths = {"left": 90.0, "right": -90.0, "front": 0.0, "ahead_left": 60.0, "back": 180.0}
+    azimuths["herd/left"] = 70.0
+    entries = [
+        add_photo(root, view_of(scene, azimuth), f"{name}.jpg")
+        for name, azimuth in azimuths.items()
+    ]
+    write_annotations(root, entries)
+
+
+def test_usage_lines_are_read_with_and_without_their_options() -> None:
+    assert ways_of("Run: python examples/a.py") == [[]]
+    assert ways_of("Run: python examples/a.py [FILE] [SEED]\n\nFILE is") == [
+        [],
+        ["sheet.jpg"],
+        ["sheet.jpg", "3"],
+    ]
+    assert ways_of("`python examples/a.py OUT_DIR`.") == [["pictures"]]
+    assert ways_of("python examples/a.py [--out FILE.png]") == [[], ["--out", "sheet.png"]]
+
+
+@pytest.mark.parametrize(("example", "options"), WAYS)
+def test_the_example_runs_as_its_docstring_says(
+    example: str, options: list[str], tmp_path: Path
+) -> None:
+    (tmp_path / "docs" / "images").mkdir(parents=True)  # where pictures go in a checkout
+    if "photos" in options:
+        write_photos(tmp_path / "photos")
+    printed = run_example(example, *options, cwd=tmp_path)
+    outputs = [tmp_path / word for word in options if word not in ("photos", "3", "--out")]
+    assert all(path.is_file() or any(path.iterdir()) for path in outputs)
+    pictures = [path for path in tmp_path.rglob("*") if path.suffix in (".jpg", ".png")]
+    assert printed or pictures
+    if example in SHAPES:
+        (picture,) = (cv2.imread(str(path)) for path in pictures)
+        assert picture is not None
+        assert picture.shape[:2] == SHAPES[example]
+        assert float(picture.std()) > 10
+
+
+def test_the_training_loop_trains_on_every_sample(tmp_path: Path) -> None:
+    assert len((ROOT / "examples" / "train_loop.py").read_text().splitlines()) < 90
+    lines = run_example("train_loop.py", cwd=tmp_path).splitlines()
     assert [line.split(":")[0] for line in lines] == ["epoch 0", "epoch 1", "epoch 2"]
     assert all(line.endswith("left out: nothing") for line in lines)
 
 
 def test_the_side_filter_keeps_left_flanks_only(tmp_path: Path) -> None:
-    scene = toy_scene()
-    views = {
-        "left": 90.0,
-        "right": -90.0,
-        "front": 0.0,
-        "ahead_left": 60.0,
-        "back": 180.0,
-        "herd/left": 70.0,
-    }
-    write_annotations(
-        tmp_path,
-        [
-            add_photo(tmp_path, view_of(scene, azimuth), f"{name}.jpg")
-            for name, azimuth in views.items()
-        ],
-    )
-    said = run_example("side_filter_for_reid.py", str(tmp_path), str(tmp_path / "kept"))
+    write_photos(tmp_path)
+    printed = run_example("side_filter_for_reid.py", str(tmp_path), "kept", cwd=tmp_path)
     assert {path.name for path in (tmp_path / "kept").iterdir()} == {
         "left.jpg",
         "ahead_left.jpg",
         "herd__left.jpg",
     }
-    assert said.endswith(f"3 images with a left flank in {tmp_path / 'kept'}\n")
+    assert printed.endswith("3 images with a left flank in kept\n")

@@ -1,9 +1,8 @@
-"""``animal3dbox check``: the sanity checks of training loops over labels or cuboids on disk."""
+"""The command `check`: the sanity checks of training loops over labels or cuboids on disk."""
 
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,11 @@ import msgspec
 from torch.utils.data import DataLoader
 from tqdm import tqdm
 
+from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.export import is_labels, read_cuboids
+from animal3dbox.cli.jobs import CheckJob
 from animal3dbox.datasets.batches import collate
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
-from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.readers.cuboids.omni3d_recognition import is_omni3d
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.report.label_checks import row_findings
@@ -22,33 +22,18 @@ from animal3dbox.report.label_files import labels_file
 from animal3dbox.report.label_reading import read_label_rows
 from animal3dbox.report.label_targets import target_of_record, target_of_row
 from animal3dbox.training.checks import examined, sample_of
-from animal3dbox.training.findings import WARNINGS
+from animal3dbox.training.findings import WARNINGS, Finding
 
-EXIT_OK, EXIT_FAULTY = 0, 4
 AT_ONCE = 256
+"""Targets that are examined together."""
 SHOWN = 20
+"""Faults that are printed; --json has all."""
 READING = "reading"
-"""The check that a file's elements fail that cannot be read."""
-
-
-@dataclass(frozen=True)
-class CheckJob:
-    """What ``check`` was asked to do; the fields are its options."""
-
-    path: Path
-    images: Path | None
-    json: bool
-    format: str = "auto"
-    model: Path | None = None
-    body: str | None = None
-    vocabulary: str | None = None
-    stored_pose: CameraPolicy = "hypothesis"
-    cache: Path | None = None
-    workers: int = 0
+"""The check that elements of a file fail which cannot be read."""
 
 
 class CheckedFault(msgspec.Struct, kw_only=True):
-    """One thing that is wrong."""
+    """One thing that is wrong, where, and in which check's words."""
 
     check: str
     sample_id: str | None
@@ -57,7 +42,7 @@ class CheckedFault(msgspec.Struct, kw_only=True):
 
 
 class CheckReport(msgspec.Struct, kw_only=True):
-    """What ``check --json`` prints."""
+    """All that is wrong with some labels, as `check --json` prints it."""
 
     source: str
     animals: int
@@ -67,80 +52,67 @@ class CheckReport(msgspec.Struct, kw_only=True):
     notes: list[str]
 
 
-def run_check(job: CheckJob) -> int:
-    """Check labels or cuboids, and say what is wrong; returns the exit code."""
+def run_check(job: CheckJob) -> ExitCode:
+    """Check labels or cuboids, and say what is wrong."""
     if job.workers < 0:
         raise ConfigError(f"--workers must not be negative, got {job.workers}")
-    on_disk = is_labels(job.path) or is_omni3d(job.path)
-    report = checked(job.path, job.images) if on_disk else checked_dataset(job)
+    if is_labels(job.path):
+        report = check_labels(job.path)
+    elif is_omni3d(job.path):
+        report = check_cuboids(job.path, job.dataset.images)
+    else:
+        report = check_dataset(job)
     if job.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     else:
-        print(f"{report.animals} animals in {report.source}: {len(report.faults)} faults")
-        for check, count in report.counts.items():
-            print(f"  {count} x {check}")
-        for check, count in report.warnings.items():
-            print(f"  warning: {count} x {check}")
-        for fault in report.faults[:SHOWN]:
-            print(f"  {fault.sample_id}: {fault.field}: {fault.problem}")
-        if len(report.faults) > SHOWN:
-            print(f"  and {len(report.faults) - SHOWN} more: --json has all")
-        for note in report.notes:
-            print(note, file=sys.stderr)
-    return EXIT_FAULTY if report.faults else EXIT_OK
+        _print(report)
+    return ExitCode.FAULTY if report.faults else ExitCode.OK
 
 
-def checked(path: Path, images: Path | None = None) -> CheckReport:
-    """What is wrong with a labels.json, the folder that ``label`` wrote, or a JSON in Omni3D's format.
+def check_labels(path: Path) -> CheckReport:
+    """The faults of a labels.json, or of the folder that `label` wrote.
 
     Raises:
         DatasetNotFoundError: nothing there.
         DatasetFormatError: not readable as a whole.
 
     """
-    faults: list[CheckedFault] = []
+    labels, unreadable = read_label_rows(labels_file(path))
+    faults = [_unreadable(error) for error in unreadable]
     targets: list[dict[str, Any]] = []
     sizes: list[tuple[int, int]] = []
-    notes: tuple[str, ...] = ()
-    if is_labels(path):
-        labels, unread = read_label_rows(labels_file(path))
-        faults = [_unread(error) for error in unread]
-        for row in labels.animals:
-            try:
-                targets.append(target_of_row(row))
-            except SampleError as error:
-                faults.append(_unread(error))
-                continue
-            sizes.append(row.image_hw)
-            faults += [
-                CheckedFault(check=check, sample_id=row.sample_id, field=field, problem=problem)
-                for check, field, problem in row_findings(row)
-            ]
-    else:
-        cuboids = read_cuboids(path, images)
-        notes = cuboids.notes
-        targets, sizes = (
-            [target_of_record(record) for record in cuboids.records],
-            [record.image_hw for record in cuboids.records],
-        )
-        faults = [_unread(error) for error in cuboids.faults]
-    found = _examined(targets, sizes)
-    faults += [fault for fault in found if fault.check not in WARNINGS]
-    warnings = Counter(fault.check for fault in found if fault.check in WARNINGS)
-    counts = Counter(fault.check for fault in faults)
-    animals = len(targets) + counts[READING]
-    return CheckReport(
-        source=str(path),
-        animals=animals,
-        counts=counts,
-        warnings=warnings,
-        faults=faults,
-        notes=list(notes),
-    )
+    for row in labels.animals:
+        try:
+            targets.append(target_of_row(row))
+        except SampleError as error:
+            faults.append(_unreadable(error))
+            continue
+        sizes.append(row.image_hw)
+        faults += [
+            CheckedFault(check=check, sample_id=row.sample_id, field=field, problem=problem)
+            for check, field, problem in row_findings(row)
+        ]
+    findings = _findings_of_targets(targets, sizes)
+    return _report(path, len(targets), faults, findings, notes=())
 
 
-def checked_dataset(job: CheckJob) -> CheckReport:
-    """What is wrong with the samples of a dataset, labelled on the way as its Dataset does it.
+def check_cuboids(path: Path, images: Path | None) -> CheckReport:
+    """The faults of a JSON in Omni3D's format.
+
+    Raises:
+        DatasetNotFoundError: nothing there.
+        DatasetFormatError: not readable as a whole.
+
+    """
+    cuboids = read_cuboids(path, images)
+    targets = [target_of_record(record) for record in cuboids.records]
+    findings = _findings_of_targets(targets, [record.image_hw for record in cuboids.records])
+    faults = [_unreadable(error) for error in cuboids.faults]
+    return _report(path, len(targets), faults, findings, notes=cuboids.notes)
+
+
+def check_dataset(job: CheckJob) -> CheckReport:
+    """The faults of a dataset's samples, labelled on the way as its Dataset does it.
 
     Raises:
         ConfigError: an option that the dataset has no use for.
@@ -149,78 +121,106 @@ def checked_dataset(job: CheckJob) -> CheckReport:
 
     """
     dataset = AnnotatedDataset(
-        job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=job.body, on_bad="skip",
-        stored_cameras=job.stored_pose, cache=job.cache,
-    )  # fmt: skip
+        job.path,
+        format=job.dataset.format,
+        images=job.dataset.images,
+        model=job.dataset.model,
+        vocabulary=job.dataset.vocabulary,
+        body=job.body,
+        on_bad="skip",
+        stored_cameras=job.stored_camera,
+        cache=job.cache,
+    )
     loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
-    found: list[CheckedFault] = []
+    findings: list[CheckedFault] = []
     animals = 0
     for step, (images, targets) in enumerate(
         tqdm(loader, desc="checking", unit="batch", disable=job.json or None)
     ):
-        findings, count = examined(
-            targets, [(image.shape[1], image.shape[2]) for image in images], step
-        )
+        sizes = [(image.shape[1], image.shape[2]) for image in images]
+        of_batch, count = examined(targets, sizes, step)
+        findings += [_checked(finding, sample_of(finding, targets)) for finding in of_batch]
         animals += count
-        for finding in findings:
-            found.append(
-                CheckedFault(
-                    check=finding.check,
-                    sample_id=sample_of(finding, targets),
-                    field=finding.field,
-                    problem=finding.problem,
-                )
-            )
-    report = dataset.report()
+    cases = dataset.report()
     faults = [
         CheckedFault(
             check=READING, sample_id=case.sample_id, field=case.field, problem=case.problem
         )
-        for case in report.of("fault")
+        for case in cases.of("fault")
     ]
-    faults += [fault for fault in found if fault.check not in WARNINGS]
-    warnings = Counter(fault.check for fault in found if fault.check in WARNINGS) + Counter(
-        case.field for case in report.of("rejected")
+    rejected = cases.of("rejected")
+    others = (f"{case.kind}: {case}" for case in cases.cases if case.kind != "fault")
+    report = _report(
+        job.path, animals + len(rejected), faults, findings, notes=(*dataset.source.notes, *others)
     )
-    notes = [
-        *dataset.source.notes,
-        *(f"{case.kind}: {case}" for case in report.cases if case.kind != "fault"),
-    ]
-    counts = Counter(fault.check for fault in faults)
-    animals += counts[READING] + len(report.of("rejected"))
+    warnings = Counter(report.warnings) + Counter(case.field for case in rejected)
+    return msgspec.structs.replace(report, warnings=warnings)
+
+
+def _report(
+    path: Path,
+    readable: int,
+    faults: Sequence[CheckedFault],
+    findings: Sequence[CheckedFault],
+    *,
+    notes: Sequence[str],
+) -> CheckReport:
+    """The report on animals that could be read and on those that could not.
+
+    Args:
+        path: what was checked.
+        readable: how many animals could be read.
+        faults: what is wrong for certain, unreadable animals too.
+        findings: of the target's checks, some of which only warn.
+        notes: of the reader.
+
+    """
+    certain = [*faults, *(finding for finding in findings if finding.check not in WARNINGS)]
+    counts = Counter(fault.check for fault in certain)
     return CheckReport(
-        source=str(job.path),
-        animals=animals,
+        source=str(path),
+        animals=readable + counts[READING],
         counts=counts,
-        warnings=warnings,
-        faults=faults,
-        notes=notes,
+        warnings=Counter(finding.check for finding in findings if finding.check in WARNINGS),
+        faults=certain,
+        notes=list(notes),
     )
 
 
-def _unread(error: SampleError) -> CheckedFault:
+def _findings_of_targets(
+    targets: Sequence[dict[str, Any]], sizes: Sequence[tuple[int, int]]
+) -> list[CheckedFault]:
+    """The findings in targets of one animal each, under their samples' own names."""
+    findings: list[CheckedFault] = []
+    for start in range(0, len(targets), AT_ONCE):
+        batch = targets[start : start + AT_ONCE]
+        of_batch, _ = examined(batch, sizes[start : start + AT_ONCE], start)
+        findings += [_checked(finding, batch[finding.target]["image_id"]) for finding in of_batch]
+    return findings
+
+
+def _checked(finding: Finding, sample_id: str | None) -> CheckedFault:
+    return CheckedFault(
+        check=finding.check, sample_id=sample_id, field=finding.field, problem=finding.problem
+    )
+
+
+def _unreadable(error: SampleError) -> CheckedFault:
     """The fault of an element that cannot be read."""
     return CheckedFault(
         check=READING, sample_id=error.sample_id, field=error.field, problem=error.problem
     )
 
 
-def _examined(
-    targets: Sequence[dict[str, Any]], sizes: Sequence[tuple[int, int]]
-) -> list[CheckedFault]:
-    """The findings in targets of one animal each, under their samples' own names."""
-    found = []
-    for start in range(0, len(targets), AT_ONCE):
-        some = targets[start : start + AT_ONCE]
-        findings, _ = examined(some, sizes[start : start + AT_ONCE], start)
-        for finding in findings:
-            name = some[finding.target]["image_id"]
-            found.append(
-                CheckedFault(
-                    check=finding.check,
-                    sample_id=name,
-                    field=finding.field,
-                    problem=finding.problem,
-                )
-            )
-    return found
+def _print(report: CheckReport) -> None:
+    print(f"{report.animals} animals in {report.source}: {len(report.faults)} faults")
+    for check, count in report.counts.items():
+        print(f"  {count} x {check}")
+    for check, count in report.warnings.items():
+        print(f"  warning: {count} x {check}")
+    for fault in report.faults[:SHOWN]:
+        print(f"  {fault.sample_id}: {fault.field}: {fault.problem}")
+    if len(report.faults) > SHOWN:
+        print(f"  and {len(report.faults) - SHOWN} more: --json has all")
+    for note in report.notes:
+        print(note, file=sys.stderr)

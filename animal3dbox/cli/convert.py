@@ -1,21 +1,17 @@
-"""The command `convert-model`.
-
-A SMAL pickle as a safetensors file that loads at once and cannot hold code.
-"""
+"""The command `convert-model`: a SMAL pickle as safetensors, which cannot hold code."""
 
 import sys
 from pathlib import Path
 
+from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import SAFETENSORS_SUFFIX, load_model
 from animal3dbox.smal.files.safetensors_file import save_safetensors
 from animal3dbox.smal.keypoints.smal_topology import misplaced_sides
 
 
-def convert_model(source: Path, target: Path) -> int:
+def convert_model(source: Path, target: Path) -> ExitCode:
     """Write the body model of one file into another and say in a line what it is.
-
-    Returns the exit code 0.
 
     Raises:
         ConfigError: a file has a suffix that is not known (2).
@@ -38,4 +34,4 @@ def convert_model(source: Path, target: Path) -> int:
             " these SMAL's vertices?",
             file=sys.stderr,
         )
-    return 0
+    return ExitCode.OK

@@ -1,17 +1,15 @@
-"""``animal3dbox demo``.
-
-Posed quadrupeds under known cameras, labelled from noisy keypoints and compared with the truth.
-"""
+"""The command `demo`: posed quadrupeds under known cameras, labelled, compared with the truth."""
 
 import sys
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
 
 import msgspec
 import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import DemoJob
 from animal3dbox.datasets.bodies.sources import model_mobility, standing_vertices
 from animal3dbox.datasets.synthetic.annotation import annotate
 from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
@@ -28,19 +26,6 @@ from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.report.run import Labelled, write_run
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.quadruped.preset_bodies import preset_betas
-
-
-@dataclass(frozen=True)
-class DemoJob:
-    """What ``demo`` was asked to do; the fields are its options."""
-
-    out: Path
-    n: int
-    seed: int
-    noise_px: float
-    outliers: float
-    rigid: bool
-    json: bool
 
 
 class Score(msgspec.Struct, kw_only=True):
@@ -77,12 +62,14 @@ class MethodResult(msgspec.Struct, kw_only=True):
 
 def score(label: CuboidLabel, animal: SyntheticAnimal, landmarks: Tensor) -> Score:
     """Compare a label, made with these landmarks (J, 3) of its body, with the truth."""
-    clean = animal.keypoints_2d[animal.keypoints_2d[:, 2] > 0, :2]
-    px, _ = project(label.K, landmarks[animal.keypoints_2d[:, 2] > 0] @ label.R.mT + label.t)
-    apart = torch.linalg.vector_norm(label.corners_3d - animal.cuboid.corners(), dim=-1).mean()
+    in_frame = animal.keypoints_2d[:, 2] > 0
+    keypoints_px = animal.keypoints_2d[in_frame, :2]
+    projected_px, _ = project(label.K, landmarks[in_frame] @ label.R.mT + label.t)
+    corner_offsets = label.corners_3d - animal.cuboid.corners()
+    corner_error = torch.linalg.vector_norm(corner_offsets, dim=-1).mean()
     return Score(
-        keypoint_px=float(torch.linalg.vector_norm(px - clean, dim=-1).mean()),
-        corner_percent=100 * float(apart / animal.cuboid.diagonal),
+        keypoint_px=float(torch.linalg.vector_norm(projected_px - keypoints_px, dim=-1).mean()),
+        corner_percent=100 * float(corner_error / animal.cuboid.diagonal),
         axes_deg=float(torch.rad2deg(rotation_angle(label.rotation, animal.cuboid.rotation))),
         side=label.side == FACE_NAMES[int(animal.faces_seen.share.argmax())],
     )
@@ -96,26 +83,22 @@ def label_synthetic(
     The camera pose is not given.
 
     Args:
-        animal: whom.
-        keypoints: (26, 3).
-        config: how.
+        animal: with its image, mask and true body.
+        keypoints: (26, 3) x, y, visibility.
+        config: how the label is made.
         rigid: with the standing species, as for photographs, instead of the true body.
 
     """
-    vertices, sigma = animal.vertices, None
+    sigma = None
     if rigid:
         betas = tuple(preset_betas(animal.preset).tolist())
-        vertices, sigma = (
-            standing_vertices(animal.model, betas),
-            model_mobility(animal.model, betas, VOCABULARIES["animal3d26"]),
-        )
+        sigma = model_mobility(animal.model, betas, VOCABULARIES["animal3d26"])
     return label_animal(
-        animal.image_hw,
-        keypoints,
-        None,
-        vertices,
-        animal.model.faces,
-        animal.model,
+        image_hw=animal.image_hw,
+        keypoints_2d=keypoints,
+        vertices=_body_vertices(animal, rigid),
+        faces=animal.model.faces,
+        template=animal.model,
         K=animal.K,
         mask=animal.mask,
         sample_id=animal.sample_id,
@@ -124,8 +107,15 @@ def label_synthetic(
     )
 
 
-def run_demo(job: DemoJob) -> int:
-    """Render, label, compare; returns the exit code."""
+def _body_vertices(animal: SyntheticAnimal, rigid: bool) -> Tensor:
+    """The true body's vertices (V, 3), or those of its species, standing."""
+    if not rigid:
+        return animal.vertices
+    return standing_vertices(animal.model, tuple(preset_betas(animal.preset).tolist()))
+
+
+def run_demo(job: DemoJob) -> ExitCode:
+    """Render animals, label them by every method, and compare the labels with the truth."""
     if job.n < 1 or not job.noise_px >= 0 or not 0 <= job.outliers <= 1:
         raise ConfigError(
             f"--n must be at least 1, --noise-px not negative, --outliers from 0 to 1; got {job.n},"
@@ -134,52 +124,54 @@ def run_demo(job: DemoJob) -> int:
     faults = FaultConfig(noise_px=job.noise_px, outliers=job.outliers)
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     scores: dict[str, list[Score]] = {method: [] for method in METHODS}
-    kept: list[Labelled] = []
+    results: list[Labelled] = []
     for index in tqdm(range(job.n), desc="demo", unit="animal", disable=job.json or None):
         animal = synthetic_animal(job.seed, index)
         keypoints = faulty(annotate(animal, hidden="marked"), faults, job.seed).keypoints_2d
-        body = (
-            standing_vertices(animal.model, tuple(preset_betas(animal.preset).tolist()))
-            if job.rigid
-            else animal.vertices
+        landmarks = VOCABULARIES["animal3d26"].on_body(
+            animal.model.landmarks, _body_vertices(animal, job.rigid)
         )
-        landmarks = VOCABULARIES["animal3d26"].on_body(animal.model.landmarks, body)
         for method, config in METHODS.items():
             outcome = label_synthetic(animal, keypoints, config, job.rigid)
             if isinstance(outcome, CuboidLabel):
                 scores[method].append(score(outcome, animal, landmarks))
             if method == "default":
-                kept.append(
-                    Labelled(outcome, animal.sample_id, animal.preset, animal.image.numpy())
-                )
-    title = (
-        f"{job.n} synthetic animals, seed {job.seed}, {job.noise_px:g} px noise, {job.outliers:.0%}"
-        " outliers"
+                picture = animal.image.numpy()
+                results.append(Labelled(outcome, animal.sample_id, animal.preset, picture))
+    _write(job, results)
+    summaries = [_result(method, of_method, job.n) for method, of_method in scores.items()]
+    write_whole(
+        job.out / "demo.json", msgspec.json.format(msgspec.json.encode(summaries), indent=1)
     )
+    _print(summaries, job)
+    return ExitCode.OK
+
+
+def _write(job: DemoJob, results: Sequence[Labelled]) -> None:
+    """The label files and pictures of our method."""
     write_run(
         job.out,
-        kept,
-        source=title,
+        results,
+        source=f"{job.n} synthetic animals, seed {job.seed}, {job.noise_px:g} px noise,"
+        f" {job.outliers:.0%} outliers",
         body="quadruped, standing" if job.rigid else "quadruped, true shape and pose",
         config=METHODS["default"],
     )
-    results = [_result(method, found, job.n) for method, found in scores.items()]
-    write_whole(job.out / "demo.json", msgspec.json.format(msgspec.json.encode(results), indent=1))
-    _print(results, job)
-    return 0
 
 
-def _result(method: str, found: list[Score], n: int) -> MethodResult:
+def _result(method: str, scores: list[Score], n: int) -> MethodResult:
+    """Medians and 95th percentiles of a method's scores, of n animals."""
+
     def quantile(values: list[float], q: float) -> float | None:
         return float(torch.tensor(values, dtype=torch.float64).quantile(q)) if values else None
 
     px, corners, axes = (
-        [getattr(s, field) for s in found]
+        [getattr(s, field) for s in scores]
         for field in ("keypoint_px", "corner_percent", "axes_deg")
     )
     return MethodResult(
         method=method,
-        labelled=len(found),
+        labelled=len(scores),
         animals=n,
         keypoint_px_median=quantile(px, 0.5),
         keypoint_px_p95=quantile(px, 0.95),
@@ -187,7 +179,7 @@ def _result(method: str, found: list[Score], n: int) -> MethodResult:
         corner_percent_p95=quantile(corners, 0.95),
         axes_deg_median=quantile(axes, 0.5),
         axes_deg_p95=quantile(axes, 0.95),
-        sides_right=sum(s.side for s in found),
+        sides_right=sum(s.side for s in scores),
     )
 
 

@@ -1,18 +1,15 @@
-"""``animal3dbox evaluate``.
-
-The paper's evaluation on the synthetic world, and what of it any dataset allows.
-"""
+"""The command `evaluate`: the paper's evaluation on our world, or what of it a dataset allows."""
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 from tqdm import tqdm
 
-from animal3dbox.cli.label import EXIT_FAULTY, EXIT_OK
-from animal3dbox.datasets.bodies.options import DEFAULT_BODY, bodies_for, body_source
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import EvaluateJob
+from animal3dbox.datasets.bodies.options import bodies_for
+from animal3dbox.datasets.formats import read_dataset
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.dataset_study import dataset_rows, dataset_table, true_boxes
@@ -24,34 +21,17 @@ from animal3dbox.evaluate.run import evaluate_world, world_tables
 from animal3dbox.files import write_whole
 
 
-@dataclass(frozen=True)
-class EvaluateJob:
-    """What ``evaluate`` was asked to do; the fields are its options."""
-
-    path: Path | None
-    out: Path
-    n: int
-    seed: int
-    workers: int
-    format: str
-    images: Path | None
-    model: Path | None
-    body: str | None
-    landmarks: Path | None
-    pictures: bool
-
-
-def run_evaluate(job: EvaluateJob) -> int:
-    """Evaluate and write the files; returns the exit code."""
+def run_evaluate(job: EvaluateJob) -> ExitCode:
+    """Evaluate and write the files."""
     if job.workers < 1:
         raise ConfigError(f"--workers must be at least 1, got {job.workers}")
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
     if job.path is None and (
-        job.model is not None
-        or job.body is not None
-        or job.landmarks is not None
-        or job.images is not None
+        job.dataset.model is not None
+        or job.body.name is not None
+        or job.body.landmarks is not None
+        or job.dataset.images is not None
     ):
         raise ConfigError(
             "--model, --body, --landmarks and --images belong to a dataset: give its PATH"
@@ -66,7 +46,7 @@ def run_evaluate(job: EvaluateJob) -> int:
     write_page(job.out / "evaluation.html", evaluation, plots_of(evaluation.tables), pictures)
     sys.stdout.write(as_text(evaluation))
     print(f"look at {job.out / 'evaluation.html'}")
-    return EXIT_FAULTY if evaluation.about.get("faulty") else EXIT_OK
+    return ExitCode.FAULTY if evaluation.about.get("faulty") else ExitCode.OK
 
 
 def _world(job: EvaluateJob) -> Evaluation:
@@ -88,17 +68,8 @@ def _world(job: EvaluateJob) -> Evaluation:
 
 
 def _dataset(job: EvaluateJob, path: Path) -> Evaluation:
-    own_body = (
-        None
-        if job.body is None and job.landmarks is None
-        else body_source(job.body or DEFAULT_BODY, job.landmarks)
-    )
-    if own_body is not None and job.model is not None:
-        raise ConfigError(
-            "--model takes each animal's own body from the dataset's parameters, --body one for"
-            " all: give one of them"
-        )
-    dataset = read_dataset(path, job.format, ReadOptions(job.images, job.model))
+    own_body = job.body.source(job.dataset.model)
+    dataset = read_dataset(path, job.dataset.format, job.dataset.read_options())
     bodies = bodies_for(dataset, own_body)
     for note in dataset.records.notes:
         print(note, file=sys.stderr)

@@ -1,12 +1,10 @@
-"""``animal3dbox export``.
-
-Labels, or any cuboids in Omni3D's format, written for other people's tools.
-"""
+"""The command `export`: labels, or cuboids in Omni3D's format, for other people's tools."""
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import ExportJob
 from animal3dbox.datasets.exchange.coco_writer import write_coco
 from animal3dbox.datasets.exchange.export import Exported, in_metres
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
@@ -18,25 +16,12 @@ from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundE
 from animal3dbox.report.label_cuboids import read_label_cuboids
 from animal3dbox.report.label_files import labels_file
 
-EXIT_OK, EXIT_FAULTY = 0, 4
 FILE_NAME = "annotations.json"
-"""What a JSON is called if --out is a folder."""
+"""Name of the JSON if --out is a folder."""
 
 
-@dataclass(frozen=True)
-class ExportJob:
-    """What ``export`` was asked to do; the fields are its options."""
-
-    path: Path
-    to: str
-    out: Path
-    images: Path | None
-    metres_per_unit: float | None
-    scale_free: bool
-
-
-def run_export(job: ExportJob) -> int:
-    """Read cuboids, write them in another format, and say what was lost; returns the exit code."""
+def run_export(job: ExportJob) -> ExitCode:
+    """Read cuboids, write them in another format, and say what was lost."""
     if job.metres_per_unit is not None and job.scale_free:
         raise ConfigError(
             "--metres-per-unit says the scale, --scale-free that there is none: give one of them"
@@ -60,11 +45,11 @@ def run_export(job: ExportJob) -> int:
         print(f"warning: {note}", file=sys.stderr)
     for fault in faults:
         print(f"  faulty: {fault}", file=sys.stderr)
-    return EXIT_FAULTY if faults else EXIT_OK
+    return ExitCode.FAULTY if faults else ExitCode.OK
 
 
 def read_cuboids(path: Path, images: Path | None = None) -> CuboidSet:
-    """The cuboids of a labels.json, of the folder that ``label`` wrote, or of a JSON in Omni3D's format.
+    """The cuboids of a labels.json, of the folder that `label` wrote, or of Omni3D's JSON.
 
     Raises:
         ConfigError: images for labels, whose paths are written as they stand.

@@ -1,7 +1,4 @@
-"""``animal3dbox label --cache``.
-
-Fill a Dataset's label cache offline, on one machine or in shards on many.
-"""
+"""The command `label --cache`: fill a Dataset's label cache offline, on one machine or on many."""
 
 import re
 import sys
@@ -14,8 +11,8 @@ import torch
 from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
 
-from animal3dbox.cli.label import EXIT_FAULTY, EXIT_OK, LabelJob
-from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import LabelJob
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.label_store import NOT_STORED
@@ -23,13 +20,13 @@ from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.errors import ConfigError
 
 AT_ONCE = 64
-"""So many images are labelled together."""
+"""Images that are labelled together."""
 
 
-class Warmed(Dataset[tuple[Case, ...]]):
-    """The samples of a shard, some at a time.
+class LabelledShard(Dataset[tuple[Case, ...]]):
+    """The samples of a shard, AT_ONCE images at a time.
 
-    Asking for them stores their labels and gives what was left out.
+    Reading a batch of them stores its labels and gives the cases that were left out.
     """
 
     def __init__(self, dataset: LabelDataset, indices: Sequence[int]) -> None:
@@ -42,76 +39,83 @@ class Warmed(Dataset[tuple[Case, ...]]):
         return self.dataset.warm(self.indices[place * AT_ONCE : (place + 1) * AT_ONCE])
 
 
-def run_fill(job: LabelJob) -> int:
-    """Fill the cache; returns the exit code."""
+def run_fill(job: LabelJob) -> ExitCode:
+    """Fill the cache of a Dataset with the labels of a shard."""
     if job.out is not None:
         raise ConfigError(
             "give --out for labels and pictures, or --cache to fill a Dataset's label cache, not"
             " both"
         )
-    if job.workers < 0:
-        raise ConfigError(f"--workers must not be negative, got {job.workers}")
-    if job.model is not None and not (job.body is None and job.landmarks is None):
-        raise ConfigError(
-            "--model takes each animal's own body from the dataset's parameters, --body one for"
-            " all: give one of them"
-        )
+    if job.cache.workers < 0:
+        raise ConfigError(f"--workers must not be negative, got {job.cache.workers}")
     torch.set_num_threads(1)
-    body = (
-        None
-        if job.body is None and job.landmarks is None
-        else body_source(job.body or DEFAULT_BODY, job.landmarks)
-    )
+    body = job.body.source(job.dataset.model)
     config = replace(
-        job.config, surface_share=False, mask_iou=job.mask_iou or job.stored_pose == "hypothesis"
+        job.config,
+        surface_share=False,
+        mask_iou=job.cache.mask_iou or job.camera.stored_camera == "hypothesis",
     )
     dataset = AnnotatedDataset(
-        job.path, format=job.format, images=job.images, model=job.model, vocabulary=job.vocabulary, body=body, on_bad="skip",
-        focal_px=job.focal_px, config=config, scale=job.scale, stored_cameras=job.stored_pose, cache=job.cache, reuse=job.resume,
-    )  # fmt: skip
-    first, step = shard_of(job.shard)
+        job.path,
+        format=job.dataset.format,
+        images=job.dataset.images,
+        model=job.dataset.model,
+        vocabulary=job.dataset.vocabulary,
+        body=body,
+        on_bad="skip",
+        focal_px=job.camera.focal_px,
+        config=config,
+        scale=job.scale_source,
+        stored_cameras=job.camera.stored_camera,
+        cache=job.cache.folder,
+        reuse=job.cache.resume,
+    )
+    first, step = shard_of(job.cache.shard)
     indices = range(first, len(dataset), step)
-    loader = DataLoader(Warmed(dataset, indices), batch_size=None, num_workers=job.workers)
+    loader = DataLoader(
+        LabelledShard(dataset, indices), batch_size=None, num_workers=job.cache.workers
+    )
     for _ in tqdm(loader, desc="labelling", unit=f"{AT_ONCE} images", disable=job.json or None):
         pass
-    return _told(dataset, job, len(indices), sum(dataset.source.animals(i) for i in indices))
+    animals = sum(dataset.source.animals(index) for index in indices)
+    return _report(dataset, job, len(indices), animals)
 
 
 def shard_of(shard: str | None) -> tuple[int, int]:
     """First index and step of a shard "i/n", counted from 1."""
     if shard is None:
         return 0, 1
-    found = re.fullmatch(r"(\d+)/(\d+)", shard)
-    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+    parts = re.fullmatch(r"(\d+)/(\d+)", shard)
+    if parts is None or not 1 <= int(parts[1]) <= int(parts[2]):
         raise ConfigError(f"--shard must be i/n with i from 1 to n, such as 3/8, got {shard!r}")
-    return int(found[1]) - 1, int(found[2])
+    return int(parts[1]) - 1, int(parts[2])
 
 
-def _told(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> int:
-    """Say what was done, and in which words a Dataset uses it."""
+def _report(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> ExitCode:
+    """Print the counts and how a Dataset uses the cache; the exit code says if all was stored."""
     report = dataset.report()
     counts = Counter(case.kind for case in report.cases)
-    unread = {fault.sample_id for fault in dataset.source.faults}
+    unreadable = {fault.sample_id for fault in dataset.source.faults}
     lost = {case.sample_id for case in report.of("cache") if case.problem.startswith(NOT_STORED)}
-    stored = animals - len(({case.sample_id for case in report.of("fault")} - unread) | lost)
+    stored = animals - len(({case.sample_id for case in report.of("fault")} - unreadable) | lost)
     if job.json:
-        told = {
+        content = {
             "images": images,
             "animals": animals,
             "stored": stored,
             "counts": counts,
             "cases": report.cases,
         }
-        sys.stdout.write(msgspec.json.encode(told).decode() + "\n")
+        sys.stdout.write(msgspec.json.encode(content).decode() + "\n")
     else:
         print(
-            f"{images} images, {animals} animals: {stored} in the cache {job.cache} (rejections are"
-            " kept too)"
+            f"{images} images, {animals} animals: {stored} in the cache {job.cache.folder}"
+            " (rejections are kept too)"
         )
         for case in report.cases:
             print(f"  {case.kind}: {case}")
         print(
-            f"use them: AnnotatedDataset({str(job.path)!r}, cache={str(job.cache)!r}, ...) with the"
-            " same options"
+            f"use them: AnnotatedDataset({str(job.path)!r}, cache={str(job.cache.folder)!r}, ...)"
+            " with the same options"
         )
-    return EXIT_FAULTY if counts["fault"] or lost else EXIT_OK
+    return ExitCode.FAULTY if counts["fault"] or lost else ExitCode.OK

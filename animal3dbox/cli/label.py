@@ -1,120 +1,60 @@
-"""``animal3dbox label``: a dataset in, labels and pictures out."""
+"""The command `label`: a dataset in, labels and pictures out."""
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 import torch
 from tqdm import tqdm
 
-from animal3dbox.datasets.bodies.options import DEFAULT_BODY, bodies_for, body_source
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import LabelJob
+from animal3dbox.datasets.bodies.options import bodies_for
 from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import read_dataset
 from animal3dbox.datasets.images.photos import Photo, read_photo
 from animal3dbox.datasets.labelling.label_records import (
-    CameraPolicy,
     LabelRequest,
     check_camera_policy,
     label_records,
     request_of_record,
 )
-from animal3dbox.datasets.labelling.scale import (
-    AltitudeScale,
-    KnownScale,
-    ScaleSource,
-    SpeciesScale,
-)
 from animal3dbox.datasets.labelling.sources import has_camera
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
-from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.run import Labelled, RunWriter
 from animal3dbox.report.summary import Summary
-from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 
-EXIT_OK, EXIT_FAULTY = 0, 4
 AT_ONCE = 16
 """Animals labelled together."""
 
 
-@dataclass(frozen=True)
-class LabelJob:
-    """What ``label`` was asked to do; the fields are its options."""
-
-    path: Path
-    out: Path | None
-    format: str
-    images: Path | None
-    model: Path | None
-    body: str | None
-    landmarks: Path | None
-    vocabulary: str | None
-    config: LabelConfig
-    json: bool
-    scale: ScaleSource | None = None
-    stored_pose: CameraPolicy = "hypothesis"
-    cache: Path | None = None
-    shard: str | None = None
-    resume: bool = False
-    workers: int = 0
-    mask_iou: bool = False
-    focal_px: float | None = None
-
-
-def scale_of(
-    metres_per_unit: float | None, species_scale: bool, altitude_m: float | None
-) -> ScaleSource | None:
-    """The scale that the options ask for; raises ConfigError if they ask for two."""
-    asked: list[ScaleSource] = []
-    if metres_per_unit is not None:
-        asked.append(KnownScale(metres_per_unit))
-    if species_scale:
-        asked.append(SpeciesScale())
-    if altitude_m is not None:
-        asked.append(AltitudeScale(altitude_m))
-    if len(asked) > 1:
-        raise ConfigError(
-            "give one of --metres-per-unit, --species-scale and --altitude-m: they may disagree"
-        )
-    return asked[0] if asked else None
-
-
-def run_label(job: LabelJob) -> int:
-    """Label a dataset; returns the exit code."""
+def run_label(job: LabelJob) -> ExitCode:
+    """Label the animals of a dataset and write labels, pictures and a report."""
     if job.out is None:
         raise ConfigError(
             "give --out for labels, pictures and a report, or --cache to fill a Dataset's label"
             " cache"
         )
     for name, value in (
-        ("--shard", job.shard),
-        ("--resume", job.resume),
-        ("--workers", job.workers),
+        ("--shard", job.cache.shard),
+        ("--resume", job.cache.resume),
+        ("--workers", job.cache.workers),
     ):
         if value:
             raise ConfigError(f"{name} is for filling a label cache: give --cache, or leave it out")
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
-    own_body = (
-        None
-        if job.body is None and job.landmarks is None
-        else body_source(job.body or DEFAULT_BODY, job.landmarks)
-    )
-    if own_body is not None and job.model is not None:
-        raise ConfigError(
-            "--model takes each animal's own body from the dataset's parameters, --body one for"
-            " all: give one of them"
-        )
-    vocabulary = None if job.vocabulary is None else vocabulary_of_option(job.vocabulary)
-    dataset = read_dataset(
-        job.path, job.format, ReadOptions(job.images, job.model, vocabulary, job.focal_px)
-    )
+    own_body = job.body.source(job.dataset.model)
+    options = job.dataset.read_options(job.camera.focal_px)
+    dataset = read_dataset(job.path, job.dataset.format, options)
     bodies, records = bodies_for(dataset, own_body), dataset.records
     for note in records.notes:
         print(note, file=sys.stderr)
     check_camera_policy(
-        job.stored_pose, any(has_camera(record) for record in records.records), records.notes
+        job.camera.stored_camera,
+        any(has_camera(record) for record in records.records),
+        records.notes,
     )
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
@@ -130,7 +70,7 @@ def run_label(job: LabelJob) -> int:
     progress.close()
     summary = writer.finish()
     _print(summary, job, job.out)
-    return EXIT_FAULTY if summary.faulty else EXIT_OK
+    return ExitCode.FAULTY if summary.faulty else ExitCode.OK
 
 
 def _labelled(
@@ -149,8 +89,8 @@ def _labelled(
     outcomes = label_records(
         list(requests.values()),
         job.config,
-        scale=job.scale,
-        stored_cameras=job.stored_pose,
+        scale=job.scale_source,
+        stored_cameras=job.camera.stored_camera,
     )
     for place, outcome in zip(requests, outcomes, strict=True):
         if isinstance(outcome, SampleError):

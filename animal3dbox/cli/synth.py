@@ -1,12 +1,12 @@
-"""``animal3dbox synth``: a synthetic dataset in the files that users have."""
+"""The command `synth`: a synthetic dataset in the files that users have."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import torch
 
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import SynthJob
 from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
-from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.stanfordextra_writer import write_stanfordextra
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet, animal3d_world
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
@@ -14,22 +14,9 @@ from animal3dbox.errors import ConfigError
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 
 
-@dataclass(frozen=True)
-class SynthJob:
-    """What ``synth`` was asked to do; the fields are its options."""
-
-    out: Path
-    n: int
-    seed: int
-    format: str
-    model: Path | None
-    image_hw: tuple[int, int]
-    mark_hidden: bool
-    faults: FaultConfig
-
-
-def run_synth(job: SynthJob) -> int:
-    """Write the dataset; returns the exit code."""
+def run_synth(job: SynthJob) -> ExitCode:
+    """Write a synthetic dataset, and print how it is labelled."""
+    faults = job.annotation.config()
     if job.out.exists() and (not job.out.is_dir() or any(job.out.iterdir())):
         raise ConfigError(
             f"--out {job.out} must be a new or an empty folder: files of another dataset would stay"
@@ -38,23 +25,23 @@ def run_synth(job: SynthJob) -> int:
     if job.format != "animal3d" and job.model is not None:
         raise ConfigError(f"--model is for the parameters of animal3d, and {job.format} has none")
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
-    world = replace(WorldConfig(), image_hw=job.image_hw)
+    world = replace(WorldConfig(), image_hw=(job.height, job.width))
     is_animal3d = job.format == "animal3d"
     world = (
         animal3d_world(world)
         if is_animal3d
         else replace(world, vocabulary=VOCABULARIES["stanfordextra24"])
     )
-    made = SyntheticSet(
-        job.seed, job.n, world, job.faults, "marked" if job.mark_hidden else "unmarked"
+    pictures = SyntheticSet(
+        job.seed, job.n, world, faults, "marked" if job.mark_hidden else "unmarked"
     )
     if is_animal3d:
         model = job.model or job.out.parent / f"{job.out.name}-model.pkl"
-        count = write_animal3d(made, job.out, model, progress=True)
+        count = write_animal3d(pictures, job.out, model, progress=True)
         print(f"{job.n} images, {count} animals in {job.out}; their model is {model}")
         print(f"label them: animal3dbox label {job.out} --model {model} --out {job.out}-labels")
     else:
-        count = write_stanfordextra(made, job.out, progress=True)
+        count = write_stanfordextra(pictures, job.out, progress=True)
         print(f"{job.n} images, {count} animals in {job.out}")
         print(f"label them: animal3dbox label {job.out} --body dog --out {job.out}-labels")
-    return 0
+    return ExitCode.OK

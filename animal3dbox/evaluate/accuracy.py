@@ -1,7 +1,4 @@
-"""Accuracy of body axes.
-
-Their angle to the true trunk, per pose, which noise studies do not tell.
-"""
+"""Accuracy of body axes: their angle to the true trunk, which studies of noise do not show."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +11,7 @@ from torch import Tensor
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.orientation import RULES, axes_of
 from animal3dbox.evaluate.subject import Annotated, Subject
-from animal3dbox.evaluate.tables import Cell, Table, quantile
+from animal3dbox.evaluate.tables import Cell, Table, quantile, table_from_records
 from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
@@ -22,13 +19,9 @@ from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel
 
 CELL = 0.03
-"""Side of the cells, as a part of the body's diagonal, in which a re-meshed body's vertices are
-merged."""
+"""Side of the cells in which a re-meshed body's vertices are merged, as a part of its diagonal."""
 NAMED = "pca of mesh, named by the truth"
-"""The best of the 24 ways to name principal components forward, left and up.
-
-What PCA could be if it were told.
-"""
+"""The best of the 24 ways to name principal components forward, left and up: PCA's limit."""
 REMESHED = {
     "ours, re-meshed": LabelConfig(),
     "landmarks (paper), re-meshed": LabelConfig(axes="landmarks"),
@@ -46,6 +39,11 @@ class AccuracyRow:
         rule: of RULES, NAMED or REMESHED.
         angle_deg: to the true trunk.
         iou3d: of the box along these axes with the true box; None where no box was made.
+
+    Example:
+        >>> row = AccuracyRow(index=0, pose="walk", rule="pca of mesh", angle_deg=180.0)
+        >>> row.angle_deg, row.iou3d  # PCA cannot tell the nose from the tail
+        (180.0, None)
     """
 
     index: int
@@ -77,10 +75,12 @@ def remeshed(vertices: Tensor, faces: Tensor, landmarks: Tensor) -> tuple[Tensor
     sums = torch.zeros(count, 3, dtype=vertices.dtype).index_add(0, owner, vertices)
     merged = sums / torch.bincount(owner, minlength=count)[:, None]
     corners = owner[faces]
-    kept = torch.stack([corners[:, a] != corners[:, b] for a, b in pairwise((0, 1, 2, 0))]).all(0)
+    has_area = torch.stack([corners[:, a] != corners[:, b] for a, b in pairwise((0, 1, 2, 0))]).all(
+        0
+    )
     nearest = torch.cdist(landmarks.nan_to_num(), merged).argmin(1)
     moved = torch.where(torch.isfinite(landmarks), merged[nearest], landmarks)
-    return merged, corners[kept], moved
+    return merged, corners[has_area], moved
 
 
 def accuracy_rows(subject: Subject) -> list[AccuracyRow]:
@@ -89,7 +89,13 @@ def accuracy_rows(subject: Subject) -> list[AccuracyRow]:
     truth, pose = given.animal.cuboid.rotation, given.animal.pose
     rows = []
     for rule in RULES:
-        R_box = axes_of(given, rule, given.said.keypoints_2d, given.landmarks, given.vertices)
+        R_box = axes_of(
+            given,
+            rule,
+            keypoints=given.said.keypoints_2d,
+            landmarks=given.landmarks,
+            vertices=given.vertices,
+        )
         if R_box is None:
             continue
         rows.append(AccuracyRow(subject.index, pose, rule, _angle(R_box, truth)))
@@ -135,41 +141,34 @@ def _remeshed_rows(index: int, given: Annotated) -> list[AccuracyRow]:
 def accuracy_table(rows: Sequence[AccuracyRow]) -> Table:
     """Every rule over all poses, and its median per pose."""
     poses = sorted({row.pose for row in rows})
-    lines: list[tuple[Cell, ...]] = []
+    records: list[dict[str, Cell]] = []
     for rule in (*RULES, NAMED, *REMESHED):
-        found = [row for row in rows if row.rule == rule]
-        angles = [row.angle_deg for row in found]
-        per_pose = [
-            quantile((row.angle_deg for row in found if row.pose == pose), 0.5) for pose in poses
-        ]
-        lines.append(
-            (
-                rule,
-                len(found),
-                quantile(angles, 0.5),
-                quantile(angles, 0.95),
-                quantile((r.iou3d for r in found), 0.5),
-                *per_pose,
-            )
+        of_rule = [row for row in rows if row.rule == rule]
+        angles = [row.angle_deg for row in of_rule]
+        medians = {
+            pose: quantile((row.angle_deg for row in of_rule if row.pose == pose), 0.5)
+            for pose in poses
+        }
+        records.append(
+            {
+                "rule": rule,
+                "animals": len(of_rule),
+                "median deg": quantile(angles, 0.5),
+                "p95 deg": quantile(angles, 0.95),
+                "IoU3D median": quantile((row.iou3d for row in of_rule), 0.5),
+                **medians,
+            }
         )
     notes = (
-        (
-            "Angle to the chordal mean of the true spine's rotations; the bodies are the true ones."
-            " Per pose: medians, in degrees."
-        ),
-        (
-            "landmarks (paper) takes visible landmarks first, as published; the others use all that"
-            " the body has."
-        ),
-        (
-            f"re-meshed: vertices merged in cells of {CELL:.0%} of the body, landmarks moved to the"
-            " nearest new vertex, no template."
-        ),
+        "Angle to the chordal mean of the true spine's rotations; the bodies are the true ones. Per"
+        " pose: medians, in degrees.",
+        "landmarks (paper) takes visible landmarks first, as published; the others use all that the"
+        " body has.",
+        f"re-meshed: vertices merged in cells of {CELL:.0%} of the body, landmarks moved to the"
+        " nearest new vertex, no template.",
     )
-    columns = ("rule", "animals", "median deg", "p95 deg", "IoU3D median", *poses)
-    return Table(
-        "accuracy", "Orientation accuracy against the true trunk", notes, columns, tuple(lines)
-    )
+    title = "Orientation accuracy against the true trunk"
+    return table_from_records("accuracy", title, records, notes=notes)
 
 
 @cache

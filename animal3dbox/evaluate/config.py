@@ -1,4 +1,11 @@
-"""What an evaluation does, and how much of it."""
+"""How much an evaluation does, and which methods it compares.
+
+Example:
+    >>> list(METHODS)
+    ['basic', 'paper (vector)', 'paper (literal)', 'default']
+    >>> METHODS["paper (literal)"].residual
+    'literal'
+"""
 
 from dataclasses import dataclass, field
 
@@ -12,10 +19,7 @@ METHODS = {
     "paper (literal)": LabelConfig(method="paper", residual="literal"),
     "default": LabelConfig(),
 }
-"""Camera poses that are compared.
-
-The baseline, the paper's in both readings of its E_total, ours.
-"""
+"""Camera poses that are compared: the baseline, the paper's in both readings of E_total, ours."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,11 @@ class EvaluateConfig:
         every: each so many-th animal goes through the costly parts too: the whole dial of faults,
             and noise through the whole pipeline.
         world: what the scenes are like.
+
+    Example:
+        >>> config = EvaluateConfig(animals=20)
+        >>> config.every, config.world.image_hw  # two animals go through the costly parts
+        (10, (480, 640))
     """
 
     animals: int = 500

@@ -1,7 +1,4 @@
-"""Any dataset: how well labels fit what is annotated, which needs no truth.
-
-And against the truth where it lies beside.
-"""
+"""Labels of any dataset against its annotations, and against the truth where it lies beside."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +17,7 @@ from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError
 from animal3dbox.evaluate.config import METHODS
-from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
+from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile, table_from_records
 from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.rigid_transforms import rotation_angle
@@ -31,7 +28,7 @@ TRUTH = "truth.json"
 
 
 class TrueBox(msgspec.Struct):
-    """What is needed of one animal in truth.json; camera frame."""
+    """The fields of one animal in truth.json that are used here; camera frame."""
 
     sample_id: str
     center: tuple[float, float, float]
@@ -42,7 +39,7 @@ class TrueBox(msgspec.Struct):
 
 
 class TruthFile(msgspec.Struct):
-    """What is needed of truth.json."""
+    """The part of truth.json that is used here."""
 
     animals: list[TrueBox]
 
@@ -61,6 +58,11 @@ class DatasetRow:
         corner_percent: mean distance of corners from the true ones, in % of the true diagonal; None
             without truth.
         iou3d: with the true box; None without truth.
+
+    Example:
+        >>> row = DatasetRow("a.jpg", "default", reason=None, annotated_px=3.5)
+        >>> row.annotated_px, row.iou3d  # a fit is known, an accuracy is not
+        (3.5, None)
     """
 
     sample_id: str
@@ -81,21 +83,26 @@ def true_boxes(path: Path) -> dict[str, Cuboid] | None:
     Raises:
         DatasetFormatError: it is not as docs/formats.md says.
 
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     print(true_boxes(Path(folder)))
+        None
     """
     file = (path if path.is_dir() else path.parent) / TRUTH
     if not file.is_file():
         return None
-    found = {}
+    boxes = {}
     for animal in decode_json(file, TruthFile).animals:
         center, rotation, size = (
             torch.tensor(value, dtype=torch.float64)
             for value in (animal.center, animal.rotation, animal.size)
         )
         try:
-            found[animal.sample_id] = Cuboid(center, rotation, size)
+            boxes[animal.sample_id] = Cuboid(center, rotation, size)
         except ValueError as error:
             raise DatasetFormatError(f"{file}: {animal.sample_id}: {error}") from error
-    return found
+    return boxes
 
 
 def dataset_rows(
@@ -107,6 +114,14 @@ def dataset_rows(
     """Every record by every method.
 
     Poses that come with the dataset are not given to any method.
+
+    Example:
+        >>> from animal3dbox.datasets.bodies.sources import preset_body
+        >>> fault = SampleError("a.jpg", "joints", "must be 24 triples")
+        >>> records = RecordSet("coco", records=(), faults=(fault,))
+        >>> rows = dataset_rows(records, preset_body("dog"), truths=None)
+        >>> rows[0].method, rows[0].reason  # a faulty record counts for every method
+        ('basic', 'faulty')
     """
     rows = [
         DatasetRow(fault.sample_id or "", method, "faulty")
@@ -143,47 +158,55 @@ def _row(
     )
     if truth is None:
         return row
-    apart = (
-        torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean()
-        / truth.diagonal
-    )
+    corner_errors = torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1)
     return replace(
         row,
         rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
-        corner_percent=100 * float(apart),
+        corner_percent=100 * float(corner_errors.mean() / truth.diagonal),
         iou3d=float(box_iou(outcome.cuboid, truth)),
     )
 
 
 def dataset_table(rows: Sequence[DatasetRow]) -> Table:
-    """Every method over the dataset."""
-    lines: list[tuple[Cell, ...]] = []
+    """Every method over the dataset.
+
+    Example:
+        >>> table = dataset_table([DatasetRow("a.jpg", "default", None, annotated_px=3.5)])
+        >>> row = table.records()[-1]
+        >>> row["method"], row["labelled"], row["annotated mean px"]
+        ('default', 1, 3.5)
+    """
+    records: list[dict[str, Cell]] = []
     for method in METHODS:
-        found = [row for row in rows if row.method == method]
-        px, iou = [r.annotated_px for r in found], [r.mask_iou for r in found]
-        rotation, corners = [r.rotation_deg for r in found], [r.corner_percent for r in found]
-        lines.append((
-            method, len(found), sum(r.reason is None for r in found), mean(px), quantile(px, 0.5), quantile(px, 0.95),
-            quantile(iou, 0.5), quantile(iou, 0.05), percent([r.reason not in (None, "faulty") for r in found]),
-            percent([r.reason == "degenerate_box" for r in found]), percent([r.reason == "behind_camera" for r in found]),
-            sum(r.reason == "faulty" for r in found), quantile(rotation, 0.5), quantile(corners, 0.5), quantile([r.iou3d for r in found], 0.5),
-        ))  # fmt: skip
-    columns = (
-        "method", "animals", "labelled", "annotated mean px", "annotated median px", "annotated p95 px", "mask IoU median", "mask IoU p5",
-        "rejected %", "degenerate %", "behind camera %", "faulty", "rotation median deg", "corners median % diag", "IoU3D median",
-    )  # fmt: skip
+        of_method = [row for row in rows if row.method == method]
+        reasons = [row.reason for row in of_method]
+        px, iou = [row.annotated_px for row in of_method], [row.mask_iou for row in of_method]
+        records.append(
+            {
+                "method": method,
+                "animals": len(of_method),
+                "labelled": sum(reason is None for reason in reasons),
+                "annotated mean px": mean(px),
+                "annotated median px": quantile(px, 0.5),
+                "annotated p95 px": quantile(px, 0.95),
+                "mask IoU median": quantile(iou, 0.5),
+                "mask IoU p5": quantile(iou, 0.05),
+                "rejected %": percent([reason not in (None, "faulty") for reason in reasons]),
+                "degenerate %": percent([reason == "degenerate_box" for reason in reasons]),
+                "behind camera %": percent([reason == "behind_camera" for reason in reasons]),
+                "faulty": sum(reason == "faulty" for reason in reasons),
+                "rotation median deg": quantile([row.rotation_deg for row in of_method], 0.5),
+                "corners median % diag": quantile([row.corner_percent for row in of_method], 0.5),
+                "IoU3D median": quantile([row.iou3d for row in of_method], 0.5),
+            }
+        )
     notes = (
-        (
-            "annotated: distance to the keypoints given: a fit, not an accuracy. mask IoU: of the"
-            " projected body with the dataset's mask."
-        ),
-        (
-            "degenerate: the projected box has less than 1 % of the mask's area. faulty: records"
-            " that cannot be used."
-        ),
-        (
-            f"rotation, corners, IoU3D: against {TRUTH} beside the annotations, where there is one."
-            " Stored poses are given to no method."
-        ),
+        "annotated: distance to the keypoints given: a fit, not an accuracy. mask IoU: of the"
+        " projected body with the dataset's mask.",
+        "degenerate: the projected box has less than 1 % of the mask's area. faulty: records that"
+        " cannot be used.",
+        f"rotation, corners, IoU3D: against {TRUTH} beside the annotations, where there is one."
+        " Stored poses are given to no method.",
     )
-    return Table("dataset", "Labels against what is annotated", notes, columns, tuple(lines))
+    title = "Labels against what is annotated"
+    return table_from_records("dataset", title, records, notes=notes)

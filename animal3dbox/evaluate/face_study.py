@@ -1,5 +1,4 @@
-"""Faces of the box against ray-casting, and shares of the box against shares of the animal's own
-surface (section 3.3)."""
+"""Faces of the box against ray-casting, and its shares against the animal's own (section 3.3)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from torch import Tensor
 from animal3dbox.datasets.synthetic.ray_shares import face_shares_by_rays
 from animal3dbox.evaluate.face_views import BEHIND, CLASSES, draw_view
 from animal3dbox.evaluate.subject import Subject
-from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile
+from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile, table_from_records
 from animal3dbox.geometry.box_visibility import face_visibility, projected_faces
 from animal3dbox.geometry.cuboid import FACES, Cuboid
 from animal3dbox.geometry.rigid_transforms import transform_points
@@ -40,6 +39,11 @@ class FaceRow:
             animal's visible surface that faces there.
         same_side: the largest share is of the side that most of the surface faces; None if no
             surface is seen.
+
+    Example:
+        >>> row = FaceRow(0, "in frame", 6, 6e-6, 6e-6, surface_difference=0.14, same_side=True)
+        >>> row.booleans_right, row.same_side  # all six faces as the rays say
+        (6, True)
     """
 
     index: int
@@ -52,12 +56,14 @@ class FaceRow:
 
 
 def seen_by_rays(box: Cuboid) -> Tensor:
-    """Which faces (6,) of a box in the camera frame are met first by the rays aimed at most of nine
-    points on them."""
+    """Which faces (6,) of a box in the camera frame rays meet first.
+
+    Nine rays are aimed at each face; most of them must enter the box there.
+    """
     grid = torch.tensor([[1.0, a, b] for a in ON_FACE for b in ON_FACE], dtype=torch.float64)
     eye = -box.center @ box.rotation
     half = box.size / 2
-    seen = []
+    visible = []
     for face in range(len(FACES)):
         axis, sign = face // 2, (1.0 if face in (0, 2, 4) else -1.0)
         points = (
@@ -67,8 +73,8 @@ def seen_by_rays(box: Cuboid) -> Tensor:
         to_low, to_high = (-half - eye) / rays, (half - eye) / rays
         enter, by = torch.minimum(to_low, to_high).max(dim=1)
         meets = (by == axis) & (enter > 0) & (torch.sign(rays[:, axis]) == -sign)
-        seen.append(bool(meets.sum() > len(grid) / 2))
-    return torch.tensor(seen)
+        visible.append(bool(meets.sum() > len(grid) / 2))
+    return torch.tensor(visible)
 
 
 def window_shares(box: Cuboid, K: Tensor, image_hw: tuple[int, int], within_frame: bool) -> Tensor:
@@ -102,22 +108,26 @@ def face_rows(subject: Subject) -> list[FaceRow]:
     """One animal's box under a camera of every class of view."""
     animal, rows = subject.animal, []
     for view in CLASSES:
-        camera = draw_view(view, animal.cuboid_world, animal.vertices, subject.seed, subject.index)
+        camera = draw_view(
+            view, animal.cuboid_world, animal.vertices, seed=subject.seed, index=subject.index
+        )
         if camera is None:
             continue
         box = animal.cuboid_world.transformed(camera.T_cam_world)
-        seen = face_visibility(box, camera.K, camera.image_hw)
+        faces = face_visibility(box, camera.K, camera.image_hw)
         whole = (
             None
             if view == BEHIND
             else float(
-                (window_shares(box, camera.K, camera.image_hw, False) - seen.share).abs().amax()
+                (window_shares(box, camera.K, camera.image_hw, False) - faces.share).abs().amax()
             )
         )
         inside = float(
-            (window_shares(box, camera.K, camera.image_hw, True) - seen.share_in_image).abs().amax()
+            (window_shares(box, camera.K, camera.image_hw, True) - faces.share_in_image)
+            .abs()
+            .amax()
         )
-        right = int((seen_by_rays(box) == seen.visible).sum())
+        right = int((seen_by_rays(box) == faces.visible).sum())
         surface = surface_share(
             transform_points(camera.T_cam_world, animal.vertices),
             animal.model.faces,
@@ -125,40 +135,41 @@ def face_rows(subject: Subject) -> list[FaceRow]:
             K=camera.K,
             image_hw=camera.image_hw,
         )
-        shown = bool(surface.any())
-        apart = float((surface - seen.share_in_image).abs().amax()) if shown else None
-        same = bool(surface.argmax() == seen.share_in_image.argmax()) if shown else None
-        rows.append(FaceRow(subject.index, view, right, whole, inside, apart, same))
+        difference = same_side = None
+        if bool(surface.any()):
+            difference = float((surface - faces.share_in_image).abs().amax())
+            same_side = bool(surface.argmax() == faces.share_in_image.argmax())
+        rows.append(FaceRow(subject.index, view, right, whole, inside, difference, same_side))
     return rows
 
 
 def face_table(rows: Sequence[FaceRow]) -> Table:
-    """Every class of view."""
-    lines: list[tuple[Cell, ...]] = []
+    """Every class of view, its faces by the formula against its faces by rays."""
+    records: list[dict[str, Cell]] = []
     for view in CLASSES:
-        found = [row for row in rows if row.view == view]
-        whole, inside = (
-            [row.share_error for row in found],
-            [row.share_in_image_error for row in found],
+        of_view = [row for row in rows if row.view == view]
+        right = sum(row.booleans_right for row in of_view)
+        in_frame = [row.share_in_image_error for row in of_view]
+        other_side = [not row.same_side for row in of_view if row.same_side is not None]
+        records.append(
+            {
+                "view": view,
+                "views": len(of_view),
+                "booleans right %": 100 * right / (6 * len(of_view)) if of_view else None,
+                "share max error": quantile([row.share_error for row in of_view], 1.0),
+                "in-frame share mean error": mean(in_frame),
+                "in-frame share max error": quantile(in_frame, 1.0),
+                "box to surface mean": mean(row.surface_difference for row in of_view),
+                "other side %": percent(other_side),
+            }
         )
-        lines.append((
-            view, len(found), 100 * sum(r.booleans_right for r in found) / (6 * len(found)) if found else None,
-            quantile(whole, 1.0), mean(inside), quantile(inside, 1.0),
-            mean(r.surface_difference for r in found), percent([not r.same_side for r in found if r.same_side is not None]),
-        ))  # fmt: skip
-    columns = ("view", "views", "booleans right %", "share max error", "in-frame share mean error", "in-frame share max error",
-               "box to surface mean", "other side %")  # fmt: skip
     notes = (
-        (
-            f"{RAYS} x {RAYS} rays, evenly spread over the part of the picture that the box fills,"
-            f" count by which face each enters; for the booleans, {len(ON_FACE) ** 2} rays to each"
-            " face. share: of the whole box, where it is all before the camera; in-frame: clipped"
-            " by the frame."
-        ),
-        (
-            "box to surface: greatest difference, over the faces, of the box's in-frame share from"
-            " the part of the animal's own visible surface facing that side. other side: the"
-            " largest share and most of the surface name different sides."
-        ),
+        f"{RAYS} x {RAYS} rays, evenly spread over the part of the picture that the box fills,"
+        f" count by which face each enters; for the booleans, {len(ON_FACE) ** 2} rays to each"
+        " face. share: of the whole box, where it is all before the camera; in-frame: clipped by"
+        " the frame.",
+        "box to surface: greatest difference, over the faces, of the box's in-frame share from the"
+        " part of the animal's own visible surface facing that side. other side: the largest share"
+        " and most of the surface name different sides.",
     )
-    return Table("faces", "Faces against ray-casting", notes, columns, tuple(lines))
+    return table_from_records("faces", "Faces against ray-casting", records, notes=notes)

@@ -32,11 +32,11 @@ _TRIES = 50
 
 
 def draw_view(
-    view: str, cuboid_world: Cuboid, vertices: Tensor, seed: int, index: int
+    view: str, cuboid_world: Cuboid, vertices: Tensor, *, seed: int, index: int
 ) -> PinholeCamera | None:
     """A camera of a class of view, always the same for the same seed and index.
 
-    None if none was found.
+    None if none of some tries has such a view.
 
     Args:
         view: of CLASSES.
@@ -63,15 +63,14 @@ def _is(view: str, camera: PinholeCamera, cuboid_world: Cuboid) -> bool:
     box = cuboid_world.transformed(camera.T_cam_world)
     behind = bool((box.corners()[:, 2] <= near_depth(box)).any())
     if view == BEHIND or behind:
-        seen = face_visibility(box, camera.K, camera.image_hw)
-        return view == BEHIND and behind and bool(seen.share_in_image.any())
+        faces = face_visibility(box, camera.K, camera.image_hw)
+        return view == BEHIND and behind and bool(faces.share_in_image.any())
     cut = float(face_visibility(box, camera.K, camera.image_hw).truncation)
     return cut > 0.02 if view == "truncated" else cut == 0.0 if view == "in frame" else True
 
 
 def _close_camera(rng: np.random.Generator, cuboid_world: Cuboid) -> PinholeCamera:
-    """A camera just outside a box that looks past its middle, so that some corners come to lie
-    behind it."""
+    """A camera just outside a box that looks past its middle: some corners lie behind it."""
     half = cuboid_world.size / 2
     axis, sign = int(rng.integers(3)), 1.0 if rng.random() < 0.5 else -1.0
     place = half * torch.from_numpy(rng.uniform(-1.1, 1.1, 3))

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.subject import Annotated, Subject
-from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean
+from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, table_from_records
 from animal3dbox.geometry.orthogonal_frames import frame_from_directions
 from animal3dbox.geometry.rigid_transforms import alignment_variation, rotation_angle
 from animal3dbox.labels.axes.body_axes import body_axes
@@ -44,9 +44,14 @@ PROTOCOLS = {
         "noise of sigma model units (the animal is about one long) on landmarks and vertices in 3D"
     ),
 }
-PUBLISHED: tuple[tuple[Cell, ...], ...] = (
-    (f"({PAPER})", "pca", *(None,) * 5, 120.68, None, None, None, None, None, 0.5034, None),
-    (f"({PAPER})", "theirs", *(None,) * 5, 0.0046, None, None, None, None, None, 0.0, None),
+PUBLISHED: tuple[dict[str, Cell], ...] = tuple(
+    {
+        "protocol": f"({PAPER})",
+        "rule": rule,
+        "theta_R deg": theta_deg,
+        "delta_a ideal": delta,
+    }
+    for rule, theta_deg, delta in (("pca", 120.68, 0.5034), ("theirs", 0.0046, 0.0))
 )
 
 
@@ -66,6 +71,20 @@ class StabilityRow:
         delta_own: 1 - cos of each axis from the rule's own axis without noise.
         delta_ideal: 1 - cos of each axis from the paper's ideal one, of the landmarks without
             noise.
+
+    Example:
+        >>> row = StabilityRow(
+        ...     index=0,
+        ...     protocol="image",
+        ...     rule="ours, mesh",
+        ...     sigma=2.0,
+        ...     theta_deg=0.0,
+        ...     theta_float32_deg=0.02,
+        ...     delta_own=(0.0, 0.0, 0.0),
+        ...     delta_ideal=(0.1, 0.0, 0.1),
+        ... )
+        >>> row.theta_deg  # axes of the mesh do not see the noise of an image
+        0.0
     """
 
     index: int
@@ -79,7 +98,7 @@ class StabilityRow:
 
 
 def axes_of(
-    given: Annotated, rule: str, keypoints: Tensor, landmarks: Tensor, vertices: Tensor
+    given: Annotated, rule: str, *, keypoints: Tensor, landmarks: Tensor, vertices: Tensor
 ) -> Tensor | None:
     """R_box (3, 3) by a rule of RULES, from keypoints (J, 3), landmarks (J, 3) and vertices (V, 3).
 
@@ -122,106 +141,110 @@ def float32_angle_deg(R_a: Tensor, R_b: Tensor) -> float:
 def stability_rows(subject: Subject) -> list[StabilityRow]:
     """One animal under every protocol and noise, by every rule."""
     given = subject.annotated(FaultConfig())
-    keypoints, landmarks, vertices = given.said.keypoints_2d, given.landmarks, given.vertices
-    still = {rule: axes_of(given, rule, keypoints, landmarks, vertices) for rule in RULES}
-    start = given.labelled(LabelConfig())
-    per_px = float(vertices[:, 2].mean() / given.said.K[0, 0])
+    still = {
+        "keypoints": given.said.keypoints_2d,
+        "landmarks": given.landmarks,
+        "vertices": given.vertices,
+    }
+    axes_still = {rule: axes_of(given, rule, **still) for rule in RULES}
+    ideal = axes_still["landmarks (paper)"]
+    label_still = given.labelled(LabelConfig())
+    units_per_px = float(given.vertices[:, 2].mean() / given.said.K[0, 0])
     rows = []
     for sigma in SIGMAS:
-        noise_2d = subject.normal(f"image-{sigma}", (len(keypoints), 2))
-        moved = torch.cat(
-            (keypoints[:, :2] + sigma * noise_2d * (keypoints[:, 2:] > 0), keypoints[:, 2:]), dim=1
-        )
-        noise = (
-            subject.normal(f"landmarks-{sigma}", tuple(landmarks.shape)),
-            subject.normal(f"vertices-{sigma}", tuple(vertices.shape)),
-        )
-        end = replace(given, said=replace(given.said, keypoints_2d=moved)).labelled(LabelConfig())
+        keypoints, noise_3d = _noise(subject, still, sigma)
+        annotation = replace(given.said, keypoints_2d=keypoints)
+        label = replace(given, said=annotation).labelled(LabelConfig())
         for rule in RULES:
-            before, ideal = still[rule], still["landmarks (paper)"]
-            after = axes_of(given, rule, moved, landmarks, vertices)
-            rows += _compared(subject.index, "image", rule, sigma, before, after, ideal)
-            for protocol, size in (("pixel-equivalent", per_px * sigma), ("model units", sigma)):
-                after_3d = axes_of(
-                    given, rule, keypoints, landmarks + size * noise[0], vertices + size * noise[1]
-                )
-                rows += _compared(subject.index, protocol, rule, sigma, before, after_3d, ideal)
-            if isinstance(start, CuboidLabel) and isinstance(end, CuboidLabel):
-                turned = [
+            blank = StabilityRow(subject.index, "", rule, sigma, 0.0, 0.0, (0.0,) * 3, (0.0,) * 3)
+            before = axes_still[rule]
+            after = axes_of(given, rule, **{**still, "keypoints": keypoints})
+            rows += _compared(replace(blank, protocol="image"), before, after, ideal)
+            for protocol, size in (
+                ("pixel-equivalent", units_per_px * sigma),
+                ("model units", sigma),
+            ):
+                shifted = {name: still[name] + size * noise for name, noise in noise_3d.items()}
+                after_3d = axes_of(given, rule, **{**still, **shifted})
+                rows += _compared(replace(blank, protocol=protocol), before, after_3d, ideal)
+            if isinstance(label_still, CuboidLabel) and isinstance(label, CuboidLabel):
+                in_camera = [
                     None if axes is None else pose.R @ axes
-                    for pose, axes in ((start, before), (end, after), (start, ideal))
+                    for pose, axes in ((label_still, before), (label, after), (label_still, ideal))
                 ]
-                rows += _compared(subject.index, "camera", rule, sigma, *turned)
+                rows += _compared(replace(blank, protocol="camera"), *in_camera)
     return rows
 
 
+def _noise(
+    subject: Subject, still: dict[str, Tensor], sigma: float
+) -> tuple[Tensor, dict[str, Tensor]]:
+    """Keypoints (J, 3) with noise of sigma px, and unit noise for landmarks and vertices."""
+    keypoints = still["keypoints"]
+    noise_px = sigma * subject.normal(f"image-{sigma}", (len(keypoints), 2))
+    moved_px = keypoints[:, :2] + noise_px * (keypoints[:, 2:] > 0)
+    noise_3d = {
+        name: subject.normal(f"{name}-{sigma}", tuple(still[name].shape))
+        for name in ("landmarks", "vertices")
+    }
+    return torch.cat((moved_px, keypoints[:, 2:]), dim=1), noise_3d
+
+
 def _compared(
-    index: int,
-    protocol: str,
-    rule: str,
-    sigma: float,
-    before: Tensor | None,
-    after: Tensor | None,
-    ideal: Tensor | None,
+    blank: StabilityRow, before: Tensor | None, after: Tensor | None, ideal: Tensor | None
 ) -> list[StabilityRow]:
-    """The row of two sets of axes; none if one is missing."""
+    """The row of two sets of axes (3, 3), a blank one filled in; none if a set is missing."""
     if before is None or after is None or ideal is None:
         return []
-    theta = float(torch.rad2deg(rotation_angle(after, before)))
-    own, off = (
+    delta_own, delta_ideal = (
         tuple(alignment_variation(reference.mT, after.mT).tolist()) for reference in (before, ideal)
     )
     return [
-        StabilityRow(
-            index, protocol, rule, sigma, theta, float32_angle_deg(after, before), own, off
+        replace(
+            blank,
+            theta_deg=float(torch.rad2deg(rotation_angle(after, before))),
+            theta_float32_deg=float32_angle_deg(after, before),
+            delta_own=delta_own,
+            delta_ideal=delta_ideal,
         )
     ]
 
 
 def stability_table(rows: Sequence[StabilityRow]) -> Table:
     """Every protocol and rule, beside the paper's figures."""
-    lines: list[tuple[Cell, ...]] = []
-    for protocol in PROTOCOLS:
-        for rule in RULES:
-            found = [row for row in rows if (row.protocol, row.rule) == (protocol, rule)]
-            by_sigma = [mean(r.theta_deg for r in found if r.sigma == sigma) for sigma in SIGMAS]
-            own = [mean(r.delta_own[axis] for r in found) for axis in range(3)]
-            ideal = mean(d for r in found for d in r.delta_ideal)
-            forward = mean(r.delta_ideal[0] for r in found)
-            all_own, by_formula = (
-                mean(d for r in found for d in r.delta_own),
-                mean(r.theta_float32_deg for r in found),
-            )
-            lines.append(
-                (
-                    protocol,
-                    rule,
-                    *by_sigma,
-                    mean(r.theta_deg for r in found),
-                    *own,
-                    all_own,
-                    forward,
-                    ideal,
-                    by_formula,
-                )
-            )
-    columns = ("protocol", "rule", *(f"sigma {s:g}" for s in SIGMAS), "theta_R deg", "delta AP", "delta LR", "delta DV", "delta_a", "ideal AP",
-               "delta_a ideal", "theta_R float32")  # fmt: skip
+    records = [_statistics(protocol, rule, rows) for protocol in PROTOCOLS for rule in RULES]
     animals = len({row.index for row in rows})
     notes = (
-        (
-            "theta_R: mean angle to the rule's own axes without noise, per sigma and over all, of"
-            f" {animals} animals. delta: 1 - cos per axis, anterior-posterior, left-right,"
-            " dorsal-ventral, and their mean; ideal: against the landmark axes without noise, as"
-            " the paper defines it."
-        ),
-        (
-            "theta_R float32: the same with axes built in float32 and by arccos of a trace:"
-            " thousandths of a degree for no rotation at all."
-        ),
+        "theta_R: mean angle to the rule's own axes without noise, per sigma and over all, of"
+        f" {animals} animals. delta: 1 - cos per axis, anterior-posterior, left-right,"
+        " dorsal-ventral, and their mean; ideal: against the landmark axes without noise, as the"
+        " paper defines it.",
+        "theta_R float32: the same with axes built in float32 and by arccos of a trace: thousandths"
+        " of a degree for no rotation at all.",
         *(f"{name}: {meaning}." for name, meaning in PROTOCOLS.items()),
         f"{PAPER}: published figures, not computed here.",
     )
-    return Table(
-        "stability", "Orientation stability under noise", notes, columns, (*lines, *PUBLISHED)
-    )
+    title = "Orientation stability under noise"
+    return table_from_records("stability", title, [*records, *PUBLISHED], notes=notes)
+
+
+def _statistics(protocol: str, rule: str, rows: Sequence[StabilityRow]) -> dict[str, Cell]:
+    """The row of the table for one protocol and one rule."""
+    selected = [row for row in rows if (row.protocol, row.rule) == (protocol, rule)]
+    by_sigma = {
+        f"sigma {sigma:g}": mean(row.theta_deg for row in selected if row.sigma == sigma)
+        for sigma in SIGMAS
+    }
+    return {
+        "protocol": protocol,
+        "rule": rule,
+        **by_sigma,
+        "theta_R deg": mean(row.theta_deg for row in selected),
+        "delta AP": mean(row.delta_own[0] for row in selected),
+        "delta LR": mean(row.delta_own[1] for row in selected),
+        "delta DV": mean(row.delta_own[2] for row in selected),
+        "delta_a": mean(delta for row in selected for delta in row.delta_own),
+        "ideal AP": mean(row.delta_ideal[0] for row in selected),
+        "delta_a ideal": mean(delta for row in selected for delta in row.delta_ideal),
+        "theta_R float32": mean(row.theta_float32_deg for row in selected),
+    }

@@ -1,15 +1,13 @@
 """The page of an evaluation: plots above their tables, with nothing to load from elsewhere."""
 
 import base64
-import html
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
-from string import Template
 
 from animal3dbox.evaluate.files import Evaluation
-from animal3dbox.evaluate.tables import PAPER, Table, shown
+from animal3dbox.evaluate.tables import shown
 from animal3dbox.files import write_whole
+from animal3dbox.report.html_page import render
 
 NO_PLOTS = (
     "There are no plots: they need matplotlib. pip install 'animal3dbox[plots]' and evaluate again."
@@ -22,7 +20,7 @@ def write_page(
     plots: Mapping[str, bytes] | None,
     pictures: Mapping[str, bytes] | None = None,
 ) -> None:
-    """Write the page.
+    """Write evaluation.html: every table with its plot, escaped and with nothing to load.
 
     Args:
         path: the HTML file.
@@ -31,54 +29,26 @@ def write_page(
             get them.
         pictures: caption -> PNG, shown first.
 
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_page(Path(folder) / "e.html", Evaluation("<b>", {}, ()), plots={})
+        ...     "<h1>&lt;b&gt;</h1>" in (Path(folder) / "e.html").read_text()
+        True
     """
-    template = Template(
-        resources.files("animal3dbox.evaluate").joinpath("page.html").read_text(encoding="utf-8")
-    )
-    drawn = "".join(
-        f"<h2>{html.escape(caption)}</h2>{_image(picture, caption)}"
-        for caption, picture in (pictures or {}).items()
-    )
-    page = template.substitute(
-        title=html.escape(evaluation.title),
-        about=html.escape(
-            "; ".join(f"{name}: {value}" for name, value in evaluation.about.items())
-        ),
-        pictures=drawn if plots is not None else f'<p class="note">{html.escape(NO_PLOTS)}</p>',
-        sections="\n".join(
-            _section(table, (plots or {}).get(table.name)) for table in evaluation.tables
-        ),
+    page = render(
+        "animal3dbox.evaluate",
+        "page.html",
+        title=evaluation.title,
+        about="; ".join(f"{name}: {value}" for name, value in evaluation.about.items()),
+        remedy=NO_PLOTS if plots is None else None,
+        pictures=_in_base64({} if plots is None else pictures or {}),
+        plots=_in_base64(plots or {}),
+        tables=evaluation.tables,
+        shown=shown,
     )
     write_whole(path, page.encode())
 
 
-def _section(table: Table, plot: bytes | None) -> str:
-    words = [
-        all(isinstance(row[i], str | None) for row in table.rows) for i in range(len(table.columns))
-    ]
-    kinds = ['class="word"' if word else "" for word in words]
-    head = "".join(
-        f"<th {kind}>{html.escape(column)}</th>"
-        for column, kind in zip(table.columns, kinds, strict=True)
-    )
-    body = ""
-    for row in table.rows:
-        published = any(isinstance(cell, str) and PAPER in cell for cell in row)
-        cells = "".join(
-            f"<td {kind}>{html.escape(shown(cell))}</td>"
-            for cell, kind in zip(row, kinds, strict=True)
-        )
-        body += f'<tr class="{"paper" if published else ""}">{cells}</tr>\n'
-    notes = "".join(f'<p class="note">{html.escape(note)}</p>' for note in table.notes)
-    image = "" if plot is None else _image(plot, table.title)
-    return (
-        f"<h2>{html.escape(table.title)}</h2>{image}<div"
-        f' class="wide"><table><tr>{head}</tr>\n{body}</table></div>{notes}'
-    )
-
-
-def _image(png: bytes, words: str) -> str:
-    return (
-        f'<p><img src="data:image/png;base64,{base64.b64encode(png).decode()}"'
-        f' alt="{html.escape(words)}" loading="lazy"></p>'
-    )
+def _in_base64(pictures: Mapping[str, bytes]) -> dict[str, str]:
+    return {name: base64.b64encode(png).decode() for name, png in pictures.items()}

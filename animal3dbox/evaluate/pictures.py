@@ -1,7 +1,4 @@
-"""The paper's figures on the synthetic world.
-
-The ablation, boxes on the mesh, UAV cameras round one animal.
-"""
+"""The paper's figures on our world: the ablation, boxes on meshes, UAV cameras round an animal."""
 
 import math
 from collections.abc import Sequence
@@ -36,16 +33,13 @@ if TYPE_CHECKING:
 Picture = NDArray[np.uint8]
 
 FAULTS = FaultConfig(noise_px=4.0, outliers=0.2)
-"""Of the ablation's annotations."""
+"""Faults of the annotations that the ablation starts from."""
 ROWS = {
     "basic": LabelConfig(method="basic", axes="landmarks"),
     "PCA": LabelConfig(method="paper", residual="literal", axes="pca"),
     "ours": LabelConfig(),
 }
-"""The ablation's rows, as in the paper.
-
-The pose of the baseline, principal components, and everything.
-"""
+"""The ablation's rows as in the paper: the baseline's pose, principal components, everything."""
 COLUMNS = 5
 UAV_ELEVATION_DEG, UAV_DISTANCE, UAV_FOCAL_PX, UAV_HW = 40.0, 3.2, 560.0, (240, 320)
 UAV_VIEWS = 8
@@ -53,22 +47,22 @@ ANIMAL_GREY = (0.72, 0.66, 0.58)
 
 
 def pictures_of(seed: int) -> dict[str, bytes] | None:
-    """Caption -> PNG; None without matplotlib."""
+    """The figures as caption -> PNG; None without matplotlib."""
     if not has_matplotlib():
         return None
     who = [
         subject(EvaluateConfig(animals=COLUMNS, seed=seed, world=CLEAR), index)
         for index in range(COLUMNS)
     ]
-    return {
-        f"The same images with {FAULTS.noise_px:g} px of noise and {FAULTS.outliers:.0%} outliers: basic, PCA, ours (front green, back blue)": png_of(
-            ablation(who)
-        ),
-        "Boxes on the mesh, by principal components and by ours, and their projections": png_of(
+    faults = f"{FAULTS.noise_px:g} px of noise and {FAULTS.outliers:.0%} outliers"
+    figures = {
+        f"The same images with {faults}: basic, PCA, ours (front green, back blue)": ablation(who),
+        "Boxes on the mesh, by principal components and by ours, and their projections": (
             boxes_on_meshes(who[:3])
         ),
-        "UAV cameras round one animal, and the shares of its sides": png_of(uav_views(seed)),
+        "UAV cameras round one animal, and the shares of its sides": uav_views(seed),
     }
+    return {caption: png_of(figure) for caption, figure in figures.items()}
 
 
 def ablation(who: Sequence[Subject]) -> "Figure":

@@ -1,8 +1,7 @@
-"""Camera poses over the dial of annotation faults, against the annotated keypoints and against the
-truth (section 3.2)."""
+"""Camera poses over the dial of annotation faults, against keypoints and truth (section 3.2)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -10,7 +9,15 @@ from torch import Tensor
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.subject import Annotated, Subject
-from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, percent, quantile
+from animal3dbox.evaluate.tables import (
+    PAPER,
+    Cell,
+    Table,
+    mean,
+    percent,
+    quantile,
+    table_from_records,
+)
 from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.rigid_transforms import rotation_angle
@@ -36,41 +43,15 @@ DIAL = {
     "2 px, mask 5 px too small": FaultConfig(noise_px=2, mask_px=-5),
 }
 """Settings that each so many-th animal goes through."""
-PUBLISHED: tuple[tuple[Cell, ...], ...] = (
-    (
-        "(Animal3D)",
-        f"basic, {PAPER}",
-        None,
-        None,
-        75.28,
-        None,
-        None,
-        None,
-        None,
-        None,
-        13.81,
-        *(None,) * 7,
-    ),
-    (
-        "(Animal3D)",
-        f"theirs, {PAPER}",
-        None,
-        None,
-        7.56,
-        None,
-        None,
-        None,
-        None,
-        None,
-        0.0,
-        *(None,) * 7,
-    ),
+PUBLISHED: tuple[dict[str, Cell], ...] = tuple(
+    {
+        "setting": "(Animal3D)",
+        "method": f"{method}, {PAPER}",
+        "annotated mean px": mean_px,
+        "degenerate %": degenerate_percent,
+    }
+    for method, mean_px, degenerate_percent in (("basic", 75.28, 13.81), ("theirs", 7.56, 0.0))
 )
-COLUMNS = (
-    "setting", "method", "animals", "labelled", "annotated mean px", "median px", "p95 px", "clean mean px", "clean median px", "clean p95 px",
-    "degenerate %", "behind camera %", "depth flip %", "rotation median deg", "rotation p95 deg", "corners median % diag", "corners p95 % diag",
-    "IoU3D median",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -90,6 +71,11 @@ class PoseRow:
         iou3d: with the true box.
         behind: the animal, or a corner of its box, is put at or behind the camera where it is not.
         flipped: see depth_flip.
+
+    Example:
+        >>> row = PoseRow(0, "2 px", "basic", reason="no_pose")
+        >>> row.clean_px, row.behind
+        (None, False)
     """
 
     index: int
@@ -111,15 +97,22 @@ def pose_rows(subject: Subject, settings: dict[str, FaultConfig]) -> list[PoseRo
     for setting, faults in settings.items():
         given = subject.annotated(faults)
         rows += [
-            _row(subject.index, setting, method, given, given.labelled(config))
+            _row(
+                PoseRow(subject.index, setting, method, reason=None), given, given.labelled(config)
+            )
             for method, config in METHODS.items()
         ]
     return rows
 
 
 def depth_flip(rotation: Tensor, truth: Tensor) -> bool:
-    """Whether the body axis that truly points most along the line of sight points the other way,
-    R_cam_box (3, 3) both."""
+    """Whether the body axis nearest the line of sight points the other way.
+
+    Args:
+        rotation: (3, 3) R_cam_box of the label.
+        truth: (3, 3) the true one, by which the axis is chosen.
+
+    """
     axis = int(truth[2].abs().argmax())
     return bool(rotation[2, axis] * truth[2, axis] < 0)
 
@@ -137,28 +130,19 @@ def clean_error(label: CuboidLabel, given: Annotated) -> float | None:
     return float(torch.linalg.vector_norm(px - truth[in_frame, :2], dim=-1).mean())
 
 
-def _row(
-    index: int, setting: str, method: str, given: Annotated, outcome: CuboidLabel | Rejection
-) -> PoseRow:
+def _row(blank: PoseRow, given: Annotated, outcome: CuboidLabel | Rejection) -> PoseRow:
+    """The row of an outcome: a blank one of its animal, setting and method, filled in."""
     if isinstance(outcome, Rejection):
-        return PoseRow(
-            index, setting, method, outcome.reason, behind=outcome.reason == "behind_camera"
-        )
+        return replace(blank, reason=outcome.reason, behind=outcome.reason == "behind_camera")
     truth = given.animal.cuboid
-    apart = (
-        torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1).mean()
-        / truth.diagonal
-    )
+    corner_errors = torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1)
     shared = box_iou(outcome.cuboid, truth)
-    return PoseRow(
-        index,
-        setting,
-        method,
-        None,
+    return replace(
+        blank,
         annotated_px=outcome.quality.reprojection_error_px,
         clean_px=clean_error(outcome, given),
         rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
-        corner_percent=100 * float(apart),
+        corner_percent=100 * float(corner_errors.mean() / truth.diagonal),
         iou3d=float(shared),
         behind=outcome.behind_camera and bool((truth.corners()[:, 2] > 0).all()),
         flipped=depth_flip(outcome.rotation, truth.rotation),
@@ -167,12 +151,12 @@ def _row(
 
 def pose_table(rows: Sequence[PoseRow]) -> Table:
     """Every setting and method, beside the paper's figures."""
-    lines: list[tuple[Cell, ...]] = []
+    records: list[dict[str, Cell]] = []
     for setting in {**EVERYWHERE, **DIAL}:
         for method in METHODS:
-            found = [row for row in rows if (row.setting, row.method) == (setting, method)]
-            if found:
-                lines.append((setting, method, *_cells(found)))
+            selected = [row for row in rows if (row.setting, row.method) == (setting, method)]
+            if selected:
+                records.append({"setting": setting, "method": method, **_statistics(selected)})
     notes = (
         (
             "annotated: against the keypoints given, all that real data has; clean: against the"
@@ -193,21 +177,34 @@ def pose_table(rows: Sequence[PoseRow]) -> Table:
         ),
         f"{PAPER}: published figures, not computed here.",
     )
-    return Table(
+    return table_from_records(
         "pose",
         "Camera pose over the dial of annotation faults",
-        notes,
-        COLUMNS,
-        (*lines, *PUBLISHED),
+        [*records, *PUBLISHED],
+        notes=notes,
+        columns=("setting", "method", *_statistics(())),
     )
 
 
-def _cells(found: Sequence[PoseRow]) -> tuple[Cell, ...]:
-    annotated, clean = [r.annotated_px for r in found], [r.clean_px for r in found]
-    rotation, corners = [r.rotation_deg for r in found], [r.corner_percent for r in found]
-    return (
-        len(found), sum(r.reason is None for r in found), mean(annotated), quantile(annotated, 0.5), quantile(annotated, 0.95),
-        mean(clean), quantile(clean, 0.5), quantile(clean, 0.95), percent([r.reason == "degenerate_box" for r in found]),
-        percent([r.behind for r in found]), percent([r.flipped for r in found]), quantile(rotation, 0.5), quantile(rotation, 0.95),
-        quantile(corners, 0.5), quantile(corners, 0.95), quantile([r.iou3d for r in found], 0.5),
-    )  # fmt: skip
+def _statistics(rows: Sequence[PoseRow]) -> dict[str, Cell]:
+    """The cells of the table for one setting and one method."""
+    annotated, clean = [row.annotated_px for row in rows], [row.clean_px for row in rows]
+    rotation, corners = [row.rotation_deg for row in rows], [row.corner_percent for row in rows]
+    return {
+        "animals": len(rows),
+        "labelled": sum(row.reason is None for row in rows),
+        "annotated mean px": mean(annotated),
+        "median px": quantile(annotated, 0.5),
+        "p95 px": quantile(annotated, 0.95),
+        "clean mean px": mean(clean),
+        "clean median px": quantile(clean, 0.5),
+        "clean p95 px": quantile(clean, 0.95),
+        "degenerate %": percent([row.reason == "degenerate_box" for row in rows]),
+        "behind camera %": percent([row.behind for row in rows]),
+        "depth flip %": percent([row.flipped for row in rows]),
+        "rotation median deg": quantile(rotation, 0.5),
+        "rotation p95 deg": quantile(rotation, 0.95),
+        "corners median % diag": quantile(corners, 0.5),
+        "corners p95 % diag": quantile(corners, 0.95),
+        "IoU3D median": quantile([row.iou3d for row in rows], 0.5),
+    }

@@ -13,7 +13,15 @@ import torch
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.evaluate.config import METHODS
 from animal3dbox.evaluate.subject import Annotated, Subject
-from animal3dbox.evaluate.tables import PAPER, Cell, Table, mean, percent, quantile
+from animal3dbox.evaluate.tables import (
+    PAPER,
+    Cell,
+    Table,
+    mean,
+    percent,
+    quantile,
+    table_from_records,
+)
 from animal3dbox.geometry.box_visibility import face_visibility
 from animal3dbox.geometry.pixel_boxes import mask_box
 from animal3dbox.geometry.rigid_transforms import rigid
@@ -43,9 +51,14 @@ DEGENERATE = 0.01
 
 So is an animal without any pose.
 """
-PUBLISHED: tuple[tuple[Cell, ...], ...] = (
-    (f"({PAPER}, Animal3D)", "basic", None, 75.28, None, None, None, 13.81),
-    (f"({PAPER}, Animal3D)", "theirs", None, 7.56, None, None, None, 0.0),
+PUBLISHED: tuple[dict[str, Cell], ...] = tuple(
+    {
+        "keypoints": f"({PAPER}, Animal3D)",
+        "method": method,
+        "mean px": mean_px,
+        "degenerate %": degenerate_percent,
+    }
+    for method, mean_px, degenerate_percent in (("basic", 75.28, 13.81), ("theirs", 7.56, 0.0))
 )
 
 
@@ -61,6 +74,11 @@ class ReproductionRow:
         error_px: mean distance of the landmarks from all keypoints given; None without a pose.
         placed_px: from those that are not at (0, 0).
         degenerate: see DEGENERATE.
+
+    Example:
+        >>> row = ReproductionRow(0, 0.1, "basic", True, 75.0, placed_px=12.0, degenerate=False)
+        >>> row.error_px - row.placed_px  # what the keypoints at (0, 0) add to the mean
+        63.0
     """
 
     index: int
@@ -80,7 +98,7 @@ def reproduction_rows(subject: Subject) -> list[ReproductionRow]:
         problem = _problem_with_zeros(given)
         if degenerate_points(problem, METHODS["basic"].min_keypoints) is not None:
             continue
-        rows += [_fed(subject.index, part, method, given, problem) for method in FED]
+        rows += [_fed(subject.index, part, method, given=given, problem=problem) for method in FED]
         rows += [_dropped(subject.index, part, method, given) for method in DROPPED]
     return rows
 
@@ -104,7 +122,7 @@ def _problem_with_zeros(given: Annotated) -> PoseProblem:
 
 
 def _fed(
-    index: int, part: float, method: str, given: Annotated, problem: PoseProblem
+    index: int, part: float, method: str, *, given: Annotated, problem: PoseProblem
 ) -> ReproductionRow:
     config = METHODS[method]
 
@@ -116,13 +134,13 @@ def _fed(
             else refined_pose(scaled, start, config)
         )
 
-    found = in_unit_scale(problem, solve)
-    if isinstance(found, PoseFailure):
+    pose = in_unit_scale(problem, solve)
+    if isinstance(pose, PoseFailure):
         return ReproductionRow(index, part, method, True, None, None, True)
-    errors, _ = reprojection_errors(problem, found.R, found.t)
+    errors, _ = reprojection_errors(problem, pose.R, pose.t)
     placed = problem.points_px.any(1)
-    R, t = torch.from_numpy(found.R), torch.from_numpy(found.t)
-    box = tight_cuboid(given.vertices, problem.R_box).transformed(rigid(R, t))
+    T_cam_mesh = rigid(torch.from_numpy(pose.R), torch.from_numpy(pose.t))
+    box = tight_cuboid(given.vertices, problem.R_box).transformed(T_cam_mesh)
     area = float(face_visibility(box, given.said.K, problem.image_hw).area.sum())
     degenerate = area < DEGENERATE * float(given.said.mask.sum())
     placed_px = float(errors[placed].mean()) if bool(placed.any()) else None
@@ -141,52 +159,37 @@ def _dropped(index: int, part: float, method: str, given: Annotated) -> Reproduc
 
 def reproduction_table(rows: Sequence[ReproductionRow]) -> Table:
     """Every part and method, beside the paper's figures."""
-    lines: list[tuple[Cell, ...]] = []
-    for part in PARTS:
-        for fed, methods in ((True, FED), (False, DROPPED)):
-            for method in methods:
-                found = [
-                    row for row in rows if (row.part, row.method, row.fed) == (part, method, fed)
-                ]
-                errors, placed = [r.error_px for r in found], mean(r.placed_px for r in found)
-                name = method if fed else f"{method}, (0, 0) dropped"
-                degenerate = percent([r.degenerate for r in found])
-                lines.append(
-                    (
-                        f"{part:.0%} at (0, 0)",
-                        name,
-                        len(found),
-                        mean(errors),
-                        quantile(errors, 0.5),
-                        quantile(errors, 0.95),
-                        placed,
-                        degenerate,
-                    )
-                )
-    columns = (
-        "keypoints",
-        "method",
-        "animals",
-        "mean px",
-        "median px",
-        "p95 px",
-        "mean px of placed ones",
-        "degenerate %",
-    )
+    records = [
+        _record(part, method, fed, rows)
+        for part in PARTS
+        for fed, methods in ((True, FED), (False, DROPPED))
+        for method in methods
+    ]
     notes = (
-        (
-            f"Keypoints with {NOISE_PX:g} px of noise, part of them left at (0, 0) and marked as"
-            " visible. mean px is over all keypoints that the method was given, those at (0, 0)"
-            " too; placed ones are the others. Animals with too few keypoints for a pose are left"
-            " out of the errors."
-        ),
+        f"Keypoints with {NOISE_PX:g} px of noise, part of them left at (0, 0) and marked as"
+        " visible. mean px is over all keypoints that the method was given, those at (0, 0) too;"
+        " placed ones are the others. Animals with too few keypoints for a pose are left out of the"
+        " errors.",
         "degenerate: no pose is found, or the projected box has less than 1 % of the mask's area.",
         f"{PAPER}: published figures, not computed here.",
     )
-    return Table(
-        "reproduction",
-        "The paper's camera-pose figures: keypoints at (0, 0) fed to RANSAC",
-        notes,
-        columns,
-        (*lines, *PUBLISHED),
-    )
+    title = "The paper's camera-pose figures: keypoints at (0, 0) fed to RANSAC"
+    return table_from_records("reproduction", title, [*records, *PUBLISHED], notes=notes)
+
+
+def _record(
+    part: float, method: str, fed: bool, rows: Sequence[ReproductionRow]
+) -> dict[str, Cell]:
+    """The row of the table for one part of the keypoints and one method."""
+    selected = [row for row in rows if (row.part, row.method, row.fed) == (part, method, fed)]
+    errors = [row.error_px for row in selected]
+    return {
+        "keypoints": f"{part:.0%} at (0, 0)",
+        "method": method if fed else f"{method}, (0, 0) dropped",
+        "animals": len(selected),
+        "mean px": mean(errors),
+        "median px": quantile(errors, 0.5),
+        "p95 px": quantile(errors, 0.95),
+        "mean px of placed ones": mean(row.placed_px for row in selected),
+        "degenerate %": percent([row.degenerate for row in selected]),
+    }

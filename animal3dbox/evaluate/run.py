@@ -18,8 +18,8 @@ from animal3dbox.evaluate.tables import Table
 
 
 @dataclass(frozen=True)
-class Rows:
-    """What every study found, a row a sample.
+class StudyRows:
+    """The results of every study, a row a sample.
 
     Attributes:
         stability: orientation under noise.
@@ -27,6 +27,10 @@ class Rows:
         pose: camera poses.
         reproduction: the paper's baseline as it fails.
         faces: against ray-casting.
+
+    Example:
+        >>> StudyRows(stability=(), accuracy=(), pose=(), reproduction=(), faces=()).pose
+        ()
     """
 
     stability: tuple[StabilityRow, ...]
@@ -36,11 +40,11 @@ class Rows:
     faces: tuple[FaceRow, ...]
 
 
-def animal_rows(config: EvaluateConfig, index: int) -> Rows:
+def animal_rows(config: EvaluateConfig, index: int) -> StudyRows:
     """Everything about one animal; a pure function of the config and the index."""
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     who, in_full = subject(config, index), index % config.every == 0
-    return Rows(
+    return StudyRows(
         stability=tuple(stability_rows(who)) if in_full else (),
         accuracy=tuple(accuracy_rows(who)),
         pose=tuple(pose_rows(who, {**EVERYWHERE, **DIAL} if in_full else EVERYWHERE)),
@@ -52,8 +56,8 @@ def animal_rows(config: EvaluateConfig, index: int) -> Rows:
 def evaluate_world(
     config: EvaluateConfig,
     workers: int = 1,
-    progress: Callable[[Iterable[Rows]], Iterable[Rows]] = iter,
-) -> Rows:
+    progress: Callable[[Iterable[StudyRows]], Iterable[StudyRows]] = iter,
+) -> StudyRows:
     """Everything about all animals, in their order whatever the number of workers.
 
     Args:
@@ -61,19 +65,32 @@ def evaluate_world(
         workers: processes.
         progress: wraps the iterator over animals, to show a bar.
 
+    Example:
+        >>> from dataclasses import replace
+        >>> from animal3dbox.datasets.synthetic.world.config import WorldConfig
+        >>> small = replace(WorldConfig(), image_hw=(120, 160))
+        >>> rows = evaluate_world(EvaluateConfig(animals=1, world=small))
+        >>> [row.view for row in rows.faces if row.booleans_right == 6]
+        ['in frame', 'truncated', 'corners behind the camera', 'UAV nadir']
     """
-    found = list(progress(_each_animal(config, workers)))
-    return Rows(
-        stability=tuple(row for rows in found for row in rows.stability),
-        accuracy=tuple(row for rows in found for row in rows.accuracy),
-        pose=tuple(row for rows in found for row in rows.pose),
-        reproduction=tuple(row for rows in found for row in rows.reproduction),
-        faces=tuple(row for rows in found for row in rows.faces),
+    animals = list(progress(_each_animal(config, workers)))
+    return StudyRows(
+        stability=tuple(row for rows in animals for row in rows.stability),
+        accuracy=tuple(row for rows in animals for row in rows.accuracy),
+        pose=tuple(row for rows in animals for row in rows.pose),
+        reproduction=tuple(row for rows in animals for row in rows.reproduction),
+        faces=tuple(row for rows in animals for row in rows.faces),
     )
 
 
-def world_tables(rows: Rows) -> tuple[Table, ...]:
-    """The tables of an evaluation."""
+def world_tables(rows: StudyRows) -> tuple[Table, ...]:
+    """The tables of an evaluation, beside the paper's figures.
+
+    Example:
+        >>> tables = world_tables(StudyRows((), (), (), (), ()))
+        >>> [table.name for table in tables]
+        ['stability', 'accuracy', 'pose', 'reproduction', 'faces']
+    """
     return (
         stability_table(rows.stability),
         accuracy_table(rows.accuracy),
@@ -83,7 +100,7 @@ def world_tables(rows: Rows) -> tuple[Table, ...]:
     )
 
 
-def _each_animal(config: EvaluateConfig, workers: int) -> Iterator[Rows]:
+def _each_animal(config: EvaluateConfig, workers: int) -> Iterator[StudyRows]:
     if workers == 1:
         yield from map(partial(animal_rows, config), range(config.animals))
         return

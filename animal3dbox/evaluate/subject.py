@@ -1,4 +1,4 @@
-"""One animal of the evaluation: its truth, what is said of it, and its label."""
+"""One animal of the evaluation: its truth, its annotation with faults, and its label."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,11 +32,10 @@ class Subject:
     animal: SyntheticAnimal
 
     def annotated(self, faults: FaultConfig) -> "Annotated":
-        """What a dataset with such faults would say of it, and the body it would give."""
-        said = faulty(annotate(self.animal), faults, self.seed)
-        return Annotated(
-            said, posed_body(self.animal.model, said.parameters).vertices[0], self.animal
-        )
+        """Its annotation in a dataset with such faults, and the body that dataset would give."""
+        annotation = faulty(annotate(self.animal), faults, self.seed)
+        body = posed_body(self.animal.model, annotation.parameters)
+        return Annotated(annotation, body.vertices[0], self.animal)
 
     def normal(self, purpose: str, shape: tuple[int, ...]) -> Tensor:
         """Standard normal numbers of this animal for one purpose."""

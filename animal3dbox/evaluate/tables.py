@@ -1,7 +1,7 @@
-"""Tables of results: what the text, the JSON and the page are made of."""
+"""Tables of results, of which the text, the JSON and the page are made."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ PAPER = "PAPER"
 
 @dataclass(frozen=True)
 class Table:
-    """One table.
+    """A table of results as the text, the JSON and the page show it.
 
     Attributes:
         name: its key in the JSON.
@@ -22,6 +22,13 @@ class Table:
         notes: whole sentences below it: what was measured, in which unit.
         columns: names, the unit last.
         rows: a cell a column; None is unknown or does not apply.
+
+    Example:
+        >>> table = Table("t", "Errors", (), ("method", "px"), (("default", 1.5), ("pca", None)))
+        >>> table.records()[1]
+        {'method': 'pca', 'px': None}
+        >>> table.has_words
+        [True, False]
     """
 
     name: str
@@ -37,24 +44,65 @@ class Table:
             for row in self.rows
         ]
 
+    @property
+    def has_words(self) -> list[bool]:
+        """For each column, whether it holds words and not numbers."""
+        return [
+            all(isinstance(row[i], str | None) for row in self.rows)
+            for i in range(len(self.columns))
+        ]
+
+    @staticmethod
+    def is_published(row: Sequence[Cell]) -> bool:
+        """Whether a row is the paper's own figures."""
+        return any(isinstance(cell, str) and PAPER in cell for cell in row)
+
     def text(self) -> str:
         """The table as aligned text."""
         lines = [self.columns, *(tuple(shown(cell) for cell in row) for row in self.rows)]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
-        words = [
-            all(isinstance(row[i], str | None) for row in self.rows)
-            for i in range(len(self.columns))
-        ]
-        drawn = [
+        lines_of_text = [
             "  ".join(
                 cell.ljust(width) if word else cell.rjust(width)
-                for cell, width, word in zip(line, widths, words, strict=True)
+                for cell, width, word in zip(line, widths, self.has_words, strict=True)
             ).rstrip()
             for line in lines
         ]
         return "\n".join(
-            [self.title, "=" * len(self.title), *drawn, *(f"  {note}" for note in self.notes)]
+            [
+                self.title,
+                "=" * len(self.title),
+                *lines_of_text,
+                *(f"  {note}" for note in self.notes),
+            ]
         )
+
+
+def table_from_records(
+    name: str,
+    title: str,
+    records: Sequence[Mapping[str, Cell]],
+    *,
+    notes: Sequence[str],
+    columns: Sequence[str] | None = None,
+) -> Table:
+    """A table whose rows are dictionaries; a column that a row does not have is unknown.
+
+    Args:
+        name: the table's key.
+        title: one line.
+        records: the rows.
+        notes: whole sentences below the table.
+        columns: in their order; None: those of the first row.
+
+    Example:
+        >>> records = [{"method": "default", "px": 1.5}, {"method": "(PAPER)"}]
+        >>> table_from_records("t", "Errors", records, notes=()).rows[1]
+        ('(PAPER)', None)
+    """
+    columns = tuple(records[0] if columns is None else columns)
+    rows = tuple(tuple(record.get(column) for column in columns) for record in records)
+    return Table(name, title, tuple(notes), columns, rows)
 
 
 def shown(cell: Cell) -> str:

@@ -1,1 +1,71 @@
-"""What people look at: overlays, tables and the gallery."""
+"""What users read and look at: labels.json and labels.csv, overlays, the gallery, the counts.
+
+The names below are loaded when first used (PEP 562).
+
+Example:
+    A label goes into labels.json and comes back as the row of a schema:
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from animal3dbox import LabelConfig, label_animal
+    >>> from animal3dbox.report import LabelFile, animal_row, read_labels_json, write_labels_json
+    >>> label = label_animal(
+    ...     image_hw=(120, 160),
+    ...     vertices=[[x, y, z] for x in (-1, 1) for y in (-0.5, 0.5) for z in (-0.4, 0.4)],
+    ...     K=[[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]],
+    ...     pose=([[1, 0, 0], [0, 0, -1], [0, 1, 0]], [0, 0, 5]),
+    ...     config=LabelConfig(axes="pca"),
+    ... )
+    >>> row = animal_row(label, image="herd/a.jpg", animal=0, category="dog")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "labels.json"
+    ...     write_labels_json(file, LabelFile(body="dog", config={}, animals=[row], rejected=[]))
+    ...     read_labels_json(file).animals[0].side
+    'right'
+"""
+
+from typing import TYPE_CHECKING
+
+from animal3dbox.lazy_exports import lazy_exports
+
+if TYPE_CHECKING:
+    from animal3dbox.report.gallery import Card as Card
+    from animal3dbox.report.gallery import write_gallery as write_gallery
+    from animal3dbox.report.label_cuboids import read_label_cuboids as read_label_cuboids
+    from animal3dbox.report.label_files import AnimalRow as AnimalRow
+    from animal3dbox.report.label_files import LabelFile as LabelFile
+    from animal3dbox.report.label_files import RejectedRow as RejectedRow
+    from animal3dbox.report.label_files import animal_row as animal_row
+    from animal3dbox.report.label_files import write_labels_csv as write_labels_csv
+    from animal3dbox.report.label_files import write_labels_json as write_labels_json
+    from animal3dbox.report.label_reading import read_label_rows as read_label_rows
+    from animal3dbox.report.label_reading import read_labels_json as read_labels_json
+    from animal3dbox.report.label_targets import target_of_row as target_of_row
+    from animal3dbox.report.overlay import draw_cuboid as draw_cuboid
+    from animal3dbox.report.overlay import draw_label as draw_label
+    from animal3dbox.report.run import Labelled as Labelled
+    from animal3dbox.report.run import write_run as write_run
+    from animal3dbox.report.summary import FLAGS as FLAGS
+    from animal3dbox.report.summary import Summary as Summary
+    from animal3dbox.report.summary import flags_of as flags_of
+
+__getattr__, __dir__, __all__ = lazy_exports(
+    __name__,
+    {
+        "gallery": ("Card", "write_gallery"),
+        "label_cuboids": ("read_label_cuboids",),
+        "label_files": (
+            "AnimalRow",
+            "LabelFile",
+            "RejectedRow",
+            "animal_row",
+            "write_labels_csv",
+            "write_labels_json",
+        ),
+        "label_reading": ("read_label_rows", "read_labels_json"),
+        "label_targets": ("target_of_row",),
+        "overlay": ("draw_cuboid", "draw_label"),
+        "run": ("Labelled", "write_run"),
+        "summary": ("FLAGS", "Summary", "flags_of"),
+    },
+)

@@ -1,19 +1,17 @@
 """One HTML page that shows every label, worst first, with nothing to load from elsewhere."""
 
 import base64
-import html
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
-from string import Template
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from animal3dbox.files import write_whole
+from animal3dbox.report.html_page import render
 from animal3dbox.report.summary import FLAGS, Summary
 
 MAX_BYTES = 4_500_000
@@ -36,6 +34,11 @@ class Card:
         mask_iou: or None.
         facts: lines below the picture.
         overlay: the file beside the page that the picture leads to, or None.
+
+    Example:
+        >>> card = Card("a.jpg", None, "rejected", -1.0, None, None, ("no_pose: none",), None)
+        >>> card.status, card.facts[0]
+        ('rejected', 'no_pose: none')
     """
 
     title: str
@@ -54,69 +57,62 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
     Args:
         path: the HTML file.
         cards: in any order.
-        summary: the funnel.
+        summary: what became of all animals.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.report.summary import summarize
+        >>> summary = summarize(
+        ...     source="set", body="dog", method="default",
+        ...     animals=(), flags=(), rejected=(), faults=(),
+        ... )
+        >>> card = Card("<a>.jpg", None, "kept", 0.9, 1.5, None, ("side: left",), None)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     shown = write_gallery(Path(folder) / "gallery.html", [card], summary)
+        ...     "&lt;a&gt;.jpg" in (Path(folder) / "gallery.html").read_text(), shown
+        (True, 1)
     """
-    ordered = sorted(cards, key=lambda card: card.confidence)
-    shown = _fitting(ordered)
+    worst_first = sorted(cards, key=lambda card: card.confidence)
+    articles = _fitting(worst_first)
     note = (
         ""
-        if len(shown) == len(ordered)
-        else f"The {len(shown)} worst of {len(ordered)} animals are shown; all are in labels.json."
+        if len(articles) == len(worst_first)
+        else f"The {len(articles)} worst of {len(worst_first)} animals are shown;"
+        " all are in labels.json."
     )
-    template = Template(
-        resources.files("animal3dbox.report").joinpath("gallery.html").read_text(encoding="utf-8")
-    )
-    page = template.substitute(
-        source=html.escape(summary.source),
-        body=html.escape(summary.body),
-        method=html.escape(summary.method),
+    page = render(
+        "animal3dbox.report",
+        "gallery.html",
+        summary=summary,
         funnel=_funnel(summary),
+        most=max(summary.animals, 1),
         note=note,
-        cards="\n".join(shown),
+        articles=articles,
     )
     write_whole(path, page.encode())
-    return len(shown)
+    return len(articles)
 
 
-def _fitting(ordered: Sequence[Card]) -> list[str]:
-    """The cards as HTML.
-
-    At the best width at which all fit, else the worst animals at the least.
-    """
-    texts: list[str] = []
+def _fitting(worst_first: Sequence[Card]) -> list[str]:
+    """The cards as HTML: all at the best width at which they fit, else the worst at the least."""
+    articles: list[str] = []
     for width, quality in WIDTHS:
-        texts, size = [], 0
-        for card in ordered:
-            text = _card(card, width, quality)
-            size += len(text.encode())
+        articles, size = [], 0
+        for card in worst_first:
+            article = _article(card, width, quality)
+            size += len(article.encode())
             if size > MAX_BYTES:
                 break
-            texts.append(text)
-        if len(texts) == len(ordered):
+            articles.append(article)
+        if len(articles) == len(worst_first):
             break
-    return texts
+    return articles
 
 
-def _card(card: Card, width: int, quality: int) -> str:
-    picture = ""
-    if card.picture is not None:
-        tag = (
-            f'<img src="data:image/jpeg;base64,{_jpeg(card.picture, width, quality)}"'
-            f' alt="{html.escape(card.title)}" loading="lazy">'
-        )
-        picture = f'<a href="{html.escape(card.overlay)}">{tag}</a>' if card.overlay else tag
-    facts = "".join(f"<li>{html.escape(fact)}</li>" for fact in card.facts)
-    keys = {
-        "confidence": card.confidence,
-        "error": -1 if card.error_px is None else card.error_px,
-        "iou": 2 if card.mask_iou is None else card.mask_iou,
-    }
-    data = " ".join(f'data-{key}="{value:.4f}"' for key, value in keys.items())
-    return (
-        f'<article class="{card.status}"'
-        f" {data}>{picture}<h2>{html.escape(card.title)}</h2><ul>{facts}</ul></article>"
-    )
+def _article(card: Card, width: int, quality: int) -> str:
+    """A card as HTML, its picture within the page."""
+    jpeg = None if card.picture is None else _jpeg(card.picture, width, quality)
+    return render("animal3dbox.report", "gallery_card.html", card=card, jpeg=jpeg)
 
 
 def small_picture(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
@@ -150,23 +146,14 @@ def _jpeg(picture: bytes, width: int, quality: int) -> str:
     return base64.b64encode(picture).decode()
 
 
-def _funnel(summary: Summary) -> str:
-    """The counts as table rows: kept, flagged and rejected by reason, faulty."""
-    rows = [
+def _funnel(summary: Summary) -> list[tuple[str, int, str]]:
+    """Name, count and note of each row: kept, flagged and rejected by reason, faulty."""
+    return [
         ("animals", summary.animals, ""),
         ("kept", summary.kept, ""),
         ("flagged", summary.flagged, ""),
+        *((f"· {flag}", count, FLAGS.get(flag, "")) for flag, count in summary.flags.items()),
+        ("rejected", summary.rejected, ""),
+        *((f"· {reason}", count, "") for reason, count in summary.reasons.items()),
+        ("faulty", summary.faulty, "see report.json" if summary.faulty else ""),
     ]
-    rows += [(f"· {flag}", count, FLAGS.get(flag, "")) for flag, count in summary.flags.items()]
-    rows += [("rejected", summary.rejected, "")] + [
-        (f"· {reason}", count, "") for reason, count in summary.reasons.items()
-    ]
-    rows += [("faulty", summary.faulty, "see report.json" if summary.faulty else "")]
-    most = max(summary.animals, 1)
-    lines = []
-    for name, count, note in rows:
-        bar = f'<td class="bar"><i style="width:{100 * count / most:.1f}%"></i></td>'
-        lines.append(
-            f"<tr><th>{html.escape(name)}</th><td>{count}</td>{bar}<td>{html.escape(note)}</td></tr>"
-        )
-    return "\n".join(lines)

@@ -61,6 +61,10 @@ class AnimalRow(_Numbers, kw_only=True):
     """One labelled animal; see docs/formats.md.
 
     Besides what is written here, it has every field of target_schema.FILE_FIELDS.
+
+    Example:
+        >>> sorted(AnimalRow.__struct_fields__)[:4]
+        ['K', 'R', 'animal', 'azimuth_deg']
     """
 
     sample_id: str
@@ -81,7 +85,13 @@ class AnimalRow(_Numbers, kw_only=True):
 
 
 class RejectedRow(msgspec.Struct, kw_only=True):
-    """One animal without a label."""
+    """One animal without a label, and the reason.
+
+    Example:
+        >>> row = RejectedRow(sample_id="a", image="a.jpg", animal=0, reason="no_pose", detail="")
+        >>> row.reason
+        'no_pose'
+    """
 
     sample_id: str
     image: str
@@ -91,7 +101,13 @@ class RejectedRow(msgspec.Struct, kw_only=True):
 
 
 class LabelFile(msgspec.Struct, kw_only=True):
-    """All of labels.json."""
+    """The content of labels.json.
+
+    Example:
+        >>> file = LabelFile(body="dog", config={}, animals=[], rejected=[])
+        >>> file.schema, file.face_names[0], file.corner_signs[0]
+        ('animal3dbox.labels', 'front', (-1, -1, -1))
+    """
 
     schema: Literal["animal3dbox.labels"] = SCHEMA
     version: Literal[1] = SCHEMA_VERSION
@@ -112,6 +128,18 @@ def animal_row(label: CuboidLabel, *, image: str, animal: int, category: str) ->
         animal: its number there.
         category: what the dataset calls it.
 
+    Example:
+        >>> from animal3dbox import LabelConfig, label_animal
+        >>> label = label_animal(
+        ...     image_hw=(120, 160),
+        ...     vertices=[[x, y, z] for x in (-1, 1) for y in (-0.5, 0.5) for z in (-0.4, 0.4)],
+        ...     K=[[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]],
+        ...     pose=([[1, 0, 0], [0, 0, -1], [0, 1, 0]], [0, 0, 5]),
+        ...     config=LabelConfig(axes="pca"),
+        ... )
+        >>> row = animal_row(label, image="herd/a.jpg", animal=1, category="dog")
+        >>> row.sample_id, row.side
+        ('herd/a.jpg#1', 'right')
     """
     numbers: dict[str, Any] = {}
     for field in FILE_FIELDS:
@@ -154,6 +182,15 @@ def write_labels_json(path: Path, file: LabelFile) -> None:
     Raises:
         DatasetFormatError: a number is NaN or infinite where the schema wants a number.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.report import LabelFile, RejectedRow, write_labels_json
+        >>> row = RejectedRow(sample_id="a", image="a.jpg", animal=0, reason="no_pose", detail="")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = Path(folder) / "labels.json"
+        ...     write_labels_json(file, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
+        ...     '"reason": "no_pose"' in file.read_text()
+        True
     """
     data = msgspec.json.encode(file)
     try:
@@ -174,7 +211,15 @@ def labels_file(path: Path) -> Path:
 
 
 def write_labels_csv(path: Path, animals: Sequence[AnimalRow]) -> None:
-    """Write labels.csv: a row an animal, the columns an ecologist wants."""
+    """Write labels.csv: a row an animal, the columns an ecologist wants.
+
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_labels_csv(Path(folder) / "labels.csv", animals=[])
+        ...     (Path(folder) / "labels.csv").read_text().split(",")[:4]
+        ['image', 'animal', 'side', 'viewpoint']
+    """
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(CSV_COLUMNS)

@@ -42,6 +42,16 @@ def read_label_rows(path: Path) -> tuple[LabelFile, tuple[SampleError, ...]]:
         DatasetFormatError: not JSON, not of this schema and version, or with faces or corners in
             another order than this version has.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.report import LabelFile, RejectedRow, write_labels_json
+        >>> row = RejectedRow(sample_id="a", image="a.jpg", animal=0, reason="no_pose", detail="")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = Path(folder) / "labels.json"
+        ...     write_labels_json(file, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
+        ...     labels, faults = read_label_rows(file)
+        >>> labels.rejected[0].reason, faults
+        ('no_pose', ())
     """
     file: _Undecoded = decode_json(path, _Undecoded)
     for field, ours in (("face_names", FACE_NAMES), ("corner_signs", CORNER_SIGNS)):
@@ -65,6 +75,15 @@ def read_labels_json(path: Path) -> LabelFile:
         DatasetNotFoundError: no such file.
         DatasetFormatError: as read_label_rows, or for an animal that cannot be used.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.report import LabelFile, RejectedRow, write_labels_json
+        >>> row = RejectedRow(sample_id="a", image="a.jpg", animal=0, reason="no_pose", detail="")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     file = Path(folder) / "labels.json"
+        ...     write_labels_json(file, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
+        ...     read_labels_json(file).body
+        'dog'
     """
     file, faults = read_label_rows(path)
     if faults:

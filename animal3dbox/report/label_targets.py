@@ -19,6 +19,19 @@ def target_of_row(row: AnimalRow) -> dict[str, Any]:
     Raises:
         SampleError: a field has rows of different lengths.
 
+    Example:
+        >>> from animal3dbox import LabelConfig, label_animal
+        >>> label = label_animal(
+        ...     image_hw=(120, 160),
+        ...     vertices=[[x, y, z] for x in (-1, 1) for y in (-0.5, 0.5) for z in (-0.4, 0.4)],
+        ...     K=[[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]],
+        ...     pose=([[1, 0, 0], [0, 0, -1], [0, 1, 0]], [0, 0, 5]),
+        ...     config=LabelConfig(axes="pca"),
+        ... )
+        >>> from animal3dbox.report import animal_row
+        >>> target = target_of_row(animal_row(label, "a.jpg", 0, "dog"))
+        >>> tuple(target["corners_3d"].shape), target["face_visible"][0].nonzero().ravel().tolist()
+        ((1, 8, 3), [3])
     """
     target: dict[str, Any] = {"image_id": row.sample_id}
     for field in FILE_FIELDS:

@@ -1,5 +1,7 @@
 """A cuboid drawn over its picture: front green and back blue, as in the paper's figures."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import torch
@@ -13,14 +15,11 @@ from animal3dbox.labels.types import CuboidLabel
 
 Picture = NDArray[np.uint8]
 
-FRONT, BACK, EDGE, HIDDEN, INK, PAPER = (
-    (40, 190, 70),
-    (50, 100, 235),
-    (255, 220, 60),
-    (200, 170, 70),
-    (255, 255, 255),
-    (20, 20, 20),
-)
+FRONT, BACK = (40, 190, 70), (50, 100, 235)
+FACE_COLORS = {"front": FRONT, "back": BACK}
+EDGE, HIDDEN = (255, 220, 60), (200, 170, 70)
+"""Colours of the edges of visible faces and of the others."""
+INK, PAPER = (255, 255, 255), (20, 20, 20)
 POINT = (235, 60, 60)
 LEAST_WIDTH = 480
 """Small pictures are enlarged before drawing, so that the words stay legible."""
@@ -40,27 +39,34 @@ def draw_label(image: Picture, label: CuboidLabel) -> Picture:
     Returns:
         (H', W', 3) uint8 RGB; enlarged if it was small.
 
+    Example:
+        >>> from animal3dbox import LabelConfig, label_animal
+        >>> label = label_animal(
+        ...     image_hw=(120, 160),
+        ...     vertices=[[x, y, z] for x in (-1, 1) for y in (-0.5, 0.5) for z in (-0.4, 0.4)],
+        ...     K=[[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]],
+        ...     pose=([[1, 0, 0], [0, 0, -1], [0, 1, 0]], [0, 0, 5]),
+        ...     config=LabelConfig(axes="pca"),
+        ... )
+        >>> draw_label(np.zeros((120, 160, 3), dtype=np.uint8), label).shape  # and words below
+        (428, 480, 3)
     """
     canvas, factor = enlarged(image)
     draw_cuboid(canvas, label.cuboid, label.K, factor)
     if label.keypoints is not None:
-        for x, y, v in label.keypoints.tolist():
-            if v > 0:
-                cv2.circle(
-                    canvas,
-                    _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5),
-                    3 * thickness(canvas) << SHIFT,
-                    POINT,
-                    -1,
-                    cv2.LINE_AA,
-                    SHIFT,
-                )
+        radius = 3 * thickness(canvas) << SHIFT
+        for x, y, visibility in label.keypoints.tolist():
+            if visibility > 0:
+                center = _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5)
+                cv2.circle(canvas, center, radius, POINT, -1, cv2.LINE_AA, SHIFT)
     return with_words(canvas, words_of(label))
 
 
 def enlarged(image: Picture) -> tuple[Picture, float]:
-    """A copy of the picture, at least LEAST_WIDTH wide unless that made it too high, and the
-    factor."""
+    """A copy of the picture and the factor by which it is larger.
+
+    It is at least LEAST_WIDTH wide, unless that would make it higher than MOST_HEIGHT.
+    """
     factor = max(1.0, min(LEAST_WIDTH / image.shape[1], MOST_HEIGHT / image.shape[0]))
     if factor == 1.0:
         return image.copy(), factor
@@ -74,51 +80,63 @@ def enlarged(image: Picture) -> tuple[Picture, float]:
 def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: float = 1.0) -> None:
     """Draw a cuboid of the camera frame into a picture that was enlarged by a factor.
 
-    Cut at the near plane.
+    It is cut at the near plane. The picture itself is drawn into.
+
+    Args:
+        canvas: (H, W, 3) uint8 RGB.
+        cuboid_cam: in the camera frame.
+        K: (3, 3) px of the picture before it was enlarged.
+        factor: by which it was.
+
+    Example:
+        >>> canvas = np.zeros((120, 160, 3), dtype=np.uint8)
+        >>> box = Cuboid(torch.tensor([0, 0, 5.0]), torch.eye(3), torch.tensor([2.0, 1.0, 1.0]))
+        >>> draw_cuboid(canvas, box, torch.tensor([[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]]))
+        >>> bool(canvas[:, 40:120].any()), bool(canvas[:, :40].any())
+        (True, False)
     """
-    corners, near, unit = cuboid_cam.corners(), near_depth(cuboid_cam), thickness(canvas)
-    seen = visible_faces(corners, torch.zeros_like(cuboid_cam.center)).tolist()
-    for name, color in (("back", BACK), ("front", FRONT)):
-        strength = 0.38 if seen[FACE_NAMES.index(name)] else 0.16
-        _fill(
-            canvas,
-            _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor),
-            color,
-            strength,
-        )
-    shown = {
+    corners, near = cuboid_cam.corners(), near_depth(cuboid_cam)
+    visible = visible_faces(corners, torch.zeros_like(cuboid_cam.center)).tolist()
+    outlines = {
+        name: _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
+        for name in ("back", "front")
+    }
+    for name, outline in outlines.items():
+        strength = 0.38 if visible[FACE_NAMES.index(name)] else 0.16
+        _fill(canvas, outline, FACE_COLORS[name], strength)
+    _draw_edges(canvas, corners, visible, near=near, K=K, factor=factor)
+    for name, outline in outlines.items():
+        if visible[FACE_NAMES.index(name)]:
+            points = np.round(outline * (1 << SHIFT)).astype(np.int32)
+            width = 2 * thickness(canvas)
+            cv2.polylines(canvas, [points], True, FACE_COLORS[name], width, cv2.LINE_AA, SHIFT)
+
+
+def _draw_edges(
+    canvas: Picture,
+    corners: torch.Tensor,
+    visible: Sequence[bool],
+    *,
+    near: torch.Tensor,
+    K: torch.Tensor,
+    factor: float,
+) -> None:
+    """Draw the twelve edges, those of visible faces thicker and last."""
+    edges_of_visible_faces = {
         frozenset(edge)
-        for i, face in enumerate(FACES.values())
-        if seen[i]
+        for face, is_visible in zip(FACES.values(), visible, strict=True)
+        if is_visible
         for edge in zip(face, face[1:] + face[:1], strict=True)
     }
-    for edge in sorted(EDGES, key=lambda e: frozenset(e) in shown):
+    unit = thickness(canvas)
+    for edge in sorted(EDGES, key=lambda e: frozenset(e) in edges_of_visible_faces):
         line = clip_to_near(corners[[edge[0], edge[1], edge[1]]], near)
         if float(line.amax(0)[2] - line.amin(0)[2]) == 0 and float(line.abs()[:, :2].sum()) == 0:
-            continue
-        a, b = _pixels(line, K, factor)[:2]
-        solid = frozenset(edge) in shown
-        cv2.line(
-            canvas,
-            _fixed(*a),
-            _fixed(*b),
-            EDGE if solid else HIDDEN,
-            unit * (2 if solid else 1),
-            cv2.LINE_AA,
-            SHIFT,
-        )
-    for name, color in (("back", BACK), ("front", FRONT)):
-        if seen[FACE_NAMES.index(name)]:
-            outline = _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
-            cv2.polylines(
-                canvas,
-                [np.round(outline * (1 << SHIFT)).astype(np.int32)],
-                True,
-                color,
-                2 * unit,
-                cv2.LINE_AA,
-                SHIFT,
-            )
+            continue  # all of it is behind the near plane
+        start, end = _pixels(line, K, factor)[:2]
+        is_visible = frozenset(edge) in edges_of_visible_faces
+        color, width = (EDGE, 2 * unit) if is_visible else (HIDDEN, unit)
+        cv2.line(canvas, _fixed(*start), _fixed(*end), color, width, cv2.LINE_AA, SHIFT)
 
 
 def words_of(label: CuboidLabel) -> list[str]:

@@ -1,4 +1,9 @@
-"""What became of every animal: kept, flagged, rejected or faulty, and why."""
+"""The counts of a run: every animal is kept, flagged, rejected or faulty, and why.
+
+Example:
+    >>> FLAGS["near_camera"]
+    'a corner of the box is at or behind the camera'
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -20,11 +25,11 @@ FLAGS = {
     "near_camera": "a corner of the box is at or behind the camera",
     "unseen": "the image shows nothing of the animal",
 }
-"""Why a label is kept but should be looked at."""
+"""Reasons why a label that is kept should be looked at."""
 
 
 class FaultRow(msgspec.Struct, kw_only=True):
-    """One sample that could not be read at all."""
+    """A sample that could not be read at all."""
 
     sample_id: str
     field: str
@@ -32,9 +37,18 @@ class FaultRow(msgspec.Struct, kw_only=True):
 
 
 class Summary(msgspec.Struct, kw_only=True):
-    """All of report.json.
+    """The counts of a run, as report.json holds them.
 
     Every animal of the input is counted exactly once in kept, flagged, rejected or faulty.
+
+    Example:
+        >>> fault = SampleError("a.jpg", "joints", "must be 24 triples")
+        >>> summary = summarize(
+        ...     source="set", body="dog", method="default",
+        ...     animals=(), flags=(), rejected=(), faults=[fault],
+        ... )
+        >>> summary.animals, summary.kept, summary.faulty, summary.faults[0].sample_id
+        (1, 0, 1, 'a.jpg')
     """
 
     source: str
@@ -54,7 +68,20 @@ class Summary(msgspec.Struct, kw_only=True):
 
 
 def flags_of(label: CuboidLabel) -> tuple[str, ...]:
-    """The FLAGS that a label raises."""
+    """The FLAGS that a label raises, in their order.
+
+    Example:
+        >>> from animal3dbox import LabelConfig, label_animal
+        >>> label = label_animal(
+        ...     image_hw=(120, 160),
+        ...     vertices=[[x, y, z] for x in (-1, 1) for y in (-0.5, 0.5) for z in (-0.4, 0.4)],
+        ...     K=[[100, 0, 79.5], [0, 100, 59.5], [0, 0, 1]],
+        ...     pose=([[1, 0, 0], [0, 0, -1], [0, 1, 0]], [0, 0, 5]),
+        ...     config=LabelConfig(axes="pca"),
+        ... )
+        >>> flags_of(label)
+        ()
+    """
     quality = label.quality
     raised = {
         "few_inliers": (
@@ -69,6 +96,7 @@ def flags_of(label: CuboidLabel) -> tuple[str, ...]:
 
 
 def summarize(
+    *,
     source: str,
     body: str,
     method: str,
@@ -89,17 +117,6 @@ def summarize(
         faults: samples that could not be read.
 
     """
-    errors = sorted(
-        float(e)
-        for row in animals
-        if (e := row.quality["reprojection_error_px"]) is not None
-        and not isinstance(e, (str, list))
-    )
-    overlaps = sorted(
-        float(e)
-        for row in animals
-        if (e := row.quality["mask_iou"]) is not None and not isinstance(e, (str, list))
-    )
     flagged = sum(bool(raised) for raised in flags)
     return Summary(
         source=source,
@@ -113,8 +130,8 @@ def summarize(
         flags=dict(Counter(flag for raised in flags for flag in raised)),
         reasons=dict(Counter(row.reason for row in rejected)),
         sides=dict(Counter(row.side or "none" for row in animals)),
-        median_reprojection_error_px=_median(errors),
-        median_mask_iou=_median(overlaps),
+        median_reprojection_error_px=_median(_numbers(animals, "reprojection_error_px")),
+        median_mask_iou=_median(_numbers(animals, "mask_iou")),
         faults=[
             FaultRow(sample_id=fault.sample_id or "", field=fault.field, problem=fault.problem)
             for fault in faults
@@ -122,7 +139,15 @@ def summarize(
     )
 
 
-def _median(ordered: list[float]) -> float | None:
+def _numbers(animals: Sequence[AnimalRow], quality: str) -> list[float]:
+    """One of the qualities of the animals of which it is known."""
+    values = (row.quality[quality] for row in animals)
+    return [float(value) for value in values if isinstance(value, int | float)]
+
+
+def _median(values: list[float]) -> float | None:
+    """The middle value, or the mean of the two in the middle; None without any."""
+    ordered = sorted(values)
     if not ordered:
         return None
     middle = len(ordered) // 2

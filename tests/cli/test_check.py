@@ -35,8 +35,8 @@ def checked(tmp_path: Path, content: Content, *options: str) -> tuple[int, str]:
 
 
 def test_good_labels_pass(tmp_path: Path, good: Content) -> None:
-    code, said = checked(tmp_path, good)
-    assert (code, said.splitlines()[0]) == (0, f"1 animals in {tmp_path}: 0 faults")
+    code, output = checked(tmp_path, good)
+    assert (code, output.splitlines()[0]) == (0, f"1 animals in {tmp_path}: 0 faults")
 
 
 SPOILT: dict[str, tuple[Callable[[Content], None], str, str]] = {
@@ -87,17 +87,17 @@ def test_spoilt_labels_are_named_with_their_check(tmp_path: Path, good: Content,
     spoil, check, field = SPOILT[case]
     content = json.loads(json.dumps(good))
     spoil(content["animals"][0])
-    code, said = checked(tmp_path, content, "--json")
+    code, output = checked(tmp_path, content, "--json")
     assert code == 4
-    report = json.loads(said)
+    report = json.loads(output)
     assert any(
         f["check"] == check and f["field"] == field and f["sample_id"] == "a.jpg"
         for f in report["faults"]
     ), report["faults"]
-    code, said = checked(tmp_path, content)
+    code, output = checked(tmp_path, content)
     assert code == 4
-    assert f" x {check}" in said
-    assert f"a.jpg: {field}: " in said
+    assert f" x {check}" in output
+    assert f"a.jpg: {field}: " in output
 
 
 UNREADABLE: dict[str, tuple[Callable[[Content], object], str, str]] = {
@@ -119,15 +119,15 @@ def test_a_row_that_cannot_be_used_is_named_and_the_others_are_checked_and_expor
         row["sample_id"] = f"a.jpg#{number}"
     spoil(content["animals"][1])
     content["animals"][2]["confidence"] = 2
-    code, said = checked(tmp_path, content, "--json")
-    report = json.loads(said)
+    code, output = checked(tmp_path, content, "--json")
+    report = json.loads(output)
     assert (code, report["animals"], report["counts"]) == (4, 3, {"reading": 1, "confidence": 1})
     (fault,) = (fault for fault in report["faults"] if fault["check"] == "reading")
     assert (fault["sample_id"], fault["field"]) == (name, field)
     assert "take" in fault["problem"]
-    code, said = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
+    code, output = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
     assert code == 4
-    assert f"faulty: {name}: {field}: " in said
+    assert f"faulty: {name}: {field}: " in output
     assert len(json.loads((tmp_path / "coco.json").read_text())["annotations"]) == 2
 
 
@@ -139,14 +139,14 @@ def test_faces_or_corners_in_another_order_are_refused(
     tmp_path: Path, good: Content, field: str, order: tuple[int, ...]
 ) -> None:
     content = {**good, field: [good[field][k] for k in order]}
-    code, said = checked(tmp_path, content)
-    assert (code, f"labels.json: {field} must be [" in said, f"put {field} back" in said) == (
+    code, output = checked(tmp_path, content)
+    assert (code, f"labels.json: {field} must be [" in output, f"put {field} back" in output) == (
         3,
         True,
         True,
     )
-    code, said = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
-    assert (code, f"labels.json: {field} must be [" in said) == (3, True)
+    code, output = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
+    assert (code, f"labels.json: {field} must be [" in output) == (3, True)
     assert not (tmp_path / "coco.json").exists()
 
 
@@ -159,9 +159,9 @@ def test_labels_of_a_scale_that_cannot_be_are_not_exported(tmp_path: Path, good:
         ],
     }
     (tmp_path / "labels.json").write_text(json.dumps(content))
-    code, said = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
+    code, output = ran("export", tmp_path, "--to", "coco", "--out", tmp_path / "coco.json")
     assert code == 4
-    assert "b.jpg: scale_m_per_unit: must be positive" in said
+    assert "b.jpg: scale_m_per_unit: must be positive" in output
 
 
 def test_every_check_of_rows_has_its_line_in_the_documents() -> None:
@@ -179,9 +179,9 @@ def test_an_omni3d_file_is_checked_too(tmp_path: Path) -> None:
     content["annotations"][0]["center_cam"][0] += 1
     content["annotations"][1]["bbox2D_tight"] = [-50.0, -40.0, -30.0, -20.0]
     (tmp_path / "a.json").write_text(json.dumps(content))
-    code, said = ran("check", tmp_path / "a.json", "--json")
+    code, output = ran("check", tmp_path / "a.json", "--json")
     assert code == 4
-    report = json.loads(said[said.index("{") :])
+    report = json.loads(output[output.index("{") :])
     assert report["animals"] == 10
     assert {(f["check"], f["sample_id"]) for f in report["faults"]} == {
         ("reading", "images/0.jpg"),
@@ -196,9 +196,9 @@ def test_nothing_to_check_is_an_input_error(tmp_path: Path) -> None:
 
 
 def test_a_dataset_is_labelled_and_checked(animals: Path) -> None:
-    known = ("--model", str(model_of(animals)), "--stored-pose", "exact")
-    code, said = ran("check", animals, *known, "--json")
-    report = json.loads(said)
+    known = ("--model", str(model_of(animals)), "--stored-camera", "exact")
+    code, output = ran("check", animals, *known, "--json")
+    report = json.loads(output)
     assert (code, report["faults"]) == (0, [])
     assert report["animals"] == sum(
         len(json.loads((animals / name).read_text())["data"])
@@ -208,16 +208,18 @@ def test_a_dataset_is_labelled_and_checked(animals: Path) -> None:
 
 def test_a_dataset_s_bad_samples_are_named(copied: Path) -> None:
     image, _ = plant(copied, "train.json", 1, "image of words")
-    code, said = ran("check", copied, "--model", str(model_of(copied)), "--stored-pose", "exact")
+    code, output = ran(
+        "check", copied, "--model", str(model_of(copied)), "--stored-camera", "exact"
+    )
     assert code == 4
-    assert f"{image}: image: " in said
+    assert f"{image}: image: " in output
 
 
 def test_cuboids_are_not_taken_for_keypoints(tmp_path: Path) -> None:
     write_omni3d(random_set(), tmp_path / "boxes.json")
-    code, said = ran("label", tmp_path / "boxes.json", "--out", tmp_path / "out")
+    code, output = ran("label", tmp_path / "boxes.json", "--out", tmp_path / "out")
     assert code == 2
-    assert "nothing to label" in said
+    assert "nothing to label" in output
 
 
 def test_labels_under_a_lens_are_checked_with_it_and_not_exported_without(tmp_path: Path) -> None:
@@ -232,7 +234,7 @@ def test_labels_under_a_lens_are_checked_with_it_and_not_exported_without(tmp_pa
     ]
     assert lenses
     assert ran("check", tmp_path / "out")[0] == 0
-    code, said = ran(
+    code, output = ran(
         "export",
         tmp_path / "out",
         "--to",
@@ -242,7 +244,7 @@ def test_labels_under_a_lens_are_checked_with_it_and_not_exported_without(tmp_pa
         "--scale-free",
     )
     assert code == 4
-    assert all(f"{name}: distortion: is a lens" in said for name in lenses)
+    assert all(f"{name}: distortion: is a lens" in output for name in lenses)
     for row in content["animals"]:
         row["distortion"] = None
     (tmp_path / "labels.json").write_text(json.dumps(content))

@@ -7,6 +7,7 @@ import contextlib
 import csv
 import io
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -16,6 +17,7 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
+import tyro
 from photo_dataset import (
     FAULTS,
     HW,
@@ -31,10 +33,14 @@ from photo_dataset import (
     write_annotations,
 )
 
-from animal3dbox.cli.main import Format, main
+from animal3dbox.cli.jobs import COMMANDS
+from animal3dbox.cli.main import main
+from animal3dbox.cli.options import FaultOptions, Format, StoredCamera, Swap
 from animal3dbox.datasets.bodies.sources import preset_body
 from animal3dbox.datasets.formats import FORMATS
+from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.synthetic import faults
 from animal3dbox.report.label_files import AnimalRow
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.run import overlay_name
@@ -43,15 +49,15 @@ SIDES = {"left.jpg": (95, "left"), "right.jpg": (-80, "right"), "back.jpg": (185
 
 
 @dataclass(frozen=True)
-class Ran:
-    """What a command gave back."""
+class CommandResult:
+    """The exit code and the output of a command."""
 
     code: int
     stdout: str
     stderr: str
 
 
-def ran(*arguments: str | Path) -> Ran:
+def ran(*arguments: str | Path) -> CommandResult:
     """Run a command in this process."""
     out, err = io.StringIO(), io.StringIO()
     with (
@@ -61,7 +67,7 @@ def ran(*arguments: str | Path) -> Ran:
     ):
         main([str(a) for a in arguments])
     code = left.value.code
-    return Ran(
+    return CommandResult(
         code if isinstance(code, int) else 0 if code is None else 1, out.getvalue(), err.getvalue()
     )
 
@@ -86,7 +92,7 @@ class Faulty:
 
     root: Path
     out: Path
-    ran: Ran
+    ran: CommandResult
     report: dict[str, Any]
     spoilt: dict[str, Spoilt]
 
@@ -207,7 +213,7 @@ def test_json_prints_the_report_and_nothing_else(faulty: Faulty) -> None:
 
 
 # A good dataset
-# -------------------------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -257,8 +263,8 @@ def test_two_animals_of_one_image_have_numbers_and_overlays_of_their_own(good: P
 
 
 def test_there_is_an_overlay_for_each_label(good: Path) -> None:
-    taken: set[str] = set()
-    names = sorted(overlay_name(row.image, row.animal, taken) for row in rows_of(good))
+    names_so_far: set[str] = set()
+    names = sorted(overlay_name(row.image, row.animal, names_so_far) for row in rows_of(good))
     assert sorted(path.name for path in (good / "out" / "overlays").iterdir()) == names
     assert all((good / "out" / "overlays" / name).stat().st_size > 1000 for name in names)
 
@@ -369,7 +375,7 @@ def test_a_mesh_of_another_topology_labels_a_dataset(tmp_path: Path) -> None:
 
 
 # Wrong usage
-# ----------------------------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -408,9 +414,9 @@ def small(tmp_path: Path, views: dict[str, View]) -> Path:
 def test_wrong_options_end_with_a_code_and_a_remedy(
     small: Path, options: list[str], code: int, words: list[str]
 ) -> None:
-    given = [option.format(small) for option in options]
+    arguments = [option.format(small) for option in options]
     result = ran(
-        "label", small, *([] if "--out" in given else ["--out", str(small / "out")]), *given
+        "label", small, *([] if "--out" in arguments else ["--out", str(small / "out")]), *arguments
     )
     assert result.code == code
     assert result.stderr.startswith("animal3dbox: ")
@@ -482,7 +488,7 @@ def test_an_input_that_cannot_be_read_ends_with_code_3_and_its_name(
 
 
 # In a process of its own
-# ----------------------------------------------------------------------------------------------
+# -------------------------------------------------------------------------------------
 
 
 def alone(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -494,7 +500,9 @@ def alone(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 def test_help_answers_without_loading_torch() -> None:
     code = """
 import sys
-from animal3dbox.cli.main import Format, main
+from animal3dbox.cli.jobs import COMMANDS
+from animal3dbox.cli.main import main
+from animal3dbox.cli.options import FaultOptions, Format, StoredCamera, Swap
 try:
     main(sys.argv[1:])
 except SystemExit as left:
@@ -531,3 +539,21 @@ def test_stdout_of_a_process_is_one_json(small: Path) -> None:
 
 def test_the_options_name_exactly_the_formats_that_can_be_read() -> None:
     assert get_args(Format) == ("auto", *FORMATS)
+
+
+def test_the_options_name_exactly_the_choices_of_the_code_that_takes_them() -> None:
+    assert get_args(StoredCamera) == get_args(CameraPolicy)
+    assert get_args(Swap) == get_args(faults.Swap)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command_shows_an_example_that_it_parses(command: str) -> None:
+    (example,) = re.findall(r"Example: animal3dbox (.*)$", ran(command, "--help").stdout, re.M)
+    words = example.split()
+    assert words[0] == command
+    job = tyro.cli(COMMANDS[command], args=words[1:], config=(tyro.conf.OmitArgPrefixes,))
+    assert callable(job.run)
+
+
+def test_the_fault_options_are_the_faults_of_the_synthetic_world() -> None:
+    assert FaultOptions().config() == faults.FaultConfig()

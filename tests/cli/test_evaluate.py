@@ -49,28 +49,10 @@ def test_a_dataset_is_evaluated_by_what_is_annotated_and_by_the_truth_beside_it(
     format: str, tmp_path: Path
 ) -> None:
     world, out = tmp_path / "world", tmp_path / "out"
-    assert (
-        run(
-            "synth",
-            "--out",
-            str(world),
-            "--n",
-            "6",
-            "--format",
-            format,
-            "--width",
-            "160",
-            "--height",
-            "120",
-        )
-        == 0
-    )
-    options = (
-        ("--model", str(tmp_path / "world-model.pkl"))
-        if format == "animal3d"
-        else ("--body", "dog")
-    )
-    assert run("evaluate", str(world), "--out", str(out), *options) == 0
+    synth = f"synth --out {world} --n 6 --format {format} --width 160 --height 120"
+    assert run(*synth.split()) == 0
+    body = f"--model {tmp_path}/world-model.pkl" if format == "animal3d" else "--body dog"
+    assert run(*f"evaluate {world} --out {out} {body}".split()) == 0
     assert all((out / name).is_file() for name in FILES)
     rows = {
         row["method"]: row

@@ -41,17 +41,17 @@ def test_labels_without_scale_are_refused_with_the_remedy_and_nothing_is_written
     labels: Path, tmp_path: Path
 ) -> None:
     for to in ("omni3d", "kitti"):
-        code, said = ran("export", labels, "--to", to, "--out", tmp_path / "out")
+        code, output = ran("export", labels, "--to", to, "--out", tmp_path / "out")
         assert code == 2
-        assert "--metres-per-unit" in said
-        assert "--scale-free" in said
+        assert "--metres-per-unit" in output
+        assert "--scale-free" in output
     assert not (tmp_path / "out").exists()
 
 
 def test_labels_become_omni3d_and_sides_keep_their_names(
     labels: Path, tmp_path: Path, row: AnimalRow
 ) -> None:
-    code, said = ran(
+    code, output = ran(
         "export",
         labels / "labels.json",
         "--to",
@@ -62,7 +62,7 @@ def test_labels_become_omni3d_and_sides_keep_their_names(
         "0.5",
     )
     assert code == 0
-    assert "1 animals have no label" in said
+    assert "1 animals have no label" in output
     back = read_omni3d(tmp_path / "out" / "annotations.json").records[0]
     assert (back.image_id, back.category, back.heading_known, back.metric) == (
         "herd/a.jpg",
@@ -75,8 +75,10 @@ def test_labels_become_omni3d_and_sides_keep_their_names(
     assert back.truncation == row.truncation
     corners = back.center + (np.array(CORNER_SIGNS) * back.size / 2) @ back.rotation.T
     assert [
-        n for n, seen in zip(FACE_NAMES, visible_faces(corners, np.zeros(3)), strict=True) if seen
-    ] == [n for n, seen in zip(FACE_NAMES, row.face_visible, strict=True) if seen]
+        n
+        for n, visible in zip(FACE_NAMES, visible_faces(corners, np.zeros(3)), strict=True)
+        if visible
+    ] == [n for n, visible in zip(FACE_NAMES, row.face_visible, strict=True) if visible]
 
 
 def test_labels_that_state_their_scale_are_metres_already(labels: Path, tmp_path: Path) -> None:
@@ -117,26 +119,28 @@ def test_labels_become_coco_and_kitti(labels: Path, tmp_path: Path, row: AnimalR
         json.loads((tmp_path / "coco.json").read_text())["annotations"][0]["keypoints"]
     ).reshape(9, 3)
     assert np.abs(keypoints[:8, :2] - np.array(row.corners_2d)).max() < 1e-9
-    code, said = ran("export", labels, "--to", "kitti", "--out", tmp_path / "kitti", "--scale-free")
+    code, output = ran(
+        "export", labels, "--to", "kitti", "--out", tmp_path / "kitti", "--scale-free"
+    )
     assert code == 0
-    assert "at worst (1 boxes)" in said
+    assert "at worst (1 boxes)" in output
     assert read_kitti(tmp_path / "kitti").records[0].category == "dog"
 
 
 def test_an_omni3d_file_becomes_any_format_and_its_faults_set_the_exit_code(tmp_path: Path) -> None:
     write_omni3d(random_set(in_view=True), tmp_path / "in.json")
     for to in ("omni3d", "coco", "kitti"):
-        code, said = ran("export", tmp_path / "in.json", "--to", to, "--out", tmp_path / to)
-        assert (code, "10 boxes in 5 images" in said) == (0, True)
+        code, output = ran("export", tmp_path / "in.json", "--to", to, "--out", tmp_path / to)
+        assert (code, "10 boxes in 5 images" in output) == (0, True)
     assert (tmp_path / "omni3d" / "annotations.json").read_bytes() == (
         tmp_path / "in.json"
     ).read_bytes()
     content = json.loads((tmp_path / "in.json").read_text())
     content["annotations"][0]["category_id"] = 5
     (tmp_path / "in.json").write_text(json.dumps(content))
-    code, said = ran("export", tmp_path / "in.json", "--to", "coco", "--out", tmp_path / "coco")
+    code, output = ran("export", tmp_path / "in.json", "--to", "coco", "--out", tmp_path / "coco")
     assert code == 4
-    assert "faulty: images/0.jpg: category_id: 5" in said
+    assert "faulty: images/0.jpg: category_id: 5" in output
 
 
 def test_wrong_use_of_export_has_its_exit_codes(labels: Path, tmp_path: Path) -> None:
@@ -165,6 +169,6 @@ def test_wrong_use_of_export_has_its_exit_codes(labels: Path, tmp_path: Path) ->
         (5, (labels, "--to", "coco", "--out", tmp_path / "file" / "x.json")),
     ]
     for expected, arguments in cases:
-        code, said = ran("export", *arguments)
-        assert code == expected, (arguments, said)
+        code, output = ran("export", *arguments)
+        assert code == expected, (arguments, output)
     assert not (tmp_path / "x").exists()

@@ -37,7 +37,7 @@ def test_shards_fill_the_cache_of_a_dataset_with_the_same_options(
             animals,
             "--model",
             model_of(animals),
-            "--stored-pose",
+            "--stored-camera",
             "exact",
             "--cache",
             cache,
@@ -63,7 +63,7 @@ def test_resuming_makes_only_what_is_missing(
         animals,
         "--model",
         model_of(animals),
-        "--stored-pose",
+        "--stored-camera",
         "exact",
         "--cache",
         tmp_path / "cache",
@@ -90,7 +90,7 @@ def test_what_cannot_be_labelled_is_told_and_ends_with_code_4(
         copied,
         "--model",
         model_of(copied),
-        "--stored-pose",
+        "--stored-camera",
         "exact",
         "--cache",
         tmp_path / "cache",
@@ -116,20 +116,20 @@ def test_images_that_cannot_be_used_are_told_before_an_epoch_meets_them(
         copied,
         "--model",
         model_of(copied),
-        "--stored-pose",
+        "--stored-camera",
         "exact",
         "--cache",
         tmp_path / "cache",
         "--json",
     )
-    told = json.loads(out)
+    report = json.loads(out)
     assert code == 4
-    assert {(case["sample_id"], case["field"]) for case in told["cases"]} == {
+    assert {(case["sample_id"], case["field"]) for case in report["cases"]} == {
         (head.sample_id, "image") for one in faulty for head in one.animals
     }
     assert (
-        told["stored"]
-        == told["animals"] - sum(len(one.animals) for one in faulty)
+        report["stored"]
+        == report["animals"] - sum(len(one.animals) for one in faulty)
         == entries(tmp_path / "cache")
     )
 
@@ -177,7 +177,7 @@ def test_labels_in_metres_say_so(
         model_of(animals),
         "--metres-per-unit",
         "0.5",
-        "--stored-pose",
+        "--stored-camera",
         "exact",
         "--out",
         tmp_path / "o",
@@ -201,19 +201,19 @@ def test_labels_made_together_are_those_made_one_by_one(
         animals,
         "--model",
         model_of(animals),
-        "--stored-pose",
+        "--stored-camera",
         "exact",
         "--cache",
         tmp_path / "cache",
     )
-    stored, made = small_dataset(animals, cache=tmp_path / "cache"), small_dataset(animals)
-    held = entries(tmp_path / "cache")
-    for index in range(len(made)):
-        for name, value in made[index][1].items():  # type: ignore[index]
+    stored, fresh = small_dataset(animals, cache=tmp_path / "cache"), small_dataset(animals)
+    entries_before = entries(tmp_path / "cache")
+    for index in range(len(fresh)):
+        for name, value in fresh[index][1].items():  # type: ignore[index]
             other = stored[index][1][name]  # type: ignore[index]
             if isinstance(value, torch.Tensor):
                 assert torch.allclose(value.double(), other.double(), rtol=1e-6, atol=1e-6), name
-    assert entries(tmp_path / "cache") == held
+    assert entries(tmp_path / "cache") == entries_before
 
 
 def test_the_masks_overlap_is_stored_for_datasets_whose_filters_ask_for_it(
@@ -224,15 +224,15 @@ def test_the_masks_overlap_is_stored_for_datasets_whose_filters_ask_for_it(
         animals,
         "--model",
         model_of(animals),
-        "--stored-pose",
+        "--stored-camera",
         "exact",
         "--cache",
         tmp_path / "cache",
     )
     run(capsys, *common, "--mask-iou")
-    held = entries(tmp_path / "cache")
+    entries_before = entries(tmp_path / "cache")
     dataset = small_dataset(
         animals, cache=tmp_path / "cache", filters=LabelFilter(min_mask_iou=0.1)
     )
     assert not isinstance(dataset[0], Skipped)
-    assert entries(tmp_path / "cache") == held
+    assert entries(tmp_path / "cache") == entries_before

@@ -20,15 +20,17 @@ from animal3dbox.datasets.storage.segments import SegmentWriter
 def test_options_that_contradict_are_refused(
     animals: Path, tmp_path: Path, options: tuple[str, str], says: str
 ) -> None:
-    code, said = ran("label", animals, "--model", model_of(animals), "--cache", tmp_path, *options)
+    code, output = ran(
+        "label", animals, "--model", model_of(animals), "--cache", tmp_path, *options
+    )
     assert code == 2
-    assert says in said
+    assert says in output
 
 
 def test_a_negative_number_of_workers_is_no_traceback(animals: Path) -> None:
-    code, said = ran("check", animals, "--model", model_of(animals), "--workers", "-1")
+    code, output = ran("check", animals, "--model", model_of(animals), "--workers", "-1")
     assert code == 2
-    assert "--workers must not be negative" in said
+    assert "--workers must not be negative" in output
 
 
 def test_labels_that_found_no_room_are_not_said_to_be_in_the_cache(
@@ -38,6 +40,8 @@ def test_labels_that_found_no_room_are_not_said_to_be_in_the_cache(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(SegmentWriter, "append", full)
-    code, said = ran("label", animals, "--model", model_of(animals), "--cache", tmp_path, "--json")
+    code, output = ran(
+        "label", animals, "--model", model_of(animals), "--cache", tmp_path, "--json"
+    )
     assert code == 4
-    assert json.loads(said)["stored"] == 0
+    assert json.loads(output)["stored"] == 0

@@ -19,35 +19,12 @@ def run(*arguments: str) -> int:
 def test_a_synthetic_animal3d_folder_is_written_and_labelled_with_its_own_bodies(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert (
-        run(
-            "synth",
-            "--out",
-            str(tmp_path / "made"),
-            "--n",
-            "5",
-            "--seed",
-            "3",
-            "--mark-hidden",
-            *SMALL,
-        )
-        == 0
-    )
-    said = capsys.readouterr().out
-    model = tmp_path / "made-model.pkl"
-    assert f"--model {model}" in said
-    assert (
-        run(
-            "label",
-            str(tmp_path / "made"),
-            "--model",
-            str(model),
-            "--out",
-            str(tmp_path / "labels"),
-            "--json",
-        )
-        == 0
-    )
+    made, model, dropped = tmp_path / "made", tmp_path / "made-model.pkl", tmp_path / "dropped"
+    assert run(*f"synth --out {made} --n 5 --seed 3 --mark-hidden".split(), *SMALL) == 0
+    output = capsys.readouterr().out
+    assert f"--model {model}" in output
+    command = f"label {made} --model {model} --json --out".split()
+    assert run(*command, str(tmp_path / "labels")) == 0
     captured = capsys.readouterr()
     report = json.loads(captured.out)
     assert "camera frame is x right, y down, z forward" in captured.err
@@ -55,21 +32,7 @@ def test_a_synthetic_animal3d_folder_is_written_and_labelled_with_its_own_bodies
     assert report["faulty"] == 0
     labels = json.loads((tmp_path / "labels" / "labels.json").read_text())
     assert labels["body"].startswith("parameters:")
-    dropped = tmp_path / "dropped"
-    assert (
-        run(
-            "label",
-            str(tmp_path / "made"),
-            "--model",
-            str(model),
-            "--out",
-            str(dropped),
-            "--tail",
-            "drop",
-            "--json",
-        )
-        == 0
-    )
+    assert run(*command, str(dropped), "--tail", "drop") == 0
     without = {
         animal["sample_id"]: animal
         for animal in json.loads((dropped / "labels.json").read_text())["animals"]
@@ -81,8 +44,7 @@ def test_a_synthetic_animal3d_folder_is_written_and_labelled_with_its_own_bodies
     )
     assert {animal["quality"]["K_source"] for animal in labels["animals"]} == {"dataset"}
     truth = {
-        told["sample_id"]: told
-        for told in json.loads((tmp_path / "made" / "truth.json").read_text())["animals"]
+        box["sample_id"]: box for box in json.loads((made / "truth.json").read_text())["animals"]
     }
     sizes = [(animal["size"], truth[animal["sample_id"]]["size"]) for animal in labels["animals"]]
     assert all(a == pytest.approx(b, rel=0.25) for a, b in sizes)

@@ -175,11 +175,11 @@ def test_a_view_is_of_its_class(someone: Subject) -> None:
     box, vertices = someone.animal.cuboid_world, someone.animal.vertices
     cuts = {}
     for view in CLASSES:
-        camera = draw_view(view, box, vertices, 3, 5)
+        camera = draw_view(view, box, vertices, seed=3, index=5)
         assert camera is not None
-        seen = box.transformed(camera.T_cam_world)
-        assert bool(corners_in_front(seen).all()) == (view != BEHIND)
-        cuts[view] = float(face_visibility(seen, camera.K, camera.image_hw).truncation)
+        box_cam = box.transformed(camera.T_cam_world)
+        assert bool(corners_in_front(box_cam).all()) == (view != BEHIND)
+        cuts[view] = float(face_visibility(box_cam, camera.K, camera.image_hw).truncation)
         if view == "UAV nadir":
             assert (
                 float(camera.T_cam_world[2, 2]) < -0.98

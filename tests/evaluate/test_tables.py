@@ -22,9 +22,10 @@ TABLE = Table(
 
 
 def test_numbers_are_shown_with_about_four_digits_and_the_unknown_as_a_dash() -> None:
-    assert [shown(cell) for cell in (1.234567, 0.01234567, 123.456, 1e-7, 0.0, 12, None, float("nan"), "word")] == [
-        "1.23", "0.0123", "123.5", "1.0e-07", "0.0000", "12", "-", "-", "word",
-    ]  # fmt: skip
+    numbers = {1.234567: "1.23", 0.01234567: "0.0123", 123.456: "123.5", 1e-7: "1.0e-07"}
+    assert {number: shown(number) for number in numbers} == numbers
+    assert [shown(cell) for cell in (0.0, 12, "word")] == ["0.0000", "12", "word"]
+    assert [shown(cell) for cell in (None, float("nan"))] == ["-", "-"]
 
 
 def test_statistics_leave_out_what_is_unknown() -> None:
@@ -38,8 +39,16 @@ def test_statistics_leave_out_what_is_unknown() -> None:
 
 def test_the_text_is_aligned_under_its_title() -> None:
     assert as_text(Evaluation("Title", {}, (TABLE,))).splitlines() == [
-        "Title", "", "A table", "=======", "method      px  n", "ours      1.25  3", "theirs       -  0", "(PAPER)  75.28  1", "  A note.",
-    ]  # fmt: skip
+        "Title",
+        "",
+        "A table",
+        "=======",
+        "method      px  n",
+        "ours      1.25  3",
+        "theirs       -  0",
+        "(PAPER)  75.28  1",
+        "  A note.",
+    ]
 
 
 def test_the_json_has_a_row_by_its_columns_and_null_for_the_unknown(tmp_path: Path) -> None:
@@ -61,6 +70,17 @@ def test_the_page_without_matplotlib_says_how_to_get_the_plots(
     assert "animal3dbox[plots]" in page
     assert "75.28" in page
     assert '<tr class="paper">' in page
+
+
+def test_names_cannot_put_tags_into_the_page(tmp_path: Path) -> None:
+    evil = '"><script>alert(1)</script><img src=x onerror=alert(1)>{{ tables }}'
+    table = Table("t", evil, (evil,), (evil, "px"), ((evil, 1.0),))
+    evaluation = Evaluation(evil, {evil: evil}, (table,))
+    write_page(tmp_path / "e.html", evaluation, {"t": b"png"}, {evil: b"png"})
+    page = (tmp_path / "e.html").read_text()
+    assert "<script" not in page
+    assert page.count("<img") == 2  # a picture and a plot
+    assert page.count("&lt;script&gt;alert(1)&lt;/script&gt;") == 11
 
 
 def test_with_plots_the_page_does_not_ask_for_matplotlib(tmp_path: Path) -> None:

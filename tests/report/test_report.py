@@ -371,7 +371,15 @@ def test_every_animal_is_counted_exactly_once(outcomes: list[tuple[str, ...] | s
         if isinstance(o, str)
     ]
     faults = [SampleError("f", "seg", "bad") for o in outcomes if o is None]
-    summary = summarize("set", "dog", "default", [row] * len(flags), flags, rejected, faults)
+    summary = summarize(
+        source="set",
+        body="dog",
+        method="default",
+        animals=[row] * len(flags),
+        flags=flags,
+        rejected=rejected,
+        faults=faults,
+    )
     assert (
         summary.animals
         == len(outcomes)
@@ -410,7 +418,15 @@ def test_medians_leave_out_what_is_unknown(
         )
         for i, v in enumerate(values)
     ]
-    summary = summarize("set", "dog", "default", rows, [()] * len(rows), [], [])
+    summary = summarize(
+        source="set",
+        body="dog",
+        method="default",
+        animals=rows,
+        flags=[()] * len(rows),
+        rejected=[],
+        faults=[],
+    )
     assert (summary.median_reprojection_error_px, summary.median_mask_iou) == (median, median)
 
 
@@ -419,7 +435,18 @@ def test_medians_leave_out_what_is_unknown(
 
 
 def summary_of(**changes: str | int | dict[str, int]) -> Summary:
-    return msgspec.structs.replace(summarize("set", "dog", "default", [], [], [], []), **changes)
+    return msgspec.structs.replace(
+        summarize(
+            source="set",
+            body="dog",
+            method="default",
+            animals=[],
+            flags=[],
+            rejected=[],
+            faults=[],
+        ),
+        **changes,
+    )
 
 
 def card(

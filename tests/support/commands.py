@@ -14,16 +14,16 @@ from animal3dbox.report.label_files import LabelFile, RejectedRow, animal_row, w
 
 
 def ran(*arguments: str | Path) -> tuple[int, str]:
-    """Run a command; its exit code and everything it said."""
-    said = io.StringIO()
+    """Run a command; its exit code and all that it printed."""
+    output = io.StringIO()
     with (
         pytest.raises(SystemExit) as left,
-        contextlib.redirect_stdout(said),
-        contextlib.redirect_stderr(said),
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(output),
     ):
         main([str(a) for a in arguments])
     assert isinstance(left.value.code, int)
-    return left.value.code, said.getvalue()
+    return left.value.code, output.getvalue()
 
 
 def labels_of_one_animal(folder: Path) -> Path:

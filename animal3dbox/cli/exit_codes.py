@@ -1,0 +1,21 @@
+"""The exit codes of every command, so that a script can tell what happened."""
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """How a command ended.
+
+    Attributes:
+        OK: every sample was read; each animal has a label, or a reason in the report.
+        USAGE: an option is wrong, or two contradict each other; tyro uses the same code.
+        INPUT: the input cannot be found, or cannot be read as a whole.
+        FAULTY: done, but some samples were faulty and are listed.
+        OUTPUT: the results could not be written.
+    """
+
+    OK = 0
+    USAGE = 2
+    INPUT = 3
+    FAULTY = 4
+    OUTPUT = 5

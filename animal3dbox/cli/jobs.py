@@ -1,0 +1,286 @@
+"""The commands: each is a dataclass whose fields are its options, and which can be run.
+
+tyro builds a job from the command line: the class docstring is the command's description, the
+attribute docstrings are the help. What a job needs is imported when it runs, so that `--help` does
+not wait for torch.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, Protocol
+
+from tyro.conf import Positional, arg
+
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.options import (
+    BodyOptions,
+    CacheOptions,
+    CameraOptions,
+    DatasetOptions,
+    FaultOptions,
+    KeypointDatasetOptions,
+    MethodOptions,
+    ScaleOptions,
+    StoredCamera,
+)
+from animal3dbox.labels.config import LabelConfig
+
+if TYPE_CHECKING:
+    from animal3dbox.datasets.labelling.scale import ScaleSource
+
+
+class Job(Protocol):
+    """A command with its options."""
+
+    def run(self) -> ExitCode:
+        """Do what the options ask for; the exit code says how it ended."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoJob:
+    """Render posed quadrupeds, label them from noisy keypoints, and compare with the truth.
+
+    Example: animal3dbox demo --n 4 --out demo-output
+    """
+
+    out: Path = Path("demo-output")
+    """folder for the results"""
+    n: int = 12
+    """animals"""
+    seed: int = 0
+    """another seed gives other animals"""
+    noise_px: float = 2.0
+    """standard deviation of the keypoints' noise"""
+    outliers: float = 0.0
+    """part of the keypoints, 0 to 1, that lie anywhere in the image"""
+    rigid: bool = False
+    """label with the standing species, as for photographs, not with the true pose"""
+    json: bool = False
+    """print the result as JSON"""
+
+    def run(self) -> ExitCode:
+        """Render, label and compare."""
+        from animal3dbox.cli.demo import run_demo
+
+        return run_demo(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelJob:
+    """Label the animals of a dataset: cuboids with named faces, tables, pictures and a gallery.
+
+    Example: animal3dbox label StanfordExtra --body dog --out labels
+    """
+
+    path: Annotated[Positional[Path], arg(metavar="PATH")]
+    """a dataset's folder or its annotation file"""
+    out: Path | None = None
+    """folder for labels.json, labels.csv, overlays, gallery.html and report.json"""
+    dataset: KeypointDatasetOptions
+    body: BodyOptions
+    method: MethodOptions
+    camera: CameraOptions
+    scale: ScaleOptions
+    cache: CacheOptions
+    json: bool = False
+    """print report.json instead of words; no progress bar"""
+
+    @cached_property
+    def config(self) -> LabelConfig:
+        """How each label is made."""
+        return self.method.config()
+
+    @cached_property
+    def scale_source(self) -> "ScaleSource | None":
+        """Where metres come from."""
+        return self.scale.source()
+
+    def run(self) -> ExitCode:
+        """Write labels and pictures, or fill a cache.
+
+        Raises:
+            ConfigError: options that cannot be, before the dataset is read.
+
+        """
+        from animal3dbox.cli.fill import run_fill
+        from animal3dbox.cli.label import run_label
+
+        _ = self.config, self.scale_source  # made now, so that what they refuse is told at once
+        return run_label(self) if self.cache.folder is None else run_fill(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SynthJob:
+    """Write a synthetic dataset.
+
+    Pictures of posed quadrupeds, annotations with faults by a dial, and the truth.
+
+    Example: animal3dbox synth --out world --n 20 --noise-px 2
+    """
+
+    out: Path
+    """folder for the dataset"""
+    n: int = 100
+    """images"""
+    seed: int = 0
+    """another seed gives another world"""
+    format: Literal["animal3d", "stanfordextra"] = "animal3d"
+    """the files' format"""
+    model: Path | None = None
+    """where to write Animal3D's SMAL pickle; default: beside the folder, OUT-model.pkl"""
+    width: int = 640
+    """of the images, px"""
+    height: int = 480
+    """of the images, px"""
+    mark_hidden: bool = False
+    """mark keypoints in the frame that something hides, too"""
+    annotation: FaultOptions
+
+    def run(self) -> ExitCode:
+        """Write the synthetic dataset."""
+        from animal3dbox.cli.synth import run_synth
+
+        return run_synth(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateJob:
+    """Repeat the paper's evaluation on a world of known truth, or what of it a dataset allows.
+
+    Example: animal3dbox evaluate --n 100 --out evaluation
+    """
+
+    path: Annotated[Positional[Path | None], arg(metavar="[PATH]")] = None
+    """a dataset's folder or annotation file; without: our world"""
+    out: Path = Path("evaluation")
+    """folder for evaluation.json, .txt and .html"""
+    n: int = 500
+    """animals of our world"""
+    seed: int = 0
+    """another seed gives another world"""
+    workers: int = 2
+    """processes; the results are the same"""
+    pictures: bool = True
+    """draw the paper's figures of our world too (extra plots)"""
+    dataset: DatasetOptions
+    body: BodyOptions
+
+    def run(self) -> ExitCode:
+        """Evaluate and write the files."""
+        from animal3dbox.cli.evaluate import run_evaluate
+
+        return run_evaluate(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportJob:
+    """Write cuboids for other tools: Omni3D json, COCO keypoints or KITTI text files.
+
+    Example: animal3dbox export labels --to omni3d --out omni3d.json
+    """
+
+    path: Annotated[Positional[Path], arg(metavar="PATH")]
+    """labels.json, the folder that label wrote, or a JSON in Omni3D's format"""
+    to: Literal["omni3d", "coco", "kitti"]
+    """the format to write"""
+    out: Path
+    """folder, or for omni3d and coco a .json file"""
+    images: Path | None = None
+    """folder that an Omni3D file's image paths are relative to"""
+    metres_per_unit: float | None = None
+    """scale of the boxes whose scale is not known"""
+    scale_free: bool = False
+    """write lengths of unknown scale as they are"""
+
+    def run(self) -> ExitCode:
+        """Read the cuboids and write them."""
+        from animal3dbox.cli.export import run_export
+
+        return run_export(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckJob:
+    """Check labels for what cannot be true.
+
+    Cuboids against their corners, projections, faces, boxes and cameras, as training loops do.
+
+    Example: animal3dbox check labels
+    """
+
+    path: Annotated[Positional[Path], arg(metavar="PATH")]
+    """labels.json, the folder that label wrote, an Omni3D JSON, or a dataset, which is labelled"""
+    dataset: KeypointDatasetOptions
+    body: str | None = None
+    """of a dataset: one body for all, a preset's name or a model's file"""
+    stored_camera: StoredCamera = "hypothesis"
+    """of a dataset: take its stored camera as a guess or as known"""
+    cache: Path | None = None
+    """of a dataset: its label cache"""
+    workers: int = 0
+    """of a dataset: processes"""
+    json: bool = False
+    """print everything that is wrong as JSON"""
+
+    def run(self) -> ExitCode:
+        """Check, and say what is wrong."""
+        from animal3dbox.cli.check import run_check
+
+        return run_check(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InspectJob:
+    """Say what is in a copy of a dataset: counts, keys, masks, cameras and frames, sides, faults.
+
+    Changes nothing.
+
+    Example: animal3dbox inspect Animal3D --model smal.pkl
+    """
+
+    path: Annotated[Positional[Path], arg(metavar="PATH")]
+    """a dataset's folder or its annotation file"""
+    dataset: KeypointDatasetOptions
+    json: bool = False
+    """print JSON (docs/formats.md) instead of words"""
+
+    def run(self) -> ExitCode:
+        """Read the dataset and describe it."""
+        from animal3dbox.cli.inspect import run_inspect
+
+        return run_inspect(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConvertModelJob:
+    """Convert a SMAL pickle to safetensors, without running anything the pickle names.
+
+    Example: animal3dbox convert-model smal.pkl smal.safetensors
+    """
+
+    source: Annotated[Positional[Path], arg(metavar="IN")]
+    """a SMAL model, .pkl or .safetensors"""
+    target: Annotated[Positional[Path], arg(metavar="OUT")]
+    """the .safetensors file to write"""
+
+    def run(self) -> ExitCode:
+        """Read the model and write it."""
+        from animal3dbox.cli.convert import convert_model
+
+        return convert_model(self.source, self.target)
+
+
+COMMANDS: dict[str, Callable[..., Job]] = {
+    "demo": DemoJob,
+    "label": LabelJob,
+    "synth": SynthJob,
+    "evaluate": EvaluateJob,
+    "export": ExportJob,
+    "check": CheckJob,
+    "inspect": InspectJob,
+    "convert-model": ConvertModelJob,
+}
+"""Every command by its name on the command line, in the order of `--help`."""

@@ -1,0 +1,235 @@
+"""Groups of options that commands share, as dataclasses that tyro fills from the command line.
+
+The attribute docstrings are the help texts. A group's name is no part of its flags (see main.py),
+so `scale.metres_per_unit` is `--metres-per-unit`. Nothing here imports torch when it is loaded:
+`--help` answers at once.
+"""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import arg
+
+from animal3dbox.errors import ConfigError
+from animal3dbox.labels.config import Axes, LabelConfig, Method, Residual, Tail
+
+if TYPE_CHECKING:
+    from animal3dbox.datasets.bodies.sources import BodySource
+    from animal3dbox.datasets.formats import ReadOptions
+    from animal3dbox.datasets.labelling.scale import ScaleSource
+    from animal3dbox.datasets.synthetic.faults import FaultConfig
+
+Format = Literal["auto", "animal3d", "mesh_folder", "coco", "deeplabcut", "stanfordextra"]
+"""The formats of datasets.formats, whose import would load torch; a test compares them."""
+
+StoredCamera = Literal["hypothesis", "exact"]
+"""The policies of datasets.labelling.label_records, likewise."""
+
+Swap = Literal["none", "all", "legs", "fore", "hind", "head"]
+"""The exchanges of datasets.synthetic.faults, likewise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetOptions:
+    """How the dataset is read."""
+
+    format: Format = "auto"
+    """the annotations' format"""
+    images: Path | None = None
+    """folder that the image paths are relative to"""
+    model: Path | None = None
+    """the SMAL model (.pkl, .safetensors) of the dataset's own parameters or meshes"""
+
+    def read_options(self, focal_px: float | None = None) -> "ReadOptions":
+        """The options as `read_dataset` takes them.
+
+        Args:
+            focal_px: of every image without a camera of its own.
+
+        Raises:
+            ConfigError: a focal length that is not positive.
+
+        """
+        from animal3dbox.datasets.formats import ReadOptions
+
+        return ReadOptions(self.images, self.model, focal_px=focal_px)
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeypointDatasetOptions(DatasetOptions):
+    """How the dataset is read."""
+
+    vocabulary: str | None = None
+    """what the keypoints are if their names do not tell: a vocabulary's name or a TOML file"""
+
+    def read_options(self, focal_px: float | None = None) -> "ReadOptions":
+        """The options as `read_dataset` takes them, with the vocabulary.
+
+        Args:
+            focal_px: of every image without a camera of its own.
+
+        Raises:
+            ConfigError: an unknown vocabulary, or a focal length that is not positive.
+
+        """
+        from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
+
+        options = super().read_options(focal_px)
+        if self.vocabulary is None:
+            return options
+        return replace(options, vocabulary=vocabulary_of_option(self.vocabulary))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyOptions:
+    """Which body the animals have, if not each its own."""
+
+    name: Annotated[str | None, arg(name="body")] = None
+    """one body for all: a preset of the quadruped (dog, cat, ...), a SMAL model or a mesh file;
+    without --model, dog"""
+    landmarks: Path | None = None
+    """JSON with the mesh file's landmarks (docs/formats.md)"""
+
+    def source(self, model: Path | None) -> "BodySource | None":
+        """The one body of all animals, or None where the options name none.
+
+        Args:
+            model: the dataset's own model, which excludes one body for all.
+
+        Raises:
+            ConfigError: an unknown body, or a body and a model.
+            ModelFileError: the body's file is refused.
+
+        """
+        from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
+
+        if self.name is None and self.landmarks is None:
+            return None
+        source = body_source(self.name or DEFAULT_BODY, self.landmarks)
+        if model is not None:
+            raise ConfigError(
+                "--model takes each animal's own body from the dataset's parameters, --body one"
+                " for all: give one of them"
+            )
+        return source
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraOptions:
+    """The cameras, as far as they are known."""
+
+    focal_px: float | None = None
+    """focal length of images without a camera of their own; else the dataset's, EXIF's, a guess"""
+    stored_camera: StoredCamera = "hypothesis"
+    """take the camera that the dataset stores for its bodies as a guess, or as known"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodOptions:
+    """How a label is made."""
+
+    method: Method = "default"
+    """camera pose: ours, the paper's, its baseline"""
+    axes: Axes = "default"
+    """body axes: ours, the paper's, its baseline"""
+    residual: Residual = "vector"
+    """how the paper's E_total is read (method paper)"""
+    tail: Tail = "keep"
+    """whether the boxes hold the tail; the same for all animals"""
+    min_keypoints: int = 6
+    """fewest visible keypoints"""
+
+    def config(self) -> LabelConfig:
+        """The choices as `label_animal` takes them; raises ConfigError for a value out of range."""
+        return LabelConfig(
+            method=self.method,
+            axes=self.axes,
+            residual=self.residual,
+            tail=self.tail,
+            min_keypoints=self.min_keypoints,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaleOptions:
+    """The source of metres, if labels are to be metric."""
+
+    metres_per_unit: float | None = None
+    """metres in a unit of the bodies, to make labels metric"""
+    species_scale: bool = False
+    """make labels metric by typical lengths of species (docs/formats.md)"""
+    altitude_m: float | None = None
+    """make labels metric by the height of a camera that looks straight down"""
+
+    def source(self) -> "ScaleSource | None":
+        """The one scale that the options name, or None.
+
+        Raises:
+            ConfigError: two scales, or a length that is not positive.
+
+        """
+        from animal3dbox.datasets.labelling.scale import AltitudeScale, KnownScale, SpeciesScale
+
+        sources: list[ScaleSource] = []
+        if self.metres_per_unit is not None:
+            sources.append(KnownScale(self.metres_per_unit))
+        if self.species_scale:
+            sources.append(SpeciesScale())
+        if self.altitude_m is not None:
+            sources.append(AltitudeScale(self.altitude_m))
+        if len(sources) > 1:
+            raise ConfigError(
+                "give one of --metres-per-unit, --species-scale and --altitude-m: they may disagree"
+            )
+        return sources[0] if sources else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CacheOptions:
+    """How a Dataset's label cache is filled, on one machine or on many."""
+
+    folder: Annotated[Path | None, arg(name="cache")] = None
+    """fill this label cache of a Dataset with the same options, instead of writing to --out"""
+    shard: str | None = None
+    """with --cache: i/n, only the images i, i + n, ... counted from 1"""
+    resume: bool = False
+    """with --cache: keep the labels that are in it"""
+    workers: int = 0
+    """with --cache: processes"""
+    mask_iou: bool = False
+    """with --cache and --stored-camera exact: measure the masks' overlap, for filters that ask"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultOptions:
+    """Which faults the annotations have, and how strong they are."""
+
+    noise_px: float = 0.0
+    """standard deviation of the keypoints' noise"""
+    outliers: float = 0.0
+    """part of the keypoints that lie anywhere in the image"""
+    missing: float = 0.0
+    """part of the keypoints that are not marked"""
+    zeros: float = 0.0
+    """part of the keypoints left at (0, 0) but marked"""
+    wrong_flags: float = 0.0
+    """part of the keypoints whose visibility is the opposite"""
+    swap: Swap = "none"
+    """exchange left and right of these"""
+    swapped: float = 1.0
+    """part of the animals to which that happens"""
+    focal_factor: float = 1.0
+    """focal length told, by the true one"""
+    joint_deg: float = 0.0
+    """standard deviation of the fitted joints' angles from the true ones"""
+    body_scale: float = 1.0
+    """size of the fitted body, by the true one"""
+    mask_px: int = 0
+    """grow the masks by so many px, or shrink them if negative"""
+
+    def config(self) -> "FaultConfig":
+        """The faults as the synthetic world takes them; ConfigError for a value out of range."""
+        from animal3dbox.datasets.synthetic.faults import FaultConfig
+
+        return FaultConfig(**asdict(self))
