@@ -26,7 +26,12 @@ def package_of(path: Path) -> str:
 
 
 DOORS = {package_of(path): path for path in FILES}
-EXAMPLES = ("animal3dbox.geometry", "animal3dbox.smal")
+EXAMPLES = (
+    "animal3dbox.evaluate",
+    "animal3dbox.geometry",
+    "animal3dbox.report",
+    "animal3dbox.smal",
+)
 """Doors whose every name shows a value."""
 
 

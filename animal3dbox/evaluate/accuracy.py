@@ -85,16 +85,16 @@ def remeshed(vertices: Tensor, faces: Tensor, landmarks: Tensor) -> tuple[Tensor
 
 def accuracy_rows(subject: Subject) -> list[AccuracyRow]:
     """One animal's axes by every rule, from its true body."""
-    given = subject.annotated(FaultConfig())
-    truth, pose = given.animal.cuboid.rotation, given.animal.pose
+    annotated = subject.annotated(FaultConfig())
+    truth, pose = annotated.animal.cuboid.rotation, annotated.animal.pose
     rows = []
     for rule in RULES:
         R_box = axes_of(
-            given,
+            annotated,
             rule,
-            keypoints=given.said.keypoints_2d,
-            landmarks=given.landmarks,
-            vertices=given.vertices,
+            keypoints=annotated.annotation.keypoints_2d,
+            landmarks=annotated.landmarks,
+            vertices=annotated.vertices,
         )
         if R_box is None:
             continue
@@ -108,24 +108,24 @@ def accuracy_rows(subject: Subject) -> list[AccuracyRow]:
                     float(torch.rad2deg(rotation_angle(R_box @ _namings(), truth)).amin()),
                 )
             )
-    return rows + _remeshed_rows(subject.index, given)
+    return rows + _remeshed_rows(subject.index, annotated)
 
 
-def _remeshed_rows(index: int, given: Annotated) -> list[AccuracyRow]:
+def _remeshed_rows(index: int, annotated: Annotated) -> list[AccuracyRow]:
     """The re-meshed body through the door, its camera known."""
-    animal, said = given.animal, given.said
-    vertices, _, landmarks = remeshed(given.vertices, animal.model.faces, given.landmarks)
+    animal, annotation = annotated.animal, annotated.annotation
+    vertices, _, landmarks = remeshed(annotated.vertices, animal.model.faces, annotated.landmarks)
     rows, truth = [], animal.cuboid
     for rule, config in REMESHED.items():
         label = label_animal(
-            said.image_hw,
-            said.keypoints_2d,
+            annotation.image_hw,
+            annotation.keypoints_2d,
             landmarks,
             vertices,
-            K=said.K,
+            K=annotation.K,
             pose=(torch.eye(3), torch.zeros(3)),
-            vocabulary=said.vocabulary,
-            sample_id=said.sample_id,
+            vocabulary=annotation.vocabulary,
+            sample_id=annotation.sample_id,
             config=config,
         )
         if isinstance(label, CuboidLabel):

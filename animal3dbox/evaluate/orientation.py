@@ -98,22 +98,22 @@ class StabilityRow:
 
 
 def axes_of(
-    given: Annotated, rule: str, *, keypoints: Tensor, landmarks: Tensor, vertices: Tensor
+    annotated: Annotated, rule: str, *, keypoints: Tensor, landmarks: Tensor, vertices: Tensor
 ) -> Tensor | None:
     """R_box (3, 3) by a rule of RULES, from keypoints (J, 3), landmarks (J, 3) and vertices (V, 3).
 
     None if it has none.
     """
     axes, with_mesh = RULES[rule]
-    said = given.said
-    mesh, template = (vertices, given.animal.model) if with_mesh else (None, None)
+    annotation = annotated.annotation
+    mesh, template = (vertices, annotated.animal.model) if with_mesh else (None, None)
     observation = observe(
-        image_hw=said.image_hw,
+        image_hw=annotation.image_hw,
         body=Body(mesh, None, landmarks, None, template),
         keypoints_2d=keypoints,
-        K=said.K,
-        vocabulary=said.vocabulary,
-        sample_id=said.sample_id,
+        K=annotation.K,
+        vocabulary=annotation.vocabulary,
+        sample_id=annotation.sample_id,
         config=LabelConfig(),
     )
     axes_and_rule = body_axes([observation], axes)[0]
@@ -125,14 +125,14 @@ def float32_angle_deg(R_a: Tensor, R_b: Tensor) -> float:
 
     The paper's formula as it is often run.
     """
-    made = [
+    frames = [
         frame_from_directions(
             (_LENGTHS[0] * R[:, 0].float()).numpy(), (_LENGTHS[1] * R[:, 1].float()).numpy()
         )
         for R in (R_a, R_b)
     ]
     difference = torch.stack(
-        [torch.eye(3) if frame is None else torch.from_numpy(frame) for frame in made]
+        [torch.eye(3) if frame is None else torch.from_numpy(frame) for frame in frames]
     )
     trace = (difference[0] @ difference[1].mT).trace()
     return float(torch.rad2deg(torch.arccos(((trace - 1) / 2).clamp(-1, 1))))
@@ -140,32 +140,32 @@ def float32_angle_deg(R_a: Tensor, R_b: Tensor) -> float:
 
 def stability_rows(subject: Subject) -> list[StabilityRow]:
     """One animal under every protocol and noise, by every rule."""
-    given = subject.annotated(FaultConfig())
+    annotated = subject.annotated(FaultConfig())
     still = {
-        "keypoints": given.said.keypoints_2d,
-        "landmarks": given.landmarks,
-        "vertices": given.vertices,
+        "keypoints": annotated.annotation.keypoints_2d,
+        "landmarks": annotated.landmarks,
+        "vertices": annotated.vertices,
     }
-    axes_still = {rule: axes_of(given, rule, **still) for rule in RULES}
+    axes_still = {rule: axes_of(annotated, rule, **still) for rule in RULES}
     ideal = axes_still["landmarks (paper)"]
-    label_still = given.labelled(LabelConfig())
-    units_per_px = float(given.vertices[:, 2].mean() / given.said.K[0, 0])
+    label_still = annotated.labelled(LabelConfig())
+    units_per_px = float(annotated.vertices[:, 2].mean() / annotated.annotation.K[0, 0])
     rows = []
     for sigma in SIGMAS:
         keypoints, noise_3d = _noise(subject, still, sigma)
-        annotation = replace(given.said, keypoints_2d=keypoints)
-        label = replace(given, said=annotation).labelled(LabelConfig())
+        annotation = replace(annotated.annotation, keypoints_2d=keypoints)
+        label = replace(annotated, annotation=annotation).labelled(LabelConfig())
         for rule in RULES:
             blank = StabilityRow(subject.index, "", rule, sigma, 0.0, 0.0, (0.0,) * 3, (0.0,) * 3)
             before = axes_still[rule]
-            after = axes_of(given, rule, **{**still, "keypoints": keypoints})
+            after = axes_of(annotated, rule, **{**still, "keypoints": keypoints})
             rows += _compared(replace(blank, protocol="image"), before, after, ideal)
             for protocol, size in (
                 ("pixel-equivalent", units_per_px * sigma),
                 ("model units", sigma),
             ):
                 shifted = {name: still[name] + size * noise for name, noise in noise_3d.items()}
-                after_3d = axes_of(given, rule, **{**still, **shifted})
+                after_3d = axes_of(annotated, rule, **{**still, **shifted})
                 rows += _compared(replace(blank, protocol=protocol), before, after_3d, ideal)
             if isinstance(label_still, CuboidLabel) and isinstance(label, CuboidLabel):
                 in_camera = [

@@ -95,10 +95,12 @@ def pose_rows(subject: Subject, settings: dict[str, FaultConfig]) -> list[PoseRo
     """One animal under some settings, by every method."""
     rows = []
     for setting, faults in settings.items():
-        given = subject.annotated(faults)
+        annotated = subject.annotated(faults)
         rows += [
             _row(
-                PoseRow(subject.index, setting, method, reason=None), given, given.labelled(config)
+                PoseRow(subject.index, setting, method, reason=None),
+                annotated,
+                annotated.labelled(config),
             )
             for method, config in METHODS.items()
         ]
@@ -117,30 +119,30 @@ def depth_flip(rotation: Tensor, truth: Tensor) -> bool:
     return bool(rotation[2, axis] * truth[2, axis] < 0)
 
 
-def clean_error(label: CuboidLabel, given: Annotated) -> float | None:
+def clean_error(label: CuboidLabel, annotated: Annotated) -> float | None:
     """Mean distance in px of the label's landmarks from the true keypoints inside the frame.
 
     None if there are none.
     """
-    truth = given.animal.keypoints_2d
+    truth = annotated.animal.keypoints_2d
     in_frame = truth[:, 2] > 0
     if not bool(in_frame.any()):
         return None
-    px, _ = project(label.K, given.landmarks[in_frame] @ label.R.mT + label.t)
+    px, _ = project(label.K, annotated.landmarks[in_frame] @ label.R.mT + label.t)
     return float(torch.linalg.vector_norm(px - truth[in_frame, :2], dim=-1).mean())
 
 
-def _row(blank: PoseRow, given: Annotated, outcome: CuboidLabel | Rejection) -> PoseRow:
+def _row(blank: PoseRow, annotated: Annotated, outcome: CuboidLabel | Rejection) -> PoseRow:
     """The row of an outcome: a blank one of its animal, setting and method, filled in."""
     if isinstance(outcome, Rejection):
         return replace(blank, reason=outcome.reason, behind=outcome.reason == "behind_camera")
-    truth = given.animal.cuboid
+    truth = annotated.animal.cuboid
     corner_errors = torch.linalg.vector_norm(outcome.corners_3d - truth.corners(), dim=-1)
     shared = box_iou(outcome.cuboid, truth)
     return replace(
         blank,
         annotated_px=outcome.quality.reprojection_error_px,
-        clean_px=clean_error(outcome, given),
+        clean_px=clean_error(outcome, annotated),
         rotation_deg=float(torch.rad2deg(rotation_angle(outcome.rotation, truth.rotation))),
         corner_percent=100 * float(corner_errors.mean() / truth.diagonal),
         iou3d=float(shared),

@@ -94,35 +94,38 @@ def reproduction_rows(subject: Subject) -> list[ReproductionRow]:
     """One animal, for every part and method; none where fewer than six keypoints are marked."""
     rows = []
     for part in PARTS:
-        given = subject.annotated(FaultConfig(noise_px=NOISE_PX, zeros=part))
-        problem = _problem_with_zeros(given)
+        annotated = subject.annotated(FaultConfig(noise_px=NOISE_PX, zeros=part))
+        problem = _problem_with_zeros(annotated)
         if degenerate_points(problem, METHODS["basic"].min_keypoints) is not None:
             continue
-        rows += [_fed(subject.index, part, method, given=given, problem=problem) for method in FED]
-        rows += [_dropped(subject.index, part, method, given) for method in DROPPED]
+        rows += [
+            _fed(subject.index, part, method, annotated=annotated, problem=problem)
+            for method in FED
+        ]
+        rows += [_dropped(subject.index, part, method, annotated) for method in DROPPED]
     return rows
 
 
-def _problem_with_zeros(given: Annotated) -> PoseProblem:
+def _problem_with_zeros(annotated: Annotated) -> PoseProblem:
     """The pose problem of all marked keypoints, those at (0, 0) too."""
-    said, landmarks = given.said, given.landmarks.numpy()
-    marked = said.keypoints_2d.numpy()
+    annotation, landmarks = annotated.annotation, annotated.landmarks.numpy()
+    marked = annotation.keypoints_2d.numpy()
     matched = (marked[:, 2] > 0) & np.isfinite(landmarks).all(1)
     keypoints = marked[matched]
     return PoseProblem(
         points_world=landmarks[matched],
         points_px=keypoints[:, :2],
-        sigma_px=keypoint_sigma(keypoints, said.image_hw, METHODS["basic"]),
-        K=said.K.numpy(),
-        image_hw=said.image_hw,
-        R_box=given.animal.cuboid.rotation.numpy(),
-        vertices_world=given.vertices.numpy(),
-        mask_box=mask_box(said.mask),
+        sigma_px=keypoint_sigma(keypoints, annotation.image_hw, METHODS["basic"]),
+        K=annotation.K.numpy(),
+        image_hw=annotation.image_hw,
+        R_box=annotated.animal.cuboid.rotation.numpy(),
+        vertices_world=annotated.vertices.numpy(),
+        mask_box=mask_box(annotation.mask),
     )
 
 
 def _fed(
-    index: int, part: float, method: str, *, given: Annotated, problem: PoseProblem
+    index: int, part: float, method: str, *, annotated: Annotated, problem: PoseProblem
 ) -> ReproductionRow:
     config = METHODS[method]
 
@@ -140,15 +143,15 @@ def _fed(
     errors, _ = reprojection_errors(problem, pose.R, pose.t)
     placed = problem.points_px.any(1)
     T_cam_mesh = rigid(torch.from_numpy(pose.R), torch.from_numpy(pose.t))
-    box = tight_cuboid(given.vertices, problem.R_box).transformed(T_cam_mesh)
-    area = float(face_visibility(box, given.said.K, problem.image_hw).area.sum())
-    degenerate = area < DEGENERATE * float(given.said.mask.sum())
+    box = tight_cuboid(annotated.vertices, problem.R_box).transformed(T_cam_mesh)
+    area = float(face_visibility(box, annotated.annotation.K, problem.image_hw).area.sum())
+    degenerate = area < DEGENERATE * float(annotated.annotation.mask.sum())
     placed_px = float(errors[placed].mean()) if bool(placed.any()) else None
     return ReproductionRow(index, part, method, True, float(errors.mean()), placed_px, degenerate)
 
 
-def _dropped(index: int, part: float, method: str, given: Annotated) -> ReproductionRow:
-    label = given.labelled(METHODS[method])
+def _dropped(index: int, part: float, method: str, annotated: Annotated) -> ReproductionRow:
+    label = annotated.labelled(METHODS[method])
     if not isinstance(label, CuboidLabel):
         return ReproductionRow(
             index, part, method, False, None, None, label.reason != "too_few_keypoints"

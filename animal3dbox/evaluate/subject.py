@@ -49,35 +49,35 @@ class Annotated:
     """An annotation with its body; no camera pose is part of it.
 
     Attributes:
-        said: keypoints, mask, intrinsics and parameters.
+        annotation: keypoints, mask, intrinsics and parameters.
         vertices: (V, 3) of the fitted body.
         animal: whom it is about.
     """
 
-    said: Annotation
+    annotation: Annotation
     vertices: Tensor
     animal: SyntheticAnimal
 
     @property
     def landmarks(self) -> Tensor:
         """(J, 3) the keypoints' places on the fitted body."""
-        return self.said.vocabulary.on_body(self.animal.model.landmark_groups, self.vertices)
+        return self.annotation.vocabulary.on_body(self.animal.model.landmark_groups, self.vertices)
 
     def labelled(self, config: LabelConfig) -> CuboidLabel | Rejection:
         """The label by the one door, from keypoints, mask, K and body.
 
         No method is given a camera pose.
         """
-        said = self.said
+        annotation = self.annotation
         return label_animal(
-            said.image_hw,
-            keypoints_2d=said.keypoints_2d,
+            annotation.image_hw,
+            keypoints_2d=annotation.keypoints_2d,
             vertices=self.vertices,
             template=self.animal.model,
-            K=said.K,
-            mask=said.mask,
-            vocabulary=said.vocabulary,
-            sample_id=said.sample_id,
+            K=annotation.K,
+            mask=annotation.mask,
+            vocabulary=annotation.vocabulary,
+            sample_id=annotation.sample_id,
             config=config,
         )
 

@@ -29,8 +29,8 @@ def read_label_cuboids(path: Path) -> CuboidSet:
         >>> from animal3dbox.report import LabelFile, RejectedRow, write_labels_json
         >>> row = RejectedRow(sample_id="a", image="a.jpg", animal=0, reason="no_pose", detail="")
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     file = Path(folder) / "labels.json"
-        ...     write_labels_json(file, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
+        ...     out = Path(folder) / "labels.json"
+        ...     write_labels_json(out, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
         ...     cuboids = read_label_cuboids(Path(folder))
         >>> len(cuboids.records)  # a rejected animal has no box
         0

@@ -18,9 +18,10 @@ from animal3dbox.target_schema import FILE_FIELDS, Field
 SCHEMA: Final = "animal3dbox.labels"
 SCHEMA_VERSION: Final = 1
 CSV_COLUMNS = (
-    "image", "animal", "side", "viewpoint", "share_front", "share_back", "share_left", "share_right", "share_top", "share_bottom",
-    "azimuth_deg", "elevation_deg", "confidence",
-)  # fmt: skip
+    *("image", "animal", "side", "viewpoint"),
+    *(f"share_{name}" for name in FACE_NAMES),
+    *("azimuth_deg", "elevation_deg", "confidence"),
+)
 
 
 def _file_type(field: Field) -> Any:
@@ -187,9 +188,9 @@ def write_labels_json(path: Path, file: LabelFile) -> None:
         >>> from animal3dbox.report import LabelFile, RejectedRow, write_labels_json
         >>> row = RejectedRow(sample_id="a", image="a.jpg", animal=0, reason="no_pose", detail="")
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     file = Path(folder) / "labels.json"
-        ...     write_labels_json(file, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
-        ...     '"reason": "no_pose"' in file.read_text()
+        ...     out = Path(folder) / "labels.json"
+        ...     write_labels_json(out, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
+        ...     '"reason": "no_pose"' in out.read_text()
         True
     """
     data = msgspec.json.encode(file)

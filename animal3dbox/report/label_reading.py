@@ -47,9 +47,9 @@ def read_label_rows(path: Path) -> tuple[LabelFile, tuple[SampleError, ...]]:
         >>> from animal3dbox.report import LabelFile, RejectedRow, write_labels_json
         >>> row = RejectedRow(sample_id="a", image="a.jpg", animal=0, reason="no_pose", detail="")
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     file = Path(folder) / "labels.json"
-        ...     write_labels_json(file, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
-        ...     labels, faults = read_label_rows(file)
+        ...     out = Path(folder) / "labels.json"
+        ...     write_labels_json(out, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
+        ...     labels, faults = read_label_rows(out)
         >>> labels.rejected[0].reason, faults
         ('no_pose', ())
     """
@@ -80,9 +80,9 @@ def read_labels_json(path: Path) -> LabelFile:
         >>> from animal3dbox.report import LabelFile, RejectedRow, write_labels_json
         >>> row = RejectedRow(sample_id="a", image="a.jpg", animal=0, reason="no_pose", detail="")
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     file = Path(folder) / "labels.json"
-        ...     write_labels_json(file, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
-        ...     read_labels_json(file).body
+        ...     out = Path(folder) / "labels.json"
+        ...     write_labels_json(out, LabelFile(body="dog", config={}, animals=[], rejected=[row]))
+        ...     read_labels_json(out).body
         'dog'
     """
     file, faults = read_label_rows(path)

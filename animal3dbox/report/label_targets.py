@@ -1,5 +1,4 @@
-"""Labels and records of cuboids as targets of one animal each, in float64, for the checks of
-training."""
+"""Labels and records of cuboids as targets of one animal each, in float64, for the checks."""
 
 from typing import Any
 
@@ -29,7 +28,7 @@ def target_of_row(row: AnimalRow) -> dict[str, Any]:
         ...     config=LabelConfig(axes="pca"),
         ... )
         >>> from animal3dbox.report import animal_row
-        >>> target = target_of_row(animal_row(label, "a.jpg", 0, "dog"))
+        >>> target = target_of_row(animal_row(label, image="a.jpg", animal=0, category="dog"))
         >>> tuple(target["corners_3d"].shape), target["face_visible"][0].nonzero().ravel().tolist()
         ((1, 8, 3), [3])
     """

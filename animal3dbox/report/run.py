@@ -31,13 +31,18 @@ from animal3dbox.report.summary import Summary, flags_of, summarize
 
 @dataclass(frozen=True)
 class Labelled:
-    """What became of one animal.
+    """The outcome of one animal with its picture, as the writer of a run takes it.
 
     Attributes:
         outcome: its label, or why it has none.
         image_id: its image.
         category: its species, as the dataset says.
         picture: (H, W, 3) uint8 RGB.
+
+    Example:
+        >>> picture = np.zeros((4, 4, 3), dtype=np.uint8)
+        >>> Labelled(Rejection("a.jpg", "no_pose", "none"), "a.jpg", "dog", picture).outcome.reason
+        'no_pose'
     """
 
     outcome: CuboidLabel | Rejection
@@ -54,7 +59,19 @@ def write_run(
     body: str,
     config: LabelConfig,
 ) -> Summary:
-    """Label files, overlays, gallery and report of finished results; see RunWriter."""
+    """Label files, overlays, gallery and report of finished results; see RunWriter.
+
+    Example:
+        >>> import tempfile
+        >>> picture = np.zeros((4, 4, 3), dtype=np.uint8)
+        >>> result = Labelled(Rejection("a.jpg", "no_pose", "none"), "a.jpg", "dog", picture)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     summary = write_run(
+        ...         Path(folder), [result], source="set", body="dog", config=LabelConfig()
+        ...     )
+        ...     summary.reasons, sorted(path.name for path in Path(folder).glob("*.json"))
+        ({'no_pose': 1}, ['labels.json', 'report.json'])
+    """
     writer = RunWriter(out, source=source, body=body, config=config)
     writer.add(results)
     return writer.finish()

@@ -48,8 +48,8 @@ def test_an_evaluation_of_nobody_is_refused() -> None:
 def test_what_is_said_of_a_subject_has_the_body_in_the_camera_frame_and_no_pose(
     someone: Subject,
 ) -> None:
-    given = someone.annotated(FaultConfig())
-    assert_close(given.vertices, someone.animal.vertices_cam, rtol=0, atol=1e-9)
+    annotated = someone.annotated(FaultConfig())
+    assert_close(annotated.vertices, someone.animal.vertices_cam, rtol=0, atol=1e-9)
 
 
 def test_noise_on_image_keypoints_alone_turns_no_axes_in_the_bodys_frame_and_all_in_the_cameras(
