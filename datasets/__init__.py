@@ -1,5 +1,13 @@
 """Annotated animals as torch Datasets whose labels are made on the way.
 
+The rooms, in their order; each imports only from those before it (tests/test_package.py):
+
+- `records`, `images`, `storage`: what a dataset says of an animal, pixels, values as bytes.
+- `readers`, `bodies`, `synthetic`: annotation files, sources of bodies, a world with exact truth.
+- `formats`, `labelling`: any dataset by its path; the one way from a record to a label.
+- `label_dataset`, `batches`, `format_datasets`: the Datasets, one a format, and their batches.
+- `exchange`, `inspection`: files for other tools; what is in a copy of a dataset.
+
 The names below are loaded when first used (PEP 562).
 """
 
@@ -16,6 +24,12 @@ from animal3dbox.lazy_exports import lazy_exports
 if TYPE_CHECKING:
     from animal3dbox.datasets.batches import collate as collate
     from animal3dbox.datasets.batches import collate_stacked as collate_stacked
+    from animal3dbox.datasets.bodies.sources import ModelBody as ModelBody
+    from animal3dbox.datasets.bodies.sources import ParametersBody as ParametersBody
+    from animal3dbox.datasets.bodies.sources import preset_body as preset_body
+    from animal3dbox.datasets.exchange.coco_writer import write_coco as write_coco
+    from animal3dbox.datasets.exchange.kitti_writer import write_kitti as write_kitti
+    from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d as write_omni3d
     from animal3dbox.datasets.format_datasets import Animal3DDataset as Animal3DDataset
     from animal3dbox.datasets.format_datasets import AnnotatedDataset as AnnotatedDataset
     from animal3dbox.datasets.format_datasets import CocoKeypointsDataset as CocoKeypointsDataset
@@ -24,18 +38,44 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.format_datasets import Omni3DDataset as Omni3DDataset
     from animal3dbox.datasets.format_datasets import StanfordExtraDataset as StanfordExtraDataset
     from animal3dbox.datasets.format_datasets import SyntheticDataset as SyntheticDataset
+    from animal3dbox.datasets.formats import ReadOptions as ReadOptions
+    from animal3dbox.datasets.formats import read_dataset as read_dataset
+    from animal3dbox.datasets.formats import recognised_format as recognised_format
+    from animal3dbox.datasets.inspection.inspect import inspect_dataset as inspect_dataset
     from animal3dbox.datasets.label_dataset import LabelDataset as LabelDataset
     from animal3dbox.datasets.label_dataset import Skipped as Skipped
+    from animal3dbox.datasets.labelling.file_source import FileSource as FileSource
     from animal3dbox.datasets.labelling.filters import LabelFilter as LabelFilter
+    from animal3dbox.datasets.labelling.label_records import label_records as label_records
+    from animal3dbox.datasets.labelling.label_requests import LabelRequest as LabelRequest
+    from animal3dbox.datasets.labelling.label_requests import request_of_record as request_of_record
+    from animal3dbox.datasets.labelling.load_report import LoadReport as LoadReport
     from animal3dbox.datasets.labelling.scale import AltitudeScale as AltitudeScale
     from animal3dbox.datasets.labelling.scale import KnownScale as KnownScale
     from animal3dbox.datasets.labelling.scale import SpeciesScale as SpeciesScale
+    from animal3dbox.datasets.readers.cuboids.kitti_reader import read_kitti as read_kitti
+    from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d as read_omni3d
+    from animal3dbox.datasets.records import AnimalRecord as AnimalRecord
+    from animal3dbox.datasets.records import CuboidRecord as CuboidRecord
+    from animal3dbox.datasets.records import CuboidSet as CuboidSet
+    from animal3dbox.datasets.records import RecordSet as RecordSet
     from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet as SyntheticSet
 
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
-        "batches": ("collate", "collate_stacked"),
+        "batches": (
+            "collate",
+            "collate_stacked",
+        ),
+        "bodies.sources": (
+            "ModelBody",
+            "ParametersBody",
+            "preset_body",
+        ),
+        "exchange.coco_writer": ("write_coco",),
+        "exchange.kitti_writer": ("write_kitti",),
+        "exchange.omni3d_writer": ("write_omni3d",),
         "format_datasets": (
             "Animal3DDataset",
             "AnnotatedDataset",
@@ -46,9 +86,37 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "StanfordExtraDataset",
             "SyntheticDataset",
         ),
-        "label_dataset": ("LabelDataset", "Skipped"),
+        "formats": (
+            "ReadOptions",
+            "read_dataset",
+            "recognised_format",
+        ),
+        "inspection.inspect": ("inspect_dataset",),
+        "label_dataset": (
+            "LabelDataset",
+            "Skipped",
+        ),
+        "labelling.file_source": ("FileSource",),
         "labelling.filters": ("LabelFilter",),
-        "labelling.scale": ("AltitudeScale", "KnownScale", "SpeciesScale"),
+        "labelling.label_records": ("label_records",),
+        "labelling.label_requests": (
+            "LabelRequest",
+            "request_of_record",
+        ),
+        "labelling.load_report": ("LoadReport",),
+        "labelling.scale": (
+            "AltitudeScale",
+            "KnownScale",
+            "SpeciesScale",
+        ),
+        "readers.cuboids.kitti_reader": ("read_kitti",),
+        "readers.cuboids.omni3d_reader": ("read_omni3d",),
+        "records": (
+            "AnimalRecord",
+            "CuboidRecord",
+            "CuboidSet",
+            "RecordSet",
+        ),
         "synthetic.synthetic_set": ("SyntheticSet",),
     },
 )

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import ClassVar, Literal, TypedDict, Unpack
 
 from animal3dbox.datasets.bodies.mesh_folder import MeshFolderBodies
-from animal3dbox.datasets.bodies.options import DEFAULT_BODY, bodies_for, body_source
+from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.bodies.sources import BodySource, ParametersBody
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import ReadOptions, bodies_for, read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset, OnBad, TransformCall
+from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.labelling.filters import LabelFilter
 from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.labelling.scale import ScaleSource
-from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.labelling.synthetic_source import SyntheticSource
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import reader as animal3d

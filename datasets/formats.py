@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
@@ -305,3 +306,18 @@ def _is_unicode(text: str) -> bool:
 def _escaped(text: str) -> str:
     """Text in which bytes that are no UTF-8 are spelt out."""
     return text.encode("utf-8", "backslashreplace").decode()
+
+
+def bodies_for(read: Source, own: BodySource | None) -> BodySource:
+    """The user's body for all animals if there is one, else the dataset's own bodies, else a dog.
+
+    Raises:
+        ConfigError: a user's body for a dataset whose cameras are known in the frame of its own.
+
+    """
+    if own is not None and any(record.pose is not None for record in read.records.records):
+        raise ConfigError(
+            f"{own.name} cannot be the body of all animals: this dataset's cameras are known only"
+            " to its own meshes; leave it out"
+        )
+    return own or read.bodies or body_source(DEFAULT_BODY)

@@ -13,17 +13,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
+from animal3dbox.datasets.labelling.file_source import images_of
 from animal3dbox.datasets.labelling.filters import LabelFilter
-from animal3dbox.datasets.labelling.label_records import (
-    CameraPolicy,
-    Outcome,
-    check_camera_policy,
-)
+from animal3dbox.datasets.labelling.image_samples import ImageSample, SampleSource
+from animal3dbox.datasets.labelling.label_records import CameraPolicy, Outcome, check_camera_policy
 from animal3dbox.datasets.labelling.label_store import LabelStore, fault_case, rejected_case
 from animal3dbox.datasets.labelling.load_report import Case, Ledger, LoadReport
 from animal3dbox.datasets.labelling.open_samples import OpenSample, mask_of, open_samples
 from animal3dbox.datasets.labelling.scale import ScaleSource
-from animal3dbox.datasets.labelling.sources import ImageSample, SampleSource, images_of
 from animal3dbox.datasets.labelling.targets import (
     check_one_camera,
     empty_target,

@@ -99,3 +99,86 @@ def test_importing_the_package_or_its_command_line_does_not_load_torch() -> None
         " sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+DATASET_ROOMS = (
+    {"records", "images", "storage"},
+    {"readers", "bodies", "synthetic"},
+    {"formats", "labelling"},
+    {"label_dataset", "batches", "format_datasets"},
+    {"exchange", "inspection"},
+)
+"""The rooms and files of datasets/ from the lowest: each imports from its own tier and from those
+before it."""
+
+
+def all_imports(path: Path) -> set[str]:
+    """Modules that a file imports anywhere, in functions and for type checkers too."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def import_graph() -> dict[str, set[str]]:
+    """Every module of the package that is no door (__init__) -> those it imports."""
+    paths = {
+        ".".join(name.split(".")): path for name, path in modules() if path.name != "__init__.py"
+    }
+    return {name: (all_imports(path) & set(paths)) - {name} for name, path in paths.items()}
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """The groups of more than one node that reach each other."""
+    reach = {node: set(targets) for node, targets in graph.items()}
+    changed = True
+    while changed:
+        changed = False
+        for targets in reach.values():
+            more = set().union(*(reach[other] for other in targets if other in reach)) - targets
+            if more:
+                targets |= more
+                changed = True
+    groups = {
+        tuple(sorted(other for other in reach[node] if node in reach.get(other, ())))
+        for node in reach
+    }
+    return [list(group) for group in groups if len(group) > 1]
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    assert circles(import_graph()) == []
+
+
+def test_the_search_for_circles_finds_one() -> None:
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}
+    assert circles(graph) == [["a", "b", "c"]]
+
+
+def dataset_room(module: str) -> str:
+    return module.removeprefix("animal3dbox.datasets.").split(".")[0]
+
+
+def test_the_rooms_of_datasets_have_one_order() -> None:
+    tier_of = {room: tier for tier, rooms in enumerate(DATASET_ROOMS) for room in rooms}
+    graph = {
+        module: {other for other in imported if other.startswith("animal3dbox.datasets.")}
+        for module, imported in import_graph().items()
+        if module.startswith("animal3dbox.datasets.")
+    }
+    assert {dataset_room(module) for module in graph} == set(tier_of)
+    upward = [
+        f"{module} imports {other}"
+        for module, imported in graph.items()
+        for other in imported
+        if tier_of[dataset_room(other)] > tier_of[dataset_room(module)]
+    ]
+    assert upward == []
+    rooms: dict[str, set[str]] = {room: set() for room in tier_of}
+    for module, imported in graph.items():
+        room = dataset_room(module)
+        rooms[room] |= {dataset_room(other) for other in imported} - {room}
+    assert circles(rooms) == []

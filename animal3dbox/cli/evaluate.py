@@ -8,8 +8,7 @@ from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import EvaluateJob
-from animal3dbox.datasets.bodies.options import bodies_for
-from animal3dbox.datasets.formats import read_dataset
+from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.dataset_study import dataset_rows, dataset_table, true_boxes

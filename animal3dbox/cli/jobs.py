@@ -1,19 +1,17 @@
-"""The commands: each is a dataclass whose fields are its options, and which can be run.
+"""The commands: each is a dataclass whose fields are its options.
 
 tyro builds a job from the command line: the class docstring is the command's description, the
-attribute docstrings are the help. What a job needs is imported when it runs, so that `--help` does
-not wait for torch.
+attribute docstrings are the help. runners.py runs a job.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.options import (
     BodyOptions,
     CacheOptions,
@@ -29,14 +27,6 @@ from animal3dbox.labels.config import LabelConfig
 
 if TYPE_CHECKING:
     from animal3dbox.datasets.labelling.scale import ScaleSource
-
-
-class Job(Protocol):
-    """A command with its options."""
-
-    def run(self) -> ExitCode:
-        """Do what the options ask for; the exit code says how it ended."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +50,6 @@ class DemoJob:
     """label with the standing species, as for photographs, not with the true pose"""
     json: bool = False
     """print the result as JSON"""
-
-    def run(self) -> ExitCode:
-        """Render, label and compare."""
-        from animal3dbox.cli.demo import run_demo
-
-        return run_demo(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,19 +82,6 @@ class LabelJob:
         """Where metres come from."""
         return self.scale.source()
 
-    def run(self) -> ExitCode:
-        """Write labels and pictures, or fill a cache.
-
-        Raises:
-            ConfigError: options that cannot be, before the dataset is read.
-
-        """
-        from animal3dbox.cli.fill import run_fill
-        from animal3dbox.cli.label import run_label
-
-        _ = self.config, self.scale_source  # made now, so that what they refuse is told at once
-        return run_label(self) if self.cache.folder is None else run_fill(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class SynthJob:
@@ -139,12 +110,6 @@ class SynthJob:
     """mark keypoints in the frame that something hides, too"""
     annotation: FaultOptions
 
-    def run(self) -> ExitCode:
-        """Write the synthetic dataset."""
-        from animal3dbox.cli.synth import run_synth
-
-        return run_synth(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateJob:
@@ -168,12 +133,6 @@ class EvaluateJob:
     dataset: DatasetOptions
     body: BodyOptions
 
-    def run(self) -> ExitCode:
-        """Evaluate and write the files."""
-        from animal3dbox.cli.evaluate import run_evaluate
-
-        return run_evaluate(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class ExportJob:
@@ -194,12 +153,6 @@ class ExportJob:
     """scale of the boxes whose scale is not known"""
     scale_free: bool = False
     """write lengths of unknown scale as they are"""
-
-    def run(self) -> ExitCode:
-        """Read the cuboids and write them."""
-        from animal3dbox.cli.export import run_export
-
-        return run_export(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,12 +178,6 @@ class CheckJob:
     json: bool = False
     """print everything that is wrong as JSON"""
 
-    def run(self) -> ExitCode:
-        """Check, and say what is wrong."""
-        from animal3dbox.cli.check import run_check
-
-        return run_check(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class InspectJob:
@@ -247,12 +194,6 @@ class InspectJob:
     json: bool = False
     """print JSON (docs/formats.md) instead of words"""
 
-    def run(self) -> ExitCode:
-        """Read the dataset and describe it."""
-        from animal3dbox.cli.inspect import run_inspect
-
-        return run_inspect(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class ConvertModelJob:
@@ -266,13 +207,18 @@ class ConvertModelJob:
     target: Annotated[Positional[Path], arg(metavar="OUT")]
     """the .safetensors file to write"""
 
-    def run(self) -> ExitCode:
-        """Read the model and write it."""
-        from animal3dbox.cli.convert import convert_model
 
-        return convert_model(self.source, self.target)
-
-
+Job = (
+    DemoJob
+    | LabelJob
+    | SynthJob
+    | EvaluateJob
+    | ExportJob
+    | CheckJob
+    | InspectJob
+    | ConvertModelJob
+)
+"""Any command with its options."""
 COMMANDS: dict[str, Callable[..., Job]] = {
     "demo": DemoJob,
     "label": LabelJob,

@@ -10,17 +10,12 @@ from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import LabelJob
-from animal3dbox.datasets.bodies.options import bodies_for
 from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.formats import read_dataset
+from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.images.photos import Photo, read_photo
-from animal3dbox.datasets.labelling.label_records import (
-    LabelRequest,
-    check_camera_policy,
-    label_records,
-    request_of_record,
-)
-from animal3dbox.datasets.labelling.sources import has_camera
+from animal3dbox.datasets.labelling.file_source import has_camera
+from animal3dbox.datasets.labelling.label_records import check_camera_policy, label_records
+from animal3dbox.datasets.labelling.label_requests import LabelRequest, request_of_record
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.report.run import Labelled, RunWriter

@@ -1,7 +1,7 @@
 """The command line: parse a job, run it, and turn what it raises into an exit code.
 
 `animal3dbox demo`, `label`, `synth`, `evaluate`, `export`, `check`, `inspect` and `convert-model`
-(see jobs.py). Nothing heavy is imported until a command runs, so that `--help` answers at once.
+(see jobs.py and runners.py). Nothing heavy is imported until a command runs, so that `--help` answers at once.
 """
 
 import sys
@@ -11,6 +11,7 @@ import tyro
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import COMMANDS, Job
+from animal3dbox.cli.runners import run_job
 from animal3dbox.errors import Animal3DBoxError, ConfigError
 
 
@@ -29,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def exit_code(job: Job) -> ExitCode:
     """Run a job; what it raises on purpose becomes a line on stderr and a code."""
     try:
-        return job.run()
+        return run_job(job)
     except ConfigError as error:
         return _complain(error, ExitCode.USAGE)
     except Animal3DBoxError as error:

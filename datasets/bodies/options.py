@@ -4,26 +4,10 @@ from pathlib import Path
 
 from animal3dbox.datasets.bodies.mesh_file import load_mesh_body
 from animal3dbox.datasets.bodies.sources import BodySource, ModelBody, preset_body
-from animal3dbox.datasets.formats import Source
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import load_model
 
 DEFAULT_BODY = "dog"
-
-
-def bodies_for(read: Source, own: BodySource | None) -> BodySource:
-    """The user's body for all animals if there is one, else the dataset's own bodies, else a dog.
-
-    Raises:
-        ConfigError: a user's body for a dataset whose cameras are known in the frame of its own.
-
-    """
-    if own is not None and any(record.pose is not None for record in read.records.records):
-        raise ConfigError(
-            f"{own.name} cannot be the body of all animals: this dataset's cameras are known only"
-            " to its own meshes; leave it out"
-        )
-    return own or read.bodies or body_source(DEFAULT_BODY)
 
 
 def body_source(body: str, landmarks: Path | None = None) -> BodySource:

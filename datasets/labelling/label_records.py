@@ -1,19 +1,18 @@
 """From an annotated animal to its label: the one way that every Dataset and command goes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.bodies.sources import BodySource, many_bodies
-from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
+from animal3dbox.datasets.bodies.sources import many_bodies
+from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.given_boxes import given_label
-from animal3dbox.datasets.labelling.image_index import AnimalEntry
+from animal3dbox.datasets.labelling.image_samples import Record
+from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.scale import ScaleSource, in_metres
-from animal3dbox.datasets.labelling.sources import ImageSample, Record, sample_of_record
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.arrays import as_numpy
@@ -28,73 +27,6 @@ CameraPolicy = Literal["hypothesis", "exact"]
 """How the camera pose that a dataset stores for its bodies is taken: as one guess, or as known."""
 Outcome = CuboidLabel | Rejection | SampleError
 """What becomes of an animal."""
-
-
-@dataclass(frozen=True, eq=False)
-class LabelRequest:
-    """One animal that needs a label.
-
-    The key is taken before anything is decoded, so that a file replaced while we label cannot store
-    a stale label.
-
-    Attributes:
-        sample: what is annotated in its image.
-        place: which of the sample's animals it is.
-        facts: of the image's header. An EXIF orientation, which is not applied, is among the
-            label's warnings.
-        key: names what its label is made from, for a cache; empty without one.
-    """
-
-    sample: ImageSample
-    place: int
-    facts: PhotoFacts
-    key: bytes = b""
-
-    @property
-    def entry(self) -> AnimalEntry:
-        """What is said of the animal without its numbers."""
-        return self.sample.animals[self.place]
-
-    @property
-    def record(self) -> Record:
-        """What the dataset says of the animal."""
-        return self.sample.records[self.place]
-
-    @cached_property
-    def mask(self) -> NDArray[np.bool_] | None:
-        """The animal's mask (H, W), decoded when it is first asked for; None without.
-
-        Raises:
-            SampleError: the mask's file cannot be read, or is of another size.
-
-        """
-        return self.sample.mask(self.place)
-
-    @property
-    def bodies(self) -> BodySource:
-        """Where its body comes from; raises SampleError if nothing is known of that."""
-        if self.sample.bodies is None:
-            raise SampleError(self.entry.sample_id, "body", "there is no source of bodies")
-        return self.sample.bodies
-
-
-def request_of_record(
-    record: Record, bodies: BodySource | None, facts: PhotoFacts | None = None
-) -> LabelRequest:
-    """The request for the label of one record alone.
-
-    Args:
-        record: the animal.
-        bodies: the source of its body.
-        facts: of its picture's header; None: read here, if there is a file.
-
-    Raises:
-        SampleError: the picture's header cannot be read.
-
-    """
-    if facts is None:
-        facts = PhotoFacts() if record.image_path is None else header_facts(record.image_path)
-    return LabelRequest(sample_of_record(record, bodies), 0, facts)
 
 
 def label_records(
@@ -117,8 +49,8 @@ def label_records(
         Labels, rejections and errors, in order.
 
     Example:
-        >>> from animal3dbox.datasets import SyntheticSet, preset_body
         >>> from animal3dbox import LabelConfig
+        >>> from animal3dbox.datasets import SyntheticSet, preset_body, request_of_record
         >>> records = SyntheticSet(seed=0, images=1).records().records
         >>> request = request_of_record(records[0], preset_body("dog"))
         >>> [type(outcome).__name__ for outcome in label_records([request], LabelConfig())]

@@ -7,15 +7,11 @@ from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.cache import LabelCache
 from animal3dbox.datasets.labelling.image_index import AnimalEntry
-from animal3dbox.datasets.labelling.label_records import (
-    CameraPolicy,
-    LabelRequest,
-    Outcome,
-    label_records,
-)
+from animal3dbox.datasets.labelling.image_samples import ImageSample
+from animal3dbox.datasets.labelling.label_records import CameraPolicy, Outcome, label_records
+from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.datasets.labelling.scale import ScaleSource
-from animal3dbox.datasets.labelling.sources import ImageSample
 from animal3dbox.datasets.storage.fingerprint import (
     code_digest,
     content_digest,

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.photos import Photo
-from animal3dbox.datasets.labelling.label_records import LabelRequest
+from animal3dbox.datasets.labelling.image_samples import ImageSample, SampleSource
+from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.label_store import LabelStore
-from animal3dbox.datasets.labelling.sources import ImageSample, SampleSource
 from animal3dbox.errors import SampleError
 
 T = TypeVar("T")

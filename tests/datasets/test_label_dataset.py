@@ -19,6 +19,7 @@ from animal3dbox.datasets.bodies.sources import preset_body
 from animal3dbox.datasets.format_datasets import Animal3DDataset, AnnotatedDataset, SyntheticDataset
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset, Skipped, Target
+from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.labelling.filters import LabelFilter
 from animal3dbox.datasets.labelling.scale import (
     AltitudeScale,
@@ -26,7 +27,6 @@ from animal3dbox.datasets.labelling.scale import (
     SpeciesScale,
     head_and_body,
 )
-from animal3dbox.datasets.labelling.sources import FileSource
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.fingerprint import code_files
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet

@@ -25,8 +25,8 @@ from animal3dbox.datasets.bodies.sources import ParametersBody
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.images.photos import read_mask
 from animal3dbox.datasets.label_dataset import Target
-from animal3dbox.datasets.labelling import sources
-from animal3dbox.datasets.labelling.sources import FileSource
+from animal3dbox.datasets.labelling import image_samples
+from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels import bounds, drafts
@@ -226,7 +226,7 @@ def test_a_mask_that_is_replaced_while_it_is_read_leaves_no_wrong_label(
         path.write_bytes(new)
         return mask
 
-    monkeypatch.setattr(sources, "read_mask", replaced)
+    monkeypatch.setattr(image_samples, "read_mask", replaced)
     dataset[0]
     monkeypatch.undo()
     for content in (new, old):

@@ -1,7 +1,8 @@
 """The label of one record, by the one route that there is."""
 
 from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.labelling.label_records import label_records, request_of_record
+from animal3dbox.datasets.labelling.label_records import label_records
+from animal3dbox.datasets.labelling.label_requests import request_of_record
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError

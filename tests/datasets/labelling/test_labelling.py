@@ -14,10 +14,8 @@ from small_animals import model_of
 
 from animal3dbox.datasets.bodies.sources import BodySource, preset_body
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
-from animal3dbox.datasets.labelling.label_records import (
-    label_records,
-    request_of_record,
-)
+from animal3dbox.datasets.labelling.label_records import label_records
+from animal3dbox.datasets.labelling.label_requests import request_of_record
 from animal3dbox.datasets.labelling.scale import KnownScale
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError

@@ -1,0 +1,80 @@
+"""Animals that need a label."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.datasets.bodies.sources import BodySource
+from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
+from animal3dbox.datasets.labelling.image_index import AnimalEntry
+from animal3dbox.datasets.labelling.image_samples import ImageSample, Record, sample_of_record
+from animal3dbox.errors import SampleError
+
+
+@dataclass(frozen=True, eq=False)
+class LabelRequest:
+    """One animal that needs a label.
+
+    The key is taken before anything is decoded, so that a file replaced while we label cannot store
+    a stale label.
+
+    Attributes:
+        sample: what is annotated in its image.
+        place: which of the sample's animals it is.
+        facts: of the image's header. An EXIF orientation, which is not applied, is among the
+            label's warnings.
+        key: names what its label is made from, for a cache; empty without one.
+    """
+
+    sample: ImageSample
+    place: int
+    facts: PhotoFacts
+    key: bytes = b""
+
+    @property
+    def entry(self) -> AnimalEntry:
+        """What is said of the animal without its numbers."""
+        return self.sample.animals[self.place]
+
+    @property
+    def record(self) -> Record:
+        """What the dataset says of the animal."""
+        return self.sample.records[self.place]
+
+    @cached_property
+    def mask(self) -> NDArray[np.bool_] | None:
+        """The animal's mask (H, W), decoded when it is first asked for; None without.
+
+        Raises:
+            SampleError: the mask's file cannot be read, or is of another size.
+
+        """
+        return self.sample.mask(self.place)
+
+    @property
+    def bodies(self) -> BodySource:
+        """Where its body comes from; raises SampleError if nothing is known of that."""
+        if self.sample.bodies is None:
+            raise SampleError(self.entry.sample_id, "body", "there is no source of bodies")
+        return self.sample.bodies
+
+
+def request_of_record(
+    record: Record, bodies: BodySource | None, facts: PhotoFacts | None = None
+) -> LabelRequest:
+    """The request for the label of one record alone.
+
+    Args:
+        record: the animal.
+        bodies: the source of its body.
+        facts: of its picture's header; None: read here, if there is a file.
+
+    Raises:
+        SampleError: the picture's header cannot be read.
+
+    """
+    if facts is None:
+        facts = PhotoFacts() if record.image_path is None else header_facts(record.image_path)
+    return LabelRequest(sample_of_record(record, bodies), 0, facts)
