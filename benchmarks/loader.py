@@ -27,7 +27,7 @@ from torch.utils.data import DataLoader, Dataset
 from animal3dbox.datasets import Animal3DDataset, LabelDataset, SyntheticSet, collate
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.images.photos import read_photo
-from animal3dbox.datasets.label_dataset import Target
+from animal3dbox.datasets.labelling.skipped import Target
 from animal3dbox.datasets.labelling.targets import image_tensor
 from animal3dbox.datasets.labelling.threads import one_thread
 from animal3dbox.datasets.records import AnimalRecord

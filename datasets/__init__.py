@@ -5,7 +5,7 @@ The rooms, in their order; each imports only from those before it (tests/test_pa
 - `records`, `images`, `storage`: what a dataset says of an animal, pixels, values as bytes.
 - `readers`, `bodies`, `synthetic`: annotation files, sources of bodies, a world with exact truth.
 - `formats`, `labelling`: any dataset by its path; the one way from a record to a label.
-- `label_dataset`, `batches`, `format_datasets`: the Datasets, one a format, and their batches.
+- `label_dataset`, `batches`, `format_datasets`, ...: the Datasets, one a format, and their batches.
 - `exchange`, `inspection`: files for other tools; what is in a copy of a dataset.
 
 The names below are loaded when first used (PEP 562).
@@ -35,15 +35,12 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.format_datasets import CocoKeypointsDataset as CocoKeypointsDataset
     from animal3dbox.datasets.format_datasets import DeepLabCutDataset as DeepLabCutDataset
     from animal3dbox.datasets.format_datasets import MeshFolderDataset as MeshFolderDataset
-    from animal3dbox.datasets.format_datasets import Omni3DDataset as Omni3DDataset
     from animal3dbox.datasets.format_datasets import StanfordExtraDataset as StanfordExtraDataset
-    from animal3dbox.datasets.format_datasets import SyntheticDataset as SyntheticDataset
     from animal3dbox.datasets.formats import ReadOptions as ReadOptions
     from animal3dbox.datasets.formats import read_dataset as read_dataset
     from animal3dbox.datasets.formats import recognised_format as recognised_format
     from animal3dbox.datasets.inspection.inspect import inspect_dataset as inspect_dataset
     from animal3dbox.datasets.label_dataset import LabelDataset as LabelDataset
-    from animal3dbox.datasets.label_dataset import Skipped as Skipped
     from animal3dbox.datasets.labelling.file_source import FileSource as FileSource
     from animal3dbox.datasets.labelling.filters import LabelFilter as LabelFilter
     from animal3dbox.datasets.labelling.label_records import label_records as label_records
@@ -53,6 +50,8 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.labelling.scale import AltitudeScale as AltitudeScale
     from animal3dbox.datasets.labelling.scale import KnownScale as KnownScale
     from animal3dbox.datasets.labelling.scale import SpeciesScale as SpeciesScale
+    from animal3dbox.datasets.labelling.skipped import Skipped as Skipped
+    from animal3dbox.datasets.omni3d_dataset import Omni3DDataset as Omni3DDataset
     from animal3dbox.datasets.readers.cuboids.kitti_reader import read_kitti as read_kitti
     from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d as read_omni3d
     from animal3dbox.datasets.records import AnimalRecord as AnimalRecord
@@ -60,6 +59,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.records import CuboidSet as CuboidSet
     from animal3dbox.datasets.records import RecordSet as RecordSet
     from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet as SyntheticSet
+    from animal3dbox.datasets.synthetic_dataset import SyntheticDataset as SyntheticDataset
 
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
@@ -82,9 +82,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "CocoKeypointsDataset",
             "DeepLabCutDataset",
             "MeshFolderDataset",
-            "Omni3DDataset",
             "StanfordExtraDataset",
-            "SyntheticDataset",
         ),
         "formats": (
             "ReadOptions",
@@ -92,10 +90,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "recognised_format",
         ),
         "inspection.inspect": ("inspect_dataset",),
-        "label_dataset": (
-            "LabelDataset",
-            "Skipped",
-        ),
+        "label_dataset": ("LabelDataset",),
         "labelling.file_source": ("FileSource",),
         "labelling.filters": ("LabelFilter",),
         "labelling.label_records": ("label_records",),
@@ -109,6 +104,8 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "KnownScale",
             "SpeciesScale",
         ),
+        "labelling.skipped": ("Skipped",),
+        "omni3d_dataset": ("Omni3DDataset",),
         "readers.cuboids.kitti_reader": ("read_kitti",),
         "readers.cuboids.omni3d_reader": ("read_omni3d",),
         "records": (
@@ -118,5 +115,6 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "RecordSet",
         ),
         "synthetic.synthetic_set": ("SyntheticSet",),
+        "synthetic_dataset": ("SyntheticDataset",),
     },
 )

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import get_worker_info
 
-from animal3dbox.datasets.label_dataset import Skipped, Target
+from animal3dbox.datasets.labelling.skipped import Skipped, Target
 from animal3dbox.errors import SampleError
 
 BY_VALUE_BYTES = 1 << 16

@@ -3,55 +3,35 @@
 Each reads its annotations and leaves the rest to LabelDataset.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar, Literal, TypedDict, Unpack
+from typing import ClassVar, Literal, Unpack, get_args
 
 from animal3dbox.datasets.bodies.mesh_folder import MeshFolderBodies
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.bodies.sources import BodySource, ParametersBody
 from animal3dbox.datasets.formats import ReadOptions, bodies_for, read_dataset
-from animal3dbox.datasets.label_dataset import LabelDataset, OnBad, TransformCall
+from animal3dbox.datasets.label_dataset import LabelDataset
+from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
-from animal3dbox.datasets.labelling.filters import LabelFilter
-from animal3dbox.datasets.labelling.label_records import CameraPolicy
-from animal3dbox.datasets.labelling.scale import ScaleSource
-from animal3dbox.datasets.labelling.synthetic_source import SyntheticSource
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 from animal3dbox.datasets.readers.coco import reader as coco
-from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
-from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
-from animal3dbox.labels.config import LabelConfig
+from animal3dbox.errors import ConfigError
 from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
-
-class Options(TypedDict, total=False):
-    """LabelDataset's options."""
-
-    config: LabelConfig | None
-    on_bad: OnBad
-    partial: Literal["keep", "skip"]
-    filters: LabelFilter | None
-    classes: Sequence[str] | None
-    transform: TransformCall | None
-    scale: ScaleSource | None
-    stored_cameras: CameraPolicy
-    cache: Path | str | None
-    masks: bool
-    report_to: Path | str | None
-    reuse: bool
+Split = Literal["train", "test", "all"]
 
 
 class AnnotatedDataset(LabelDataset):
     """Animals of any format that can be read; the format is recognised, or given.
 
     Args:
-        path: the dataset's folder or annotation file.
+        root: the dataset's folder or annotation file.
         format: of datasets.formats.FORMATS, or "auto".
+        split: "train", "test" or "all" of a format whose folder holds its splits (Animal3D).
         images: the folder that image paths are relative to, if not the usual one.
         model: the SMAL file of the dataset's own parameters or meshes.
         vocabulary: what the keypoints are, if their names do not tell: a vocabulary, its name, or a
@@ -62,13 +42,28 @@ class AnnotatedDataset(LabelDataset):
             picture's header says, or a guess.
         **options: LabelDataset's.
 
+    Raises:
+        ConfigError: an option that the format has no use for.
+        DatasetNotFoundError: nothing there.
+        DatasetFormatError: not readable as a whole.
+        SampleError: see LabelDataset.
+
+    Example:
+        >>> import tempfile, pathlib
+        >>> from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig, write_animal3d
+        >>> folder = pathlib.Path(tempfile.mkdtemp())
+        >>> small = WorldConfig(image_hw=(120, 160))
+        >>> _ = write_animal3d(SyntheticSet(0, 2, small), folder / "set", folder / "model.pkl")
+        >>> len(AnnotatedDataset(folder / "set", model=folder / "model.pkl"))
+        2
     """
 
     def __init__(
         self,
-        path: Path | str,
+        root: Path | str,
         *,
         format: str = "auto",
+        split: Split = "all",
         images: Path | str | None = None,
         model: Path | str | None = None,
         vocabulary: str | Vocabulary | None = None,
@@ -77,49 +72,93 @@ class AnnotatedDataset(LabelDataset):
         **options: Unpack[Options],
     ) -> None:
         folder, file = (None if p is None else Path(p) for p in (images, model))
-        words = vocabulary_of_option(vocabulary) if isinstance(vocabulary, str) else vocabulary
-        read = read_dataset(Path(path), format, ReadOptions(folder, file, words, focal_px))
-        own = body_source(body) if isinstance(body, str) else body
-        bodies = bodies_for(read, own)
-        super().__init__(
-            FileSource(
-                read.records,
-                (
-                    bodies.packed()
-                    if isinstance(bodies, ParametersBody | MeshFolderBodies)
-                    else bodies
-                ),
-            ),
-            **options,
+        if isinstance(vocabulary, str):
+            vocabulary = vocabulary_of_option(vocabulary)
+        self.root, self.split = Path(root), split
+        dataset = read_dataset(
+            _split_file(self.root, format, split),
+            format,
+            ReadOptions(folder, file, vocabulary, focal_px),
         )
+        own_body = body_source(body) if isinstance(body, str) else body
+        bodies = bodies_for(dataset, own_body)
+        if isinstance(bodies, ParametersBody | MeshFolderBodies):
+            bodies = bodies.packed()
+        super().__init__(FileSource(dataset.records, bodies), **options)
+
+    def __repr__(self) -> str:
+        kind, *lines = super().__repr__().split("\n")
+        where = f"    Root location: {self.root}\n    Split: {self.split}"
+        return "\n".join([kind, *lines[:1], where, *lines[1:]])
+
+
+def _split_file(root: Path, format: str, split: Split) -> Path:
+    """The folder or file to read of a dataset's split.
+
+    Raises:
+        ConfigError: there is no such split, or the format keeps each in a file of its own.
+
+    """
+    if split not in get_args(Split):
+        raise ConfigError(f"split must be {', '.join(get_args(Split))}, got {split!r}")
+    if split == "all":
+        return root
+    if format not in ("auto", animal3d.FORMAT) or not root.is_dir():
+        raise ConfigError(
+            f"split={split!r} is for a folder that holds {' and '.join(animal3d.SPLITS)}: of other"
+            " formats give the annotation file of the split that you want as root"
+        )
+    file = root / f"{split}.json"
+    if not file.is_file():
+        raise ConfigError(f"split={split!r} needs {file}, and there is no such file")
+    return file
 
 
 class Animal3DDataset(AnnotatedDataset):
     """Animal3D, its 2D-only relatives and what is written like it.
 
+    Features: photographs of mammals with 26 keypoints, masks, and the parameters of a SMAL body for
+    each animal, which need ``model``. Format: ``root`` holds train.json and test.json beside the
+    images (docs/formats.md). Classes: the species, as the files list them.
+
+    If you use the dataset, cite Xu et al., "Animal3D: A Comprehensive Dataset of 3D Animal Pose and
+    Shape", ICCV 2023.
+
     Args:
-        path: the folder, or one of its json files.
+        root: the folder, or one of its json files.
         model: the SMAL file of its parameters; without it all animals get ``body``.
+        split: "train", "test" or "all".
         images: the folder that img_path is relative to; None: the json's.
         body: one body for all animals instead of their own.
         focal_px: see AnnotatedDataset.
         **options: LabelDataset's.
 
+    Example:
+        >>> import tempfile, pathlib
+        >>> from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig, write_animal3d
+        >>> folder = pathlib.Path(tempfile.mkdtemp())
+        >>> small = WorldConfig(image_hw=(120, 160))
+        >>> _ = write_animal3d(SyntheticSet(0, 2, small), folder / "set", folder / "model.pkl")
+        >>> dataset = Animal3DDataset(folder / "set", folder / "model.pkl", split="train")
+        >>> dataset[0][1]["corners_3d"].shape
+        torch.Size([3, 8, 3])
     """
 
     def __init__(
         self,
-        path: Path | str,
+        root: Path | str,
         model: Path | str | None = None,
         *,
+        split: Split = "all",
         images: Path | str | None = None,
         body: str | BodySource | None = None,
         focal_px: float | None = None,
         **options: Unpack[Options],
     ) -> None:
         super().__init__(
-            path,
+            root,
             format=animal3d.FORMAT,
+            split=split,
             images=images,
             model=model,
             body=body,
@@ -129,20 +168,34 @@ class Animal3DDataset(AnnotatedDataset):
 
 
 class StanfordExtraDataset(AnnotatedDataset):
-    """StanfordExtra: dogs.
+    """StanfordExtra: photographs of dogs.
+
+    Features: 24 keypoints and a mask in runs; no bodies. Format: StanfordExtra's json and the
+    folder of Stanford Dogs' images. Classes: dog.
+
+    If you use the dataset, cite Biggs et al., "Who Left the Dogs Out? 3D Animal Reconstruction with
+    Expectation Maximization in the Loop", ECCV 2020.
 
     Args:
-        path: the json, or the folder it lies in.
+        root: the json, or the folder it lies in.
         images: the folder that img_path is relative to.
         body: of all animals.
         focal_px: see AnnotatedDataset.
         **options: LabelDataset's.
 
+    Example:
+        >>> import tempfile, pathlib
+        >>> from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig
+        >>> from animal3dbox.datasets.synthetic import write_stanfordextra
+        >>> folder = pathlib.Path(tempfile.mkdtemp()) / "set"
+        >>> _ = write_stanfordextra(SyntheticSet(0, 2, WorldConfig(image_hw=(120, 160))), folder)
+        >>> len(StanfordExtraDataset(folder, on_bad="skip"))
+        2
     """
 
     def __init__(
         self,
-        path: Path | str,
+        root: Path | str,
         *,
         images: Path | str | None = None,
         body: str | BodySource = DEFAULT_BODY,
@@ -150,7 +203,7 @@ class StanfordExtraDataset(AnnotatedDataset):
         **options: Unpack[Options],
     ) -> None:
         super().__init__(
-            path,
+            root,
             format=stanfordextra.FORMAT,
             images=images,
             body=body,
@@ -160,10 +213,10 @@ class StanfordExtraDataset(AnnotatedDataset):
 
 
 class NamedKeypointsDataset(AnnotatedDataset):
-    """Keypoints that are told apart by their names, and no bodies.
+    """Keypoints that are told apart by their names, and no bodies: the base of two Datasets.
 
     Args:
-        path: the annotation file, or its folder.
+        root: the annotation file, or its folder.
         images: the folder that image paths are relative to, if not the usual one.
         vocabulary: what the keypoints are, if their names do not tell.
         body: of all animals.
@@ -176,7 +229,7 @@ class NamedKeypointsDataset(AnnotatedDataset):
 
     def __init__(
         self,
-        path: Path | str,
+        root: Path | str,
         *,
         images: Path | str | None = None,
         vocabulary: str | Vocabulary | None = None,
@@ -185,7 +238,7 @@ class NamedKeypointsDataset(AnnotatedDataset):
         **options: Unpack[Options],
     ) -> None:
         super().__init__(
-            path,
+            root,
             format=self.FORMAT,
             images=images,
             vocabulary=vocabulary,
@@ -196,7 +249,16 @@ class NamedKeypointsDataset(AnnotatedDataset):
 
 
 class CocoKeypointsDataset(NamedKeypointsDataset):
-    """COCO keypoints, such as AP-10K and AnimalPose; the animals of an image together."""
+    """COCO keypoints, such as AP-10K and AnimalPose; the animals of an image together.
+
+    Features: keypoints by their names, masks in runs or polygons; no bodies. Format: a json with
+    images, annotations and categories. Classes: the file's categories.
+
+    Example:
+        >>> CocoKeypointsDataset("nowhere.json")
+        Traceback (most recent call last):
+        animal3dbox.errors.DatasetNotFoundError: there is no file or folder nowhere.json
+    """
 
     FORMAT = coco.FORMAT
 
@@ -204,7 +266,16 @@ class CocoKeypointsDataset(NamedKeypointsDataset):
 class DeepLabCutDataset(NamedKeypointsDataset):
     """DeepLabCut's h5 or csv beside a folder of images.
 
-    H5 needs the extra animal3dbox[deeplabcut].
+    Features: keypoints by their names; no masks, no bodies. Format: CollectedData_*.csv, or .h5,
+    which needs the extra animal3dbox[deeplabcut].
+
+    If you use DeepLabCut, cite Mathis et al., "DeepLabCut: markerless pose estimation of
+    user-defined body parts with deep learning", Nature Neuroscience 2018.
+
+    Example:
+        >>> DeepLabCutDataset("nowhere.csv")
+        Traceback (most recent call last):
+        animal3dbox.errors.DatasetNotFoundError: there is no file or folder nowhere.csv
     """
 
     FORMAT = deeplabcut.FORMAT
@@ -213,69 +284,28 @@ class DeepLabCutDataset(NamedKeypointsDataset):
 class MeshFolderDataset(AnnotatedDataset):
     """Images with a mesh file for each animal, and cameras or keypoints.
 
-    Cameras that the folder gives are used as they are.
+    Cameras that the folder gives are used as they are. Format: docs/formats.md.
 
     Args:
-        path: the folder, see docs/formats.md.
+        root: the folder.
         model: the SMAL file that the meshes correspond to, if they do.
         vocabulary: what the keypoints are, if the folder does not say.
         **options: LabelDataset's.
 
+    Example:
+        >>> MeshFolderDataset("nowhere")
+        Traceback (most recent call last):
+        animal3dbox.errors.DatasetNotFoundError: there is no file or folder nowhere
     """
 
     def __init__(
         self,
-        path: Path | str,
+        root: Path | str,
         *,
         model: Path | str | None = None,
         vocabulary: str | Vocabulary | None = None,
         **options: Unpack[Options],
     ) -> None:
         super().__init__(
-            path, format=mesh_folder.FORMAT, model=model, vocabulary=vocabulary, **options
+            root, format=mesh_folder.FORMAT, model=model, vocabulary=vocabulary, **options
         )
-
-
-class Omni3DDataset(LabelDataset):
-    """Boxes of any kind in Omni3D's format, as they are: nothing is estimated, no animal is needed.
-
-    Without a known heading, targets have no face fields: which side is the front would be a guess.
-
-    Args:
-        path: the json.
-        images: the folder that file_path is relative to.
-        heading_known: whether forward and left mean something; None: what the file says if this
-            package wrote it, else not.
-        **options: LabelDataset's; those about labelling have no effect.
-
-    """
-
-    def __init__(
-        self,
-        path: Path | str,
-        *,
-        images: Path | str | None = None,
-        heading_known: bool | None = None,
-        **options: Unpack[Options],
-    ) -> None:
-        read = read_omni3d(
-            Path(path), None if images is None else Path(images), heading_known=heading_known
-        )
-        super().__init__(FileSource(read), **options)
-
-
-class SyntheticDataset(LabelDataset):
-    """The synthetic world.
-
-    With pose="exact", the default, its own cameras are used, and labels are as good as its
-    annotations.
-
-    Args:
-        made: what is drawn.
-        **options: LabelDataset's.
-
-    """
-
-    def __init__(self, made: SyntheticSet, **options: Unpack[Options]) -> None:
-        options.setdefault("stored_cameras", "exact")
-        super().__init__(SyntheticSource(made), **options)

@@ -1,63 +1,47 @@
 """The shared Dataset: annotated images in, images and targets out, labels made on the way."""
 
 import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
+from animal3dbox.datasets.batches import collate
+from animal3dbox.datasets.labelling.dataset_options import (
+    OnBad,
+    Options,
+    Partial,
+    TransformCall,
+)
 from animal3dbox.datasets.labelling.file_source import images_of
 from animal3dbox.datasets.labelling.filters import LabelFilter
-from animal3dbox.datasets.labelling.image_samples import ImageSample, SampleSource
+from animal3dbox.datasets.labelling.image_samples import SampleSource
+from animal3dbox.datasets.labelling.image_targets import (
+    chosen_labels,
+    image_target,
+    partial_case,
+)
 from animal3dbox.datasets.labelling.label_records import CameraPolicy, Outcome, check_camera_policy
-from animal3dbox.datasets.labelling.label_store import LabelStore, fault_case, rejected_case
+from animal3dbox.datasets.labelling.label_store import LabelStore, fault_case
 from animal3dbox.datasets.labelling.load_report import Case, Ledger, LoadReport
 from animal3dbox.datasets.labelling.open_samples import OpenSample, mask_of, open_samples
 from animal3dbox.datasets.labelling.scale import ScaleSource
-from animal3dbox.datasets.labelling.targets import (
-    check_one_camera,
-    empty_target,
-    image_tensor,
-    masks_of,
-    target_of,
+from animal3dbox.datasets.labelling.skipped import (
+    Sample,
+    Skipped,
+    Target,
+    refuse_unknown,
 )
+from animal3dbox.datasets.labelling.targets import empty_target, image_tensor
 from animal3dbox.datasets.labelling.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.types import CuboidLabel, Rejection
 
-OnBad = Literal["error", "skip"]
-Target = dict[str, Any]
-TransformCall = Callable[[Tensor, Target], tuple[Any, Target]]
 SampleIndex = int | tuple[int, int]
-
-
-@dataclass(frozen=True)
-class Skipped:
-    """In place of a sample that cannot be used; collate leaves it out.
-
-    Attributes:
-        index: in the Dataset.
-        image_id: the image.
-        cases: why, animal by animal.
-    """
-
-    index: int
-    image_id: str
-    cases: tuple[Case, ...]
-
-    def __len__(self) -> int:
-        raise TypeError(
-            f"{self.image_id} was skipped (on_bad='skip'), which only animal3dbox.datasets.collate"
-            " understands: give it as collate_fn"
-        )
 
 
 class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
@@ -90,11 +74,23 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         report_to: file that cases are appended to; None: a temporary one.
         reuse: whether labels in the cache are used; False makes them all anew.
 
+    Attributes:
+        collate_fn: what a DataLoader needs, since images differ in size and number of animals.
+
     Raises:
         ConfigError: an option has a value that it cannot have, or contradicts the dataset.
         SampleError: on_bad is "error" and an annotation cannot be read.
+        TypeError: an unknown option; of those that other libraries have, with the word for it here.
 
+    Example:
+        >>> from animal3dbox.datasets import SyntheticDataset
+        >>> dataset = SyntheticDataset(2, seed=0, image_hw=(120, 160))
+        >>> image, target = dataset[0]
+        >>> image.shape, target["corners_3d"].shape
+        (torch.Size([3, 120, 160]), torch.Size([3, 8, 3]))
     """
+
+    collate_fn = staticmethod(collate)
 
     def __init__(
         self,
@@ -102,7 +98,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         *,
         config: LabelConfig | None = None,
         on_bad: OnBad = "error",
-        partial: Literal["keep", "skip"] = "keep",
+        partial: Partial = "keep",
         filters: LabelFilter | None = None,
         classes: Sequence[str] | None = None,
         transform: TransformCall | None = None,
@@ -112,20 +108,12 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         masks: bool = True,
         report_to: Path | str | None = None,
         reuse: bool = True,
+        **unknown: object,
     ) -> None:
-        for name, value, known in (
-            ("on_bad", on_bad, get_args(OnBad)),
-            ("partial", partial, ("keep", "skip")),
-        ):
-            if value not in known:
-                raise ConfigError(f"{name} must be {' or '.join(map(repr, known))}, got {value!r}")
+        refuse_unknown(type(self).__name__, unknown, list(Options.__annotations__))
+        _check_choices(on_bad, partial, scale)
         if on_bad == "error" and source.faults:
-            first, more = source.faults[0], len(source.faults) - 1
-            problem = (
-                f"{first.problem} (and {more} more that cannot be read; on_bad='skip' leaves them"
-                " out and reports them)"
-            )
-            raise SampleError(first.sample_id, first.field, problem)
+            raise _first_fault(source.faults)
         check_camera_policy(stored_cameras, source.has_cameras or not len(source), source.notes)
         self.source, self.on_bad, self.partial, self.masks = source, on_bad, partial, masks
         self.filters, self.transform = filters or LabelFilter(), transform
@@ -133,11 +121,6 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         self._numbers = {name: number for number, name in enumerate(self.classes)}
         if len(self._numbers) != len(self.classes):
             raise ConfigError(f"classes must differ, got {self.classes}")
-        if scale is not None and not hasattr(scale, "metres_per_unit"):
-            raise ConfigError(
-                "scale must be a KnownScale, SpeciesScale or AltitudeScale"
-                f" (datasets.labelling.scale), got {scale!r}"
-            )
         self.ledger = Ledger(report_to)
         self._store = LabelStore(
             source.fingerprint,
@@ -151,9 +134,22 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         for fault in source.faults:
             self.ledger.add(fault_case(fault))
 
+    def __repr__(self) -> str:
+        facts = {
+            "Number of images": len(self),
+            "Format": self.source.name,
+            "Classes": ", ".join(self.classes[:8]) + (", ..." if len(self.classes) > 8 else ""),
+            "Method": f"{self._store.config.method}, stored cameras {self._store.stored_cameras}",
+            "Cache": None if self._store.cache is None else self._store.cache.folder,
+            "Transform": self.transform,
+        }
+        lines = [f"{name}: {fact}" for name, fact in facts.items() if fact is not None]
+        return "\n    ".join([f"Dataset {type(self).__name__}", *lines])
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._epoch.share_memory_()  # type: ignore[no-untyped-call]  # a copy.deepcopy of it is not shared, and its workers' would stand still
+        # A copy.deepcopy of it is not shared, and its workers' would stand still.
+        self._epoch.share_memory_()  # type: ignore[no-untyped-call]
 
     def __len__(self) -> int:
         return len(self.source)
@@ -190,9 +186,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
         DataLoaders ask for whole batches in this way.
         """
-        if (
-            type(self).__getitem__ is not LabelDataset.__getitem__
-        ):  # a subclass that changes samples changes those of batches too
+        # A subclass that changes samples changes those of batches too.
+        if type(self).__getitem__ is not LabelDataset.__getitem__:
             return [self[index] for index in indices]
         return self._samples(indices)
 
@@ -284,44 +279,27 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                 sample.image_id, sample.listed.K, named_faces=self.source.named_faces
             )
             return self._transformed(image, empty, key)
-        labels, cases = self._chosen(sample, outcomes)
+        labels, cases = chosen_labels(
+            sample, outcomes, filters=self.filters, raise_errors=self.on_bad == "error"
+        )
         names = {entry.sample_id for entry in sample.animals}
         cases = [*(case for case in cache_cases if case.sample_id in names), *cases]
         is_partial = len(labels) < len(sample.animals) or sample.has_unread
         if labels and is_partial and self.partial == "skip":
-            cases += [_left_out_too(sample.animals[place].sample_id) for place in labels]
+            cases += [partial_case(sample.animals[place].sample_id) for place in labels]
             labels = {}
         if not labels:
             return self._skipped(key[1], cases)
         self._note(cases)
-        target = self._target(sample, labels, [mask_of(requests[place]) for place in labels])
-        return self._transformed(image, target, key)
-
-    def _target(
-        self,
-        sample: ImageSample,
-        labels: Mapping[int, CuboidLabel],
-        masks: Sequence[NDArray[np.bool_] | None],
-    ) -> Target:
-        """The target of an image with labels, by the places of their animals, and their masks."""
-        check_one_camera(sample.image_id, list(labels.values()))
-        entries = [sample.animals[place] for place in labels]
-        all_masks = [mask for mask in masks if mask is not None]
-        has_masks = self.masks and len(all_masks) == len(labels)
-        vocabularies = {
-            entry.vocabulary.name: entry.vocabulary
-            for entry in entries
-            if entry.vocabulary is not None
-        }
-        is_one_vocabulary = len(vocabularies) == 1  # else animals are marked differently
-        return target_of(
-            sample.image_id,
-            list(labels.values()),
-            [self._numbers[entry.category] for entry in entries],
-            masks=masks_of(all_masks) if has_masks else None,
-            vocabulary=next(iter(vocabularies.values())) if is_one_vocabulary else None,
+        masks = [mask_of(requests[place]) for place in labels] if self.masks else []
+        target = image_target(
+            sample,
+            labels,
+            masks=masks,
+            class_numbers=self._numbers,
             named_faces=self.source.named_faces,
         )
+        return self._transformed(image, target, key)
 
     def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
         """Store the labels of some samples in the cache, made together.
@@ -342,47 +320,44 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         self._note(cases)
         return tuple(cases)
 
-    def _chosen(
-        self, sample: ImageSample, outcomes: Sequence[Outcome]
-    ) -> tuple[dict[int, CuboidLabel], list[Case]]:
-        """The labels of the animals that come through, by place, and the cases of the others.
-
-        Raises:
-            SampleError: an animal has no label, and on_bad is "error".
-
-        """
-        labels: dict[int, CuboidLabel] = {}
-        cases: list[Case] = []
-        for place, (entry, outcome) in enumerate(zip(sample.animals, outcomes, strict=True)):
-            if isinstance(outcome, CuboidLabel):
-                limit = self.filters.problem(outcome)
-                if limit is None:
-                    labels[place] = outcome
-                else:
-                    cases.append(_filtered_case(entry.sample_id, *limit))
-            elif isinstance(outcome, SampleError):
-                if self.on_bad == "error":
-                    raise outcome
-                cases.append(fault_case(outcome))
-            else:
-                if self.on_bad == "error":
-                    raise _rejected_error(entry.sample_id, outcome)
-                cases.append(rejected_case(entry.sample_id, outcome))
-        return labels, cases
-
     def _transformed(
         self, image: Tensor, target: Target, key: tuple[int, int]
     ) -> tuple[Tensor, Target]:
         target["meta"]["sample_key"] = key
         if self.transform is None:
-            return image, target
+            return Sample((image, target))
         try:
-            return self.transform(image, target)
+            return Sample(self.transform(image, target))
         except SampleError:
             raise
         except Exception as error:
             error.add_note(f"in the transform of image {target['image_id']}")
             raise
+
+
+def _check_choices(on_bad: str, partial: str, scale: object) -> None:
+    """Raise a ConfigError for options that have a value that they cannot have."""
+    for name, value, known in (
+        ("on_bad", on_bad, get_args(OnBad)),
+        ("partial", partial, get_args(Partial)),
+    ):
+        if value not in known:
+            raise ConfigError(f"{name} must be {' or '.join(map(repr, known))}, got {value!r}")
+    if scale is not None and not hasattr(scale, "metres_per_unit"):
+        raise ConfigError(
+            "scale must be a KnownScale, SpeciesScale or AltitudeScale"
+            f" (datasets.labelling.scale), got {scale!r}"
+        )
+
+
+def _first_fault(faults: Sequence[SampleError]) -> SampleError:
+    """The error that a dataset with unreadable annotations raises where none may be left out."""
+    first, more = faults[0], len(faults) - 1
+    problem = (
+        f"{first.problem} (and {more} more that cannot be read; on_bad='skip' leaves them out and"
+        " reports them)"
+    )
+    return SampleError(first.sample_id, first.field, problem)
 
 
 def default_config(stored_cameras: CameraPolicy, filters: LabelFilter) -> LabelConfig:
@@ -397,20 +372,3 @@ def default_config(stored_cameras: CameraPolicy, filters: LabelFilter) -> LabelC
         or filters.min_mask_iou is not None
         or filters.min_confidence is not None,
     )
-
-
-def _rejected_error(sample_id: str, rejection: Rejection) -> SampleError:
-    problem = (
-        f"cannot be made, {rejection.reason}: {rejection.detail}; on_bad='skip' leaves such animals"
-        " out and reports them"
-    )
-    return SampleError(sample_id, "label", problem)
-
-
-def _filtered_case(sample_id: str, field: str, problem: str) -> Case:
-    return Case(kind="filtered", sample_id=sample_id, field=field, problem=problem)
-
-
-def _left_out_too(sample_id: str) -> Case:
-    problem = "has a label, but others of its image have none: partial='skip' leaves the image out"
-    return _filtered_case(sample_id, "partial", problem)

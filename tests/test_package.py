@@ -105,7 +105,7 @@ DATASET_ROOMS = (
     {"records", "images", "storage"},
     {"readers", "bodies", "synthetic"},
     {"formats", "labelling"},
-    {"label_dataset", "batches", "format_datasets"},
+    {"label_dataset", "batches", "format_datasets", "omni3d_dataset", "synthetic_dataset"},
     {"exchange", "inspection"},
 )
 """The rooms and files of datasets/ from the lowest: each imports from its own tier and from those

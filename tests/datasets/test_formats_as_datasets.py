@@ -22,7 +22,7 @@ from animal3dbox.datasets import (
     collate,
 )
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
-from animal3dbox.datasets.label_dataset import Target
+from animal3dbox.datasets.labelling.skipped import Target
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.transforms import Compose, RandomHorizontalFlip, Resize

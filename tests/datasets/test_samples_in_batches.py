@@ -24,9 +24,9 @@ from animal3dbox.datasets import (
 from animal3dbox.datasets.bodies.sources import ParametersBody
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
 from animal3dbox.datasets.images.photos import read_mask
-from animal3dbox.datasets.label_dataset import Target
 from animal3dbox.datasets.labelling import image_samples
 from animal3dbox.datasets.labelling.file_source import FileSource
+from animal3dbox.datasets.labelling.skipped import Target
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels import bounds, drafts

@@ -1,0 +1,34 @@
+"""The keywords that every Dataset has."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal, TypedDict
+
+from torch import Tensor
+
+from animal3dbox.datasets.labelling.filters import LabelFilter
+from animal3dbox.datasets.labelling.label_records import CameraPolicy
+from animal3dbox.datasets.labelling.scale import ScaleSource
+from animal3dbox.datasets.labelling.skipped import Target
+from animal3dbox.labels.config import LabelConfig
+
+OnBad = Literal["error", "skip"]
+Partial = Literal["keep", "skip"]
+TransformCall = Callable[[Tensor, Target], tuple[Any, Target]]
+
+
+class Options(TypedDict, total=False):
+    """LabelDataset's options."""
+
+    config: LabelConfig | None
+    on_bad: OnBad
+    partial: Partial
+    filters: LabelFilter | None
+    classes: Sequence[str] | None
+    transform: TransformCall | None
+    scale: ScaleSource | None
+    stored_cameras: CameraPolicy
+    cache: Path | str | None
+    masks: bool
+    report_to: Path | str | None
+    reuse: bool

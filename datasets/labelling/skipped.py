@@ -1,0 +1,81 @@
+"""What a Dataset gives: samples of images and targets, and what stands in the place of others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from torch import Tensor
+from torch.utils.data._utils.collate import default_collate_fn_map
+
+from animal3dbox.datasets.labelling.load_report import Case
+
+Target = dict[str, Any]
+"""A plain dict: the fields of target_schema.FIELDS, image_id and meta."""
+COLLATE_REMEDY = (
+    "images and targets of one batch differ in size and number of animals: give the DataLoader"
+    " collate_fn=dataset.collate_fn"
+)
+
+
+class Sample(tuple[Tensor, Target]):
+    """An image and its target: a plain pair, which torch's own collate is told not to stack."""
+
+    __slots__ = ()
+
+
+def _refuse_to_stack(samples: Sequence[Sample], **_: object) -> object:
+    raise TypeError(COLLATE_REMEDY)
+
+
+default_collate_fn_map[Sample] = _refuse_to_stack
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """In place of a sample that cannot be used; collate leaves it out.
+
+    Attributes:
+        index: in the Dataset.
+        image_id: the image.
+        cases: why, animal by animal.
+
+    Example:
+        >>> Skipped(3, "a.jpg", ()).image_id
+        'a.jpg'
+    """
+
+    index: int
+    image_id: str
+    cases: tuple[Case, ...]
+
+    def __len__(self) -> int:
+        raise TypeError(
+            f"{self.image_id} was skipped (on_bad='skip'), which only animal3dbox.datasets.collate"
+            " understands: give it as collate_fn"
+        )
+
+
+RENAMED: Mapping[str, str] = {
+    "transforms": "transform=, one callable for the image and its target together",
+    "target_transform": "transform=, one callable for the image and its target together",
+    "pose": "stored_cameras=, 'hypothesis' or 'exact'",
+    "path": "root=, the dataset's folder or annotation file",
+    "split": "root=, the annotation file of the split that you want: this format keeps each in one",
+    "download": "root=, where you have put the dataset yourself: nothing is downloaded",
+}
+"""Keywords that other libraries' Datasets have -> what to write here."""
+
+
+def refuse_unknown(kind: str, unknown: Mapping[str, object], known: Sequence[str]) -> None:
+    """Raise a TypeError that names the right word for keywords that a Dataset does not know.
+
+    Args:
+        kind: the Dataset's class.
+        unknown: the keywords.
+        known: those that it has.
+
+    """
+    for name in unknown:
+        if name in RENAMED:
+            raise TypeError(f"{kind} has no {name}=: write {RENAMED[name]}")
+        raise TypeError(f"{kind} has no {name}=; it has {', '.join(sorted(known))}")
