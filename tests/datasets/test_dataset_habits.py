@@ -66,7 +66,7 @@ def test_a_word_of_other_libraries_is_refused_with_ours(option: str, word: str) 
 def test_a_split_of_coco_is_a_file_of_its_own(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text('{"images": [], "annotations": [], "categories": []}')
     with pytest.raises(ConfigError, match="give the annotation file of the split that you want"):
-        CocoKeypointsDataset(tmp_path / "a.json", split="train")
+        CocoKeypointsDataset(tmp_path / "a.json", split="train")  # type: ignore[call-arg]
 
 
 def test_a_synthetic_dataset_is_made_of_a_number_or_of_a_set() -> None:
