@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 import tomllib
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -99,3 +100,23 @@ def test_importing_the_package_or_its_command_line_does_not_load_torch() -> None
         " sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("layer", ["geometry", "smal"])
+def test_modules_and_rooms_of_a_layer_import_each_other_in_no_circle(layer: str) -> None:
+    prefix = f"animal3dbox.{layer}."
+    imports = {
+        name: {other for other in imports_of(path) if other.startswith(prefix)}
+        for name, path in modules()
+        if name.startswith(prefix)
+    }
+
+    def room(name: str) -> str:
+        """A folder of the layer for all that is in it, a module at the top for itself."""
+        return ".".join(name.split(".")[:3])
+
+    rooms: dict[str, set[str]] = {}
+    for name, others in imports.items():
+        rooms.setdefault(room(name), set()).update({room(other) for other in others} - {room(name)})
+    for graph in (imports, rooms):
+        TopologicalSorter(graph).prepare()  # raises a CycleError that names the circle
