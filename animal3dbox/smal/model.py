@@ -37,7 +37,7 @@ _TAIL_WEIGHT = 0.5
 _CONSTANTS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SmalModel:
     """A body of SMAL's structure, with any numbers of vertices, joints and shape columns.
 
