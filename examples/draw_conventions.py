@@ -13,13 +13,19 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from animal3dbox.datasets.synthetic.world.shading import shade
-from animal3dbox.geometry.box_visibility import visible_faces
-from animal3dbox.geometry.camera import intrinsics, look_at, project
-from animal3dbox.geometry.cuboid import FACE_NAMES, FACES, Cuboid
-from animal3dbox.geometry.homography import update_camera
+from animal3dbox.geometry import (
+    FACE_NAMES,
+    FACES,
+    Cuboid,
+    intrinsics,
+    look_at,
+    project,
+    update_camera,
+    visible_faces,
+)
 from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.report.overlay import draw_cuboid
-from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
+from animal3dbox.smal import load_quadruped, preset_betas
 
 IMAGE_HW = (420, 560)
 F64 = torch.float64

@@ -11,9 +11,15 @@ import torch
 from PIL import Image
 from torch import Tensor
 
-from animal3dbox.geometry.rasterizer import rasterize
-from animal3dbox.smal.quadruped.poses import POSES, ground_trans, named_pose
-from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas, quadruped_names
+from animal3dbox.geometry import rasterize
+from animal3dbox.smal import (
+    POSES,
+    ground_trans,
+    load_quadruped,
+    named_pose,
+    preset_betas,
+    quadruped_names,
+)
 
 SIDE_PX, POSE_PX = 220, 140
 POSED_PRESETS = ("dog", "lion", "horse", "cow")

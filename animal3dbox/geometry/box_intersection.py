@@ -46,11 +46,11 @@ class HalfSizeBoxes:
     half: Tensor
 
     def volume(self) -> Tensor:
-        """Volumes, (...)."""
+        """The volumes (...,) of the boxes."""
         return self.half.prod(dim=-1) * 8.0
 
     def radius(self) -> Tensor:
-        """Radii of the bounding spheres, (...)."""
+        """The radii (...,) of the boxes' bounding spheres."""
         radius: Tensor = torch.linalg.vector_norm(self.half.detach(), dim=-1)
         return radius
 

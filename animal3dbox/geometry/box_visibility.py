@@ -254,9 +254,9 @@ def corners_visibility(
     truncation = (1 - silhouette_in_image / (silhouette + (silhouette <= 0))) * (silhouette > 0)
     area, area_in_image = area * visible, area_in_image * visible
     return FaceVisibility(
-        visible,
-        area,
-        visible_face_shares(area),
-        visible_face_shares(area_in_image),
-        clip(truncation, 0, 1),
+        visible=visible,
+        area=area,
+        share=visible_face_shares(area),
+        share_in_image=visible_face_shares(area_in_image),
+        truncation=clip(truncation, 0, 1),
     )

@@ -172,4 +172,4 @@ def update_camera(
         R = Q @ R * S[..., None, :]
     if t is not None:
         t = (Q @ t[..., None])[..., 0]
-    return CameraUpdate(U / k[..., None, None], Q, k, R, t)
+    return CameraUpdate(K=U / k[..., None, None], Q=Q, k=k, R=R, t=t)

@@ -56,7 +56,7 @@ def principal_axes(points: Array) -> Array:
         (3, 3), columns by falling spread; the third is turned so that det is +1.
 
     Example:
-        >>> abs(principal_axes(np.diag([3.0, 2.0, 1.0]))[:, 0]).argmax()
+        >>> int(abs(principal_axes(np.diag([3.0, 2.0, 1.0]))[:, 0]).argmax())
         0
     """
     cloud = torch.from_numpy(points)

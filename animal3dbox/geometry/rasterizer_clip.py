@@ -104,9 +104,9 @@ def project_triangles(
     u_c *= v_b
     u_b -= u_c
     orientation = namespace(u).sign(u_b)
-    return ProjectedTriangles(
-        u, v, corners, owner, orientation * (orientation < 0) if cull_backfaces else orientation
-    )
+    if cull_backfaces:
+        orientation = orientation * (orientation < 0)
+    return ProjectedTriangles(u=u, v=v, corners=corners, owner=owner, orientation=orientation)
 
 
 def _projected(vertices_cam: AnyArray, K: AnyArray) -> tuple[AnyArray, AnyArray]:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 def straightened_pixels(
     pixels: Array, K: Array, distortion: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Where a pinhole of the same K would show what a lens shows.
+    """The pixels at which a pinhole of the same K would show what a lens shows.
 
     Args:
         pixels: (N, 2) px of the distorted picture.
@@ -28,7 +28,7 @@ def straightened_pixels(
         pixels: (N, 2) px of the straight picture.
         stretch: (N,) by how much a small length there is longer than in the distorted picture, over
             all directions.
-        shown: (N,) False where the lens shows nothing.
+        in_lens: (N,) False where the lens shows nothing.
 
     """
     tensors = (torch.from_numpy(values) for values in (pixels, K, distortion))
@@ -36,11 +36,11 @@ def straightened_pixels(
 
 
 def _straightened(pixels: Tensor, K: Tensor, distortion: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """straightened_pixels, in torch."""
+    """The values of straightened_pixels as tensors."""
     bent = torch.linalg.solve(K[:2, :2], (pixels - K[:2, 2]).mT).mT
-    points, shown = undistort(bent, distortion)
+    points, in_lens = undistort(bent, distortion)
     stretch = torch.linalg.det(distortion_slope(points, distortion)).abs().clamp_min(1e-12).rsqrt()
-    return points @ K[:2, :2].mT + K[:2, 2], stretch, shown
+    return points @ K[:2, :2].mT + K[:2, 2], stretch, in_lens
 
 
 def straightened_box(mask: NDArray[np.bool_], K: Array, distortion: Array) -> Array | None:
@@ -57,8 +57,8 @@ def straightened_box(mask: NDArray[np.bool_], K: Array, distortion: Array) -> Ar
         np.stack((columns + du, rows + dv), axis=-1)
         for du, dv in ((-0.5, 0.0), (0.5, 0.0), (0.0, -0.5), (0.0, 0.5))
     ]
-    pixels, _, shown = straightened_pixels(np.concatenate(sides), K, distortion)
-    if not shown.all():
+    pixels, _, in_lens = straightened_pixels(np.concatenate(sides), K, distortion)
+    if not in_lens.all():
         return None
     box: Array = np.concatenate((pixels.min(0), pixels.max(0)))
     return box

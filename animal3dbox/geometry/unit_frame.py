@@ -1,7 +1,7 @@
 """Point clouds about their mean and in units of their spread, so that solvers know no unit.
 
-A pose of the cloud about its mean m in units s, X_cam = R (X - m) / s + t, is the pose (R, s t - R m)
-of the cloud as it was, up to the scale s of the camera frame.
+A pose of the cloud about its mean m in units s, X_cam = R (X - m) / s + t, is the pose
+(R, s t - R m) of the cloud as it was, up to the scale s of the camera frame.
 
 Arrays come and go as float64 NumPy arrays. Products and sums run in torch, whose order of summation
 is the one that labels have been made with: they stay the same to the last bit.
@@ -21,21 +21,23 @@ def unit_frame(points: Array) -> tuple[Array, float]:
 
 
 def translation_in_unit_frame(R: Array, t: Array, *, middle: Array, unit: float) -> Array:
-    """T (3,) of the pose in the unit frame, of the pose (R, t) of the cloud as it is."""
-    moved = torch.from_numpy(R) @ torch.from_numpy(middle)
-    scaled: Array = (t + moved.numpy()) / unit
+    """The translation (3,) in the unit frame of a pose (R, t) of the cloud as it is."""
+    # t' = (t + R m) / s
+    rotated_middle = torch.from_numpy(R) @ torch.from_numpy(middle)
+    scaled: Array = (t + rotated_middle.numpy()) / unit
     return scaled
 
 
 def translation_from_unit_frame(R: Array, t: Array, *, middle: Array, unit: float) -> Array:
-    """T (3,) of the pose of the cloud as it is, of the pose (R, t) in the unit frame."""
-    moved = torch.from_numpy(R) @ torch.from_numpy(middle)
-    unscaled: Array = t * unit - moved.numpy()
+    """The translation (3,) of the cloud as it is, of its pose (R, t) in the unit frame."""
+    # t = s t' - R m
+    rotated_middle = torch.from_numpy(R) @ torch.from_numpy(middle)
+    unscaled: Array = t * unit - rotated_middle.numpy()
     return unscaled
 
 
 def pixels_per_unit(points_world: Array, points_px: Array) -> float:
-    """What a unit of length is worth in px where a cloud is seen, by the ratio of the spreads.
+    """The px that a unit of length takes where a cloud is seen, by the ratio of the spreads.
 
     sqrt(3/2 * spread_px^2 / spread_world^2): over all directions of view, the mean square of what
     one view shows of a length is two thirds of its square.

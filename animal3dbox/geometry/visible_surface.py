@@ -1,4 +1,4 @@
-"""What a camera really sees of a mesh: its own surface, side by side and vertex by vertex."""
+"""The part of a mesh that a camera really sees, side by side and vertex by vertex."""
 
 import math
 
@@ -8,6 +8,7 @@ from torch import Tensor
 from animal3dbox.geometry.arrays import AnyArray
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.checks import check_rotation
+from animal3dbox.geometry.frame import in_frame
 from animal3dbox.geometry.rasterizer import rasterize
 
 RESOLUTION = 192
@@ -46,13 +47,21 @@ def surface_share(
     check_rotation("R_cam_box", R_cam_box)
     vertices, axes, intrinsics = (torch.as_tensor(part) for part in (vertices_cam, R_cam_box, K))
     in_picture = vertices if bent is None else torch.as_tensor(bent)
-    shares = _surface_share(vertices, faces, axes, in_picture, intrinsics, image_hw)
+    shares = _surface_share(
+        vertices, faces, R=axes, bent=in_picture, K=intrinsics, image_hw=image_hw
+    )
     result: AnyArray = shares if isinstance(vertices_cam, Tensor) else shares.numpy()
     return result
 
 
 def _surface_share(
-    vertices: Tensor, faces: Tensor, R: Tensor, bent: Tensor, K: Tensor, image_hw: tuple[int, int]
+    vertices: Tensor,
+    faces: Tensor,
+    *,
+    R: Tensor,
+    bent: Tensor,
+    K: Tensor,
+    image_hw: tuple[int, int],
 ) -> Tensor:
     """The shares (6,) of surface_share, in torch."""
     window = _window(bent, K, image_hw)
@@ -74,6 +83,7 @@ def visible_vertices(
     faces: Tensor,
     K: Tensor,
     image_hw: tuple[int, int],
+    *,
     ids: Tensor | None = None,
 ) -> Tensor:
     """Which vertices the camera sees: in the frame, and with no other triangle before them; exact.
@@ -87,40 +97,41 @@ def visible_vertices(
         faces: (F, 3) int64.
         K: (3, 3) in px.
         image_hw: height and width.
-        ids: (N,) the vertices asked about; None: all.
+        ids: (N,) the vertices to be tested; None: all.
 
     Returns:
         (N,) bool.
 
     """
-    asked = torch.arange(len(vertices_cam)) if ids is None else ids
-    window = _window(vertices_cam[asked], K, image_hw, grow=1.0) if len(asked) else None
+    ids = torch.arange(len(vertices_cam)) if ids is None else ids
+    window = _window(vertices_cam[ids], K, image_hw, grow=1.0) if len(ids) else None
     if window is None:
-        return torch.zeros(len(asked), dtype=torch.bool)
-    H_out_in, (height, width) = _zoom(window)
+        return torch.zeros(len(ids), dtype=torch.bool)
+    H_out_in, window_hw = _zoom(window)
     px, depth = project(H_out_in @ K, vertices_cam)
-    inside = (
-        (depth > 0) & (px >= -0.5).all(-1) & (px[:, 0] <= width - 0.5) & (px[:, 1] <= height - 0.5)
-    )
-    inside = inside & torch.zeros_like(inside).index_fill(0, asked, True)
-    hidden = torch.zeros(len(vertices_cam), dtype=torch.bool)
+    inside = (depth > 0) & in_frame(px, window_hw)
+    inside = inside & torch.zeros_like(inside).index_fill(0, ids, True)
+    occluded = torch.zeros(len(vertices_cam), dtype=torch.bool)
     gap = RELATIVE_GAP * float((vertices_cam.amax(0) - vertices_cam.amin(0)).amax())
-    vertex, triangle = _pairs_by_cell(
-        px, inside, faces, depth, math.ceil(height / CELL), math.ceil(width / CELL)
-    )
+    cells_hw = math.ceil(window_hw[0] / CELL), math.ceil(window_hw[1] / CELL)
+    vertex, triangle = _pairs_by_cell(px, inside, faces, depth=depth, cells_hw=cells_hw)
     for start in range(0, len(vertex), PAIRS_AT_ONCE):
         v, f = vertex[start : start + PAIRS_AT_ONCE], triangle[start : start + PAIRS_AT_ONCE]
         crossed = _depth_on_face(vertices_cam[v] / depth[v, None], vertices_cam[faces[f]])
         own = (faces[f] == v[:, None]).any(1)
-        hidden[v[~own & (crossed < depth[v] - gap)]] = True
-    return (inside & ~hidden)[asked]
+        occluded[v[~own & (crossed < depth[v] - gap)]] = True
+    return (inside & ~occluded)[ids]
 
 
 def _window(
     vertices_cam: Tensor, K: Tensor, image_hw: tuple[int, int], grow: float = 0.0
 ) -> tuple[float, float, float, float] | None:
-    """The part of the frame (left, top, right, bottom) px that points can be seen in, grown by so
-    many px; None if they are outside."""
+    """The part of the frame that points can be seen in, grown by so many px.
+
+    Returns:
+        Left, top, right, bottom in px; None if the points are outside.
+
+    """
     px, depth = project(K, vertices_cam)
     height, width = image_hw
     frame = (-0.5, -0.5, width - 0.5, height - 0.5)
@@ -147,12 +158,22 @@ def _zoom(window: tuple[float, float, float, float]) -> tuple[Tensor, tuple[int,
 
 
 def _pairs_by_cell(
-    px: Tensor, inside: Tensor, faces: Tensor, depth: Tensor, rows: int, columns: int
+    px: Tensor, inside: Tensor, faces: Tensor, *, depth: Tensor, cells_hw: tuple[int, int]
 ) -> tuple[Tensor, Tensor]:
     """Every vertex with every triangle that reaches into its cell.
 
-    Vertex ids (P,) and triangle ids (P,).
+    Args:
+        px: (V, 2) of the vertices.
+        inside: (V,) which of them are to be paired.
+        faces: (F, 3).
+        depth: (V,).
+        cells_hw: rows and columns of cells.
+
+    Returns:
+        Vertex ids (P,) and triangle ids (P,).
+
     """
+    rows, columns = cells_hw
     corners_behind = (depth <= 0)[faces]
     behind = corners_behind.any(1)  # such a triangle may reach anywhere, unless all of it is behind
     cell = torch.tensor([columns, rows]) - 1
@@ -184,10 +205,7 @@ def _repeat(counts: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _depth_on_face(rays: Tensor, corners: Tensor) -> Tensor:
-    """Depth (N,) at which rays (N, 3) with z = 1 cross triangles (N, 3, 3).
-
-    Infinite where they miss.
-    """
+    """The depth (N,) at which rays (N, 3) with z = 1 cross triangles (N, 3, 3); infinite if not."""
     a, b, c = corners.unbind(1)
     weights = torch.stack(
         [(torch.linalg.cross(p, q) * rays).sum(-1) for p, q in ((b, c), (c, a), (a, b))], dim=-1

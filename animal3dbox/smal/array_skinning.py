@@ -73,13 +73,17 @@ def skinning_tables(
     for joint, parent in enumerate(parents[1:], start=1):
         bones[joint, parent] = -1
     return SkinningTables(
-        row_table(np.ascontiguousarray(columns, vertices_in), BODIES_AT_ONCE),
-        row_table(np.ascontiguousarray(weights.T[:, None], vertices_in), 12 * BODIES_AT_ONCE),
-        joints,
-        np.ascontiguousarray(joints_shape.reshape(3 * len(parents), shapedirs.shape[2]).T),
-        bones,
-        np.tile(np.eye(4, dtype=weights.dtype), (len(parents) + 1, 1, 1)),
-        _jumps_up_the_tree(parents),
+        columns=row_table(np.ascontiguousarray(columns, vertices_in), BODIES_AT_ONCE),
+        weights=row_table(
+            np.ascontiguousarray(weights.T[:, None], vertices_in), 12 * BODIES_AT_ONCE
+        ),
+        joints=joints,
+        joints_shape=np.ascontiguousarray(
+            joints_shape.reshape(3 * len(parents), shapedirs.shape[2]).T
+        ),
+        bones=bones,
+        identities=np.tile(np.eye(4, dtype=weights.dtype), (len(parents) + 1, 1, 1)),
+        jumps=_jumps_up_the_tree(parents),
     )
 
 

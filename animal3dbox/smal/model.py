@@ -37,7 +37,7 @@ _TAIL_WEIGHT = 0.5
 _CONSTANTS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SmalModel:
     """A body of SMAL's structure, with any numbers of vertices, joints and shape columns.
 
@@ -327,9 +327,9 @@ class SmalModel:
 
     def without_tail_faces(self) -> Tensor:
         """The faces (F', 3) that have no tail vertex; vertex numbers are kept."""
-        kept = torch.ones(self.faces.shape[0], dtype=torch.bool, device=self.faces.device)
-        kept[self.tail_faces] = False
-        return self.faces[kept]
+        has_no_tail = torch.ones(len(self.faces), dtype=torch.bool, device=self.faces.device)
+        has_no_tail[self.tail_faces] = False
+        return self.faces[has_no_tail]
 
 
 def trunk_rotation(R_world_joint: Tensor) -> Tensor:

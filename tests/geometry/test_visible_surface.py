@@ -73,7 +73,7 @@ def test_visible_vertices_are_those_with_a_free_line_of_sight_in_200_posed_views
         expected = free_line_of_sight(cam.numpy(), faces, ids) & inside
         right += int(
             (
-                visible_vertices(cam, model.faces, K, IMAGE_HW, torch.from_numpy(ids)).numpy()
+                visible_vertices(cam, model.faces, K, IMAGE_HW, ids=torch.from_numpy(ids)).numpy()
                 == expected
             ).sum()
         )
@@ -92,7 +92,7 @@ def test_of_two_plates_only_the_nearer_is_seen_and_outside_the_frame_nothing() -
     )
     faces = torch.cat([torch.tensor([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(3)])
     assert visible_vertices(vertices, faces, K, IMAGE_HW).tolist() == [True] * 4 + [False] * 8
-    assert visible_vertices(vertices, faces, K, IMAGE_HW, torch.tensor([5, 0])).tolist() == [
+    assert visible_vertices(vertices, faces, K, IMAGE_HW, ids=torch.tensor([5, 0])).tolist() == [
         False,
         True,
     ]

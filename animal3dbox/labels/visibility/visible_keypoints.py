@@ -40,7 +40,7 @@ def visible_keypoints(
         for place in vocabulary.places(groups, stop - first)
     ]
     asked = torch.tensor(sorted({i for ids in places for i in ids}), dtype=torch.int64)
-    seen = set(asked[visible_vertices(vertices_cam, faces, K, image_hw, asked)].tolist())
+    seen = set(asked[visible_vertices(vertices_cam, faces, K, image_hw, ids=asked)].tolist())
     return torch.tensor([any(i in seen for i in ids) for ids in places])
 
 

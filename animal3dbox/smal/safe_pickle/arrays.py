@@ -82,14 +82,14 @@ def read_array(value: object, place: Place) -> Array:
         raise place.fail(None, f"expected an array, got {describe(value)}")
     if _named(value.func, _RECONSTRUCT):
         shape, dtype, order, raw = _reconstructed(value, place)
-        return _array_of_bytes(
-            _raw_bytes(raw, value.offset, place), dtype, shape, order, value.offset, place
-        )
+        data = _raw_bytes(raw, value.offset, place)
+        return _array_of_bytes(data, dtype, shape, order=order, offset=value.offset, place=place)
     if _named(value.func, _FROM_BUFFER):
         return _from_buffer(value, place)
     if _named(value.func, _SCALAR) and len(value.args) == 2:
-        raw = _raw_bytes(value.args[1], value.offset, place)
-        return _array_of_bytes(raw, _read_dtype(value.args[0], place), (), "C", value.offset, place)
+        data = _raw_bytes(value.args[1], value.offset, place)
+        dtype = _read_dtype(value.args[0], place)
+        return _array_of_bytes(data, dtype, (), order="C", offset=value.offset, place=place)
     if _named(class_of(value), _CSC):
         return _filled_matrix(value, place)
     kind = class_of(value)
@@ -192,8 +192,8 @@ def _reconstructed(
             call.offset,
             f"an array record of version {describe(version)}, order {describe(fortran)}",
         )
-    read = np.dtype(object) if object_allowed else _read_dtype(dtype, place)
-    return _read_shape(shape, call.offset, place), read, "F" if fortran else "C", raw
+    number_type = np.dtype(object) if object_allowed else _read_dtype(dtype, place)
+    return _read_shape(shape, call.offset, place), number_type, "F" if fortran else "C", raw
 
 
 def _from_buffer(call: Call, place: Place) -> Array:
@@ -205,9 +205,9 @@ def _from_buffer(call: Call, place: Place) -> Array:
         _raw_bytes(raw, call.offset, place),
         _read_dtype(dtype, place),
         checked,
-        str(order),
-        call.offset,
-        place,
+        order=str(order),
+        offset=call.offset,
+        place=place,
     )
 
 
@@ -276,8 +276,15 @@ def _raw_bytes(value: object, offset: int, place: Place) -> bytes:
 
 
 def _array_of_bytes(
-    raw: bytes, dtype: np.dtype[Any], shape: tuple[int, ...], order: str, offset: int, place: Place
+    raw: bytes,
+    dtype: np.dtype[Any],
+    shape: tuple[int, ...],
+    *,
+    order: str,
+    offset: int,
+    place: Place,
 ) -> Array:
+    """An array's bytes as the array, in native byte order."""
     if math.prod(shape) * dtype.itemsize != len(raw):
         raise place.fail(
             offset,

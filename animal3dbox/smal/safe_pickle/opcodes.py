@@ -62,6 +62,7 @@ class _Machine:
         self.memo: dict[int, object] = {}
 
     def push(self, value: object) -> None:
+        """Put a value on the stack."""
         if len(self.stack) >= self.limits.stack:
             raise self.stream.fail(f"more than {self.limits.stack} values on the stack")
         self.stack.append(value)
@@ -71,19 +72,23 @@ class _Machine:
             raise self.stream.fail("an opcode that needs more values than there are", DAMAGED)
 
     def pop(self) -> object:
+        """Take the top value off the stack."""
         self._filled(1)
         return self.stack.pop()
 
     def top(self) -> object:
+        """The top value, which stays on the stack."""
         self._filled(1)
         return self.stack[-1]
 
     def mark(self) -> None:
+        """MARK: remember the height of the stack."""
         if len(self.marks) >= self.limits.stack:
             raise self.stream.fail(f"more than {self.limits.stack} open marks")
         self.marks.append(len(self.stack))
 
     def since_mark(self) -> list[object]:
+        """Take the values above the last mark, and the mark, off the stack."""
         if not self.marks:
             raise self.stream.fail("an opcode that needs a mark, and there is none", DAMAGED)
         begin = self.marks.pop()
@@ -99,14 +104,17 @@ class _Machine:
             self.pop()
 
     def get(self, index: int) -> None:
+        """GET: put an entry of the memo on the stack."""
         if index not in self.memo:
             raise self.stream.fail(f"the memo has no entry {index}", DAMAGED)
         self.push(self.memo[index])
 
     def put(self, index: int) -> None:
+        """PUT: keep the top value in the memo."""
         self.memo[index] = self.top()
 
     def call(self, func: object, args: object) -> None:
+        """Put the record of a call on the stack; nothing is called."""
         if not isinstance(func, Global | Call):
             raise self.stream.fail(f"a call of {describe(func)}")
         if not isinstance(args, tuple):
@@ -114,12 +122,14 @@ class _Machine:
         self.push(Call(func, args, self.stream.opcode_at))
 
     def tuple_of(self, count: int) -> None:
+        """TUPLE1 to TUPLE3: make a tuple of the top values."""
         self._filled(count)
         values = tuple(self.stack[-count:])
         del self.stack[-count:]
         self.push(values)
 
     def append(self, values: list[object]) -> None:
+        """APPEND and APPENDS: extend the list, or the record, that is on top."""
         target = self.top()
         if isinstance(target, list):
             target.extend(values)
@@ -130,6 +140,7 @@ class _Machine:
             raise self.stream.fail(f"something is appended to {describe(target)}")
 
     def dict_of(self, values: list[object]) -> dict[object, object]:
+        """The dictionary of keys and values in turn."""
         keys = values[::2]
         if len(values) % 2:
             raise self.stream.fail("a key without a value", DAMAGED)
@@ -141,6 +152,7 @@ class _Machine:
         return dict(zip(keys, values[1::2], strict=True))
 
     def set_items(self, values: list[object]) -> None:
+        """SETITEM and SETITEMS: keys and values in turn, for what is on top."""
         target = self.top()
         if isinstance(target, dict):
             target.update(self.dict_of(values))
@@ -150,6 +162,7 @@ class _Machine:
             raise self.stream.fail(f"items are set in {describe(target)}")
 
     def build(self) -> None:
+        """BUILD: give the record under the top value that value as its state."""
         state, target = self.pop(), self.top()
         if not isinstance(target, Call):
             raise self.stream.fail(f"a state is given to {describe(target)}")
@@ -158,6 +171,7 @@ class _Machine:
         target.state, target.has_state = state, True
 
     def result(self) -> object:
+        """STOP: the one value that is left."""
         if self.marks or len(self.stack) != 1:
             raise self.stream.fail(
                 f"the pickle ends with {len(self.stack)} values where one belongs", DAMAGED

@@ -20,14 +20,13 @@ UNIT = 0.65  # template units in a trunk length: the template is about 1 long fr
 SIZE_STEP = 0.1
 _GRID_STEP = 0.0075
 _HALF_FACES = 5850
-_MASTER_HEAD = (
-    1.55  # the mesh is made on an animal with a large head and thick ears, for more vertices there
-)
+_MASTER_HEAD = 1.55
+"""The head's scale on the animal that the mesh is made on, for more vertices there."""
 
 
 @dataclass(frozen=True)
 class Parts:
-    """What the asset holds, in template units.
+    """The contents of the asset, in template units.
 
     Attributes:
         half: the left half of the template.
@@ -51,7 +50,7 @@ class Parts:
 
 
 def build_parts() -> Parts:
-    """The whole build; deterministic."""
+    """Build all parts of the asset from the tables; deterministic."""
     master_table = _master_table()
     master = primitives_of(master_table)
     master_half = mesh_half(master, _GRID_STEP, _HALF_FACES)

@@ -1,4 +1,4 @@
-"""Small edits of a table, from which the measures are made. None changes its argument."""
+"""Small edits of a table, of which the measures consist; none changes its argument."""
 
 from collections.abc import Callable, Sequence
 
@@ -37,21 +37,26 @@ HIND_PARTS = (
 
 
 def scaled(
-    table: Table, key: str, columns: Sequence[int], factor: float, rows: slice = slice(None)
+    table: Table, key: str, columns: Sequence[int], factor: float, *, rows: slice = slice(None)
 ) -> Table:
     """Some columns of one entry times a factor; rows only matter for chains."""
-    return with_entry(table, key, columns, lambda values: values * factor, rows)
+    return with_entry(table, key, columns, lambda values: values * factor, rows=rows)
 
 
 def shifted(
-    table: Table, key: str, columns: Sequence[int], offset: float | Array, rows: slice = slice(None)
+    table: Table,
+    key: str,
+    columns: Sequence[int],
+    offset: float | Array,
+    *,
+    rows: slice = slice(None),
 ) -> Table:
     """Some columns of one entry plus an offset."""
-    return with_entry(table, key, columns, lambda values: values + offset, rows)
+    return with_entry(table, key, columns, lambda values: values + offset, rows=rows)
 
 
 def with_entry(
-    table: Table, key: str, columns: Sequence[int], change: Change, rows: slice = slice(None)
+    table: Table, key: str, columns: Sequence[int], change: Change, *, rows: slice = slice(None)
 ) -> Table:
     """A table with some columns of one entry changed by a function of their values."""
     entry = table[key].copy()
@@ -64,6 +69,7 @@ def warped(table: Table, ankle: float, elbow: float, rise: float) -> Table:
     """Longer legs: all above the elbow rises, and what is below it in proportion."""
 
     def lifted(z: Array) -> Array:
+        """Heights that rise by their share of the way from ankle to elbow."""
         return z + rise * np.clip((z - ankle) / (elbow - ankle), 0.0, 1.0)
 
     out = with_entry(table, "trunk", (1, 2), lambda z: z + rise)
@@ -83,6 +89,7 @@ def stretched(table: Table, amount: float) -> Table:
     """A longer trunk, in trunk lengths: all from the shoulders on goes ahead, the hips go back."""
 
     def along(x: Array) -> Array:
+        """Places that move away from the trunk's middle."""
         return x + amount * np.clip(x / 0.35, -1.0, 1.0)
 
     out = with_entry(table, "trunk", (0,), along)
@@ -103,5 +110,5 @@ def moved_head(table: Table, offset: Array) -> Table:
 def swung(points: Array, about: Array, angle_deg: float) -> Array:
     """Points (N, 2) of the x-z plane turned about a point, positive raising what is ahead."""
     c, s = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
-    turned: Array = (points - about) @ np.array([[c, s], [-s, c]]) + about
-    return turned
+    rotated: Array = (points - about) @ np.array([[c, s], [-s, c]]) + about
+    return rotated

@@ -1,4 +1,4 @@
-"""Vertex groups of the named landmarks, found next to anatomical points of the table."""
+"""Vertex groups of the named landmarks, next to anatomical points of the table."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ EXTRA_NAMES = (
 
 @dataclass(frozen=True)
 class Spot:
-    """Where a landmark is.
+    """The place of a landmark on the skin.
 
     Attributes:
         places: (P, 3) points on or near the skin, left side or middle.
@@ -52,7 +52,7 @@ def landmark_groups(table: Table, half: HalfMesh, symmetry: Faces) -> dict[str, 
             if side != "left"
             else np.where(np.arange(len(pool))[:, None] < half.seam, np.inf, pool)
         )
-        found = {
+        ids = {
             int(i)
             for place in spot.places
             for i in np.argsort(np.linalg.norm(free_pool - place, axis=1), kind="stable")[
@@ -60,12 +60,13 @@ def landmark_groups(table: Table, half: HalfMesh, symmetry: Faces) -> dict[str, 
             ]
         }
         if side != "left":
-            found |= {int(symmetry[i]) for i in found}
-        groups[name] = tuple(sorted(found))
+            ids |= {int(symmetry[i]) for i in ids}
+        groups[name] = tuple(sorted(ids))
     return groups
 
 
 def _spots(table: Table) -> dict[str, Spot]:
+    """The landmarks of the middle and the left, by their names without a side."""
     chains = chains_of(table)
     return _body_spots(table) | {
         "ear": Spot(chains["ear"].places[2:3], 5),
@@ -77,7 +78,10 @@ def _spots(table: Table) -> dict[str, Spot]:
 
 
 def _head_spots(table: Table) -> dict[str, Spot]:
+    """The landmarks of the head."""
+
     def at(u: float, y: float, w: float) -> Array:
+        """A place (1, 3) of the head's frame in the template's."""
         return head_to_body(table, np.array([[u, y, w]]))
 
     eye, nose, chin = table["eye"], table["nose_pad"], table["chin"]
@@ -98,6 +102,7 @@ def _head_spots(table: Table) -> dict[str, Spot]:
 
 
 def _body_spots(table: Table) -> dict[str, Spot]:
+    """The landmarks of trunk, neck and legs."""
     chains = chains_of(table)
     fore, hind, neck = table["fore"], table["hind"], chains["neck"]
     out, ahead = np.array([[0.0, 1.0, 0.0]]), np.array([[1.0, 0.0, 0.0]])

@@ -1,4 +1,4 @@
-"""The shape columns that change one named measure each: what one unit of beta does to a table."""
+"""The shape columns that change one named measure each: the edit of a table by one unit of beta."""
 
 from collections.abc import Callable
 from functools import partial
@@ -30,10 +30,18 @@ def leg_length(table: Table) -> Table:
 def leg_thickness(table: Table) -> Table:
     """Legs 15 % thicker below elbow and knee."""
     out = scaled(
-        scaled(table, "fore", (3, 4), 1.15, slice(3, None)), "hind", (3, 4), 1.15, slice(3, None)
+        scaled(table, "fore", (3, 4), 1.15, rows=slice(3, None)),
+        "hind",
+        (3, 4),
+        1.15,
+        rows=slice(3, None),
     )
     return scaled(
-        scaled(out, "fore_foot", (3, 4), 1.15, slice(0, 1)), "hind_foot", (3, 4), 1.15, slice(0, 1)
+        scaled(out, "fore_foot", (3, 4), 1.15, rows=slice(0, 1)),
+        "hind_foot",
+        (3, 4),
+        1.15,
+        rows=slice(0, 1),
     )
 
 
@@ -44,8 +52,8 @@ def foot_size(table: Table) -> Table:
         center = table[f"{limb}_foot"][1, :2]
         for key in (f"{limb}_foot", *(name for name in FOOT_BLOBS if name.startswith(limb))):
             rows = slice(1, None)
-            out = dict(with_entry(out, key, (0, 1), partial(_grown, about=center), rows))
-            out = dict(scaled(out, key, (3, 4), 1.2, rows))
+            out = dict(with_entry(out, key, (0, 1), partial(_grown, about=center), rows=rows))
+            out = dict(scaled(out, key, (3, 4), 1.2, rows=rows))
     return out
 
 
@@ -86,7 +94,7 @@ def neck_length(table: Table) -> Table:
 
 def neck_thickness(table: Table) -> Table:
     """The neck 15 % thicker."""
-    return scaled(table, "neck", (2, 3), 1.15, slice(1, None))
+    return scaled(table, "neck", (2, 3), 1.15, rows=slice(1, None))
 
 
 def neck_raise(table: Table) -> Table:
@@ -106,6 +114,7 @@ def muzzle_length(table: Table) -> Table:
     """The face before the eyes 15 % longer."""
 
     def along(u: Array) -> Array:
+        """Places that move ahead by their way from the eyes."""
         return u + 0.15 * np.maximum(u - float(table["eye"][0]), 0.0)
 
     out = table
@@ -130,12 +139,13 @@ def tail_length(table: Table) -> Table:
 
 def tail_thickness(table: Table) -> Table:
     """The tail 25 % thicker."""
-    return scaled(table, "tail", (2, 3), 1.25, slice(1, None))
+    return scaled(table, "tail", (2, 3), 1.25, rows=slice(1, None))
 
 
 def _grown(points: Array, about: Array) -> Array:
-    grown: Array = about + 1.2 * (points - about)
-    return grown
+    """Points 20 % further from a place."""
+    outer: Array = about + 1.2 * (points - about)
+    return outer
 
 
 MEASURE_EDITS: dict[str, Edit] = {

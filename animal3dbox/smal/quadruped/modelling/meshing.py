@@ -77,6 +77,7 @@ def relax(
     vertices: Array,
     half: HalfMesh,
     rounds: int,
+    *,
     share: float = 0.35,
 ) -> Array:
     """The vertices moved along the surface to their neighbours' mean, then back to the zero set."""
@@ -137,7 +138,7 @@ class neighbour_average:  # noqa: N801
         ]
 
     def __call__(self, values: Array) -> Array:
-        """See the class."""
+        """The means (H, C) of values (H, C) over each vertex's neighbours."""
         out = np.zeros_like(values)
         np.add.at(out, self._pairs[:, 0], values[self._pairs[:, 1]])
         return out / self._count
@@ -159,11 +160,11 @@ def _polygonise(primitives: Sequence[Primitive], step: float) -> tuple[Array, Fa
     fine = np.repeat(np.repeat(np.repeat(coarse, _COARSE, 0), _COARSE, 1), _COARSE, 2)[
         : shape[0], : shape[1], : shape[2]
     ]
-    wanted = np.repeat(np.repeat(np.repeat(_grown(near), _COARSE, 0), _COARSE, 1), _COARSE, 2)[
-        : shape[0], : shape[1], : shape[2]
-    ]
-    index = np.argwhere(wanted)
-    fine[wanted] = surface_value(primitives, low + step * index)
+    near_surface = np.repeat(
+        np.repeat(np.repeat(_grown(near), _COARSE, 0), _COARSE, 1), _COARSE, 2
+    )[: shape[0], : shape[1], : shape[2]]
+    index = np.argwhere(near_surface)
+    fine[near_surface] = surface_value(primitives, low + step * index)
     vertices, faces, _, _ = marching_cubes(fine, 0.0, spacing=(step, step, step))  # type: ignore[no-untyped-call]
     vertices = np.asarray(vertices, dtype=np.float64) + low
     vertices[vertices[:, 1] < step * 1e-3, 1] = 0.0
@@ -220,7 +221,7 @@ def _split_chords(half: HalfMesh) -> HalfMesh:
             old = faces[f]
             faces[f] = tuple(middle if i == a else i for i in old)
             faces.append(tuple(middle if i == b else i for i in old))
-            _reown(owners, old, f, len(faces) - 1, b)
+            _reown(owners, old, f, len(faces) - 1, corner=b)
     return HalfMesh(np.stack(vertices), np.array(faces, dtype=np.int64), half.seam)
 
 
@@ -229,10 +230,11 @@ def _reown(
     old: tuple[int, ...],
     first: int,
     second: int,
-    kept: int,
+    *,
+    corner: int,
 ) -> None:
-    """After a face was split, its edge away from `kept` belongs to the second half."""
+    """After a face was split, its edge away from `corner` belongs to the second half."""
     for a, b in zip(old, old[1:] + old[:1], strict=True):
-        if kept not in (a, b):
+        if corner not in (a, b):
             key = (min(a, b), max(a, b))
             owners[key] = [second if f == first else f for f in owners[key]]

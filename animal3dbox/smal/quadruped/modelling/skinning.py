@@ -106,9 +106,9 @@ def skin_weights(table: Table, primitives: Sequence[Primitive], half: HalfMesh) 
 
 def _sparsified(weights: Array) -> Array:
     """The largest few weights of each row, in steps of 1/65535, summing to 1."""
-    kept = np.where(weights >= np.sort(weights, axis=1)[:, [-MAX_INFLUENCES]], weights, 0.0)
-    kept = np.where(kept < 0.01, 0.0, kept)
-    return np.asarray(kept / kept.sum(axis=1, keepdims=True), dtype=np.float64)
+    largest = np.where(weights >= np.sort(weights, axis=1)[:, [-MAX_INFLUENCES]], weights, 0.0)
+    largest = np.where(largest < 0.01, 0.0, largest)
+    return np.asarray(largest / largest.sum(axis=1, keepdims=True), dtype=np.float64)
 
 
 def _region(table: Table, primitive: str, place: Array) -> str:
@@ -191,8 +191,8 @@ def joint_regressor(
         places = (
             (vertices[:, near] + vertices[:, symmetry[near]]) / 2 if middle else vertices[:, near]
         )
-        wanted = np.stack([joints[name] for joints in left_joints])
-        share = _convex_fit(places, wanted, np.linalg.norm(vertices[0, near] - rest, axis=1))
+        targets = np.stack([joints[name] for joints in left_joints])
+        share = _convex_fit(places, targets, np.linalg.norm(vertices[0, near] - rest, axis=1))
         regressor[row, near] += share / 2 if middle else share
         other = JOINT_NAMES.index(mirrored_joint(name))
         np.add.at(regressor[other], symmetry[near], share / 2 if middle else share)
@@ -208,19 +208,19 @@ def _candidates(offsets: Array) -> NDArray[np.int64]:
     """
     distances = np.linalg.norm(offsets, axis=1)
     order = np.argsort(distances, kind="stable")
-    found = set(order[:_REGRESSOR_CANDIDATES].tolist())
+    near = set(order[:_REGRESSOR_CANDIDATES].tolist())
     for direction in np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3):
         ahead = offsets[order] @ direction > 0.8 * distances[order] * np.linalg.norm(direction)
-        found |= set(order[ahead][:_REGRESSOR_PER_DIRECTION].tolist()) if direction.any() else set()
-    return np.array(sorted(found), dtype=np.int64)
+        near |= set(order[ahead][:_REGRESSOR_PER_DIRECTION].tolist()) if direction.any() else set()
+    return np.array(sorted(near), dtype=np.int64)
 
 
-def _convex_fit(places: Array, wanted: Array, distances: Array) -> Array:
-    """The shares (C,) of places (N, C, 3) whose weighted sums are nearest to wanted ones (N, 3).
+def _convex_fit(places: Array, targets: Array, distances: Array) -> Array:
+    """The shares (C,) of places (N, C, 3) whose weighted sums are nearest to targets (N, 3).
 
     Not negative and summing to 1; the farther a place (C,) is, the less it gets.
     """
-    rows = np.moveaxis(places - wanted[:, None], 1, 2).reshape(-1, places.shape[1])
+    rows = np.moveaxis(places - targets[:, None], 1, 2).reshape(-1, places.shape[1])
     rows[:3] *= 10.0  # the template counts most
     system = np.vstack(
         [rows, 1e-2 * np.diag(distances / distances.mean()), 1e3 * np.ones((1, rows.shape[1]))]

@@ -35,15 +35,15 @@ def transferred(
         relax_rounds: rounds of evening out along the target's surface.
     """
     say = shares(source, half.vertices)
-    moved = np.zeros_like(half.vertices)
+    vertices = np.zeros_like(half.vertices)
     for k, (before, after) in enumerate(zip(source, target, strict=True)):
         for row, flip in ((k, np.ones(3)), (k + len(source), _MIRROR)):
             near = np.flatnonzero(say[row] > 1e-6)
             if len(near):
                 along, scaled = local_coordinates(before, half.vertices[near] * flip)
-                moved[near] += say[row, near, None] * from_local(after, along, scaled) * flip
+                vertices[near] += say[row, near, None] * from_local(after, along, scaled) * flip
     average = neighbour_average(half)
-    shift = moved - half.vertices
+    shift = vertices - half.vertices
     for _ in range(2):
         shift = 0.5 * shift + 0.5 * average(shift)
     placed = project(target, half.vertices + shift, half.seam, rounds=2)

@@ -40,7 +40,7 @@ def _stance(table: Table) -> Table:
 
 
 def _hock_bend(table: Table) -> Table:
-    out = shifted(table, "hind", (0,), -0.025, slice(4, 5))
+    out = shifted(table, "hind", (0,), -0.025, rows=slice(4, 5))
     return shifted(out, "hock_point", (0,), -0.025)
 
 
@@ -60,10 +60,10 @@ def _tail_curl(table: Table) -> Table:
 VARIATION_EDITS: dict[str, Edit] = {
     "head_width": lambda t: scaled(scaled(t, "head", (3,), 1.12), "jaw", (3,), 1.12),
     "muzzle_depth": lambda t: scaled(
-        scaled(t, "head", (2,), 1.15, slice(3, None)), "jaw", (2,), 1.15, slice(1, None)
+        scaled(t, "head", (2,), 1.15, rows=slice(3, None)), "jaw", (2,), 1.15, rows=slice(1, None)
     ),
     "muzzle_width": lambda t: scaled(
-        scaled(t, "head", (3,), 1.15, slice(3, None)), "jaw", (3,), 1.15, slice(1, None)
+        scaled(t, "head", (3,), 1.15, rows=slice(3, None)), "jaw", (3,), 1.15, rows=slice(1, None)
     ),
     "head_pitch": _head_pitch,
     "ear_droop": _ear_droop,
@@ -72,7 +72,7 @@ VARIATION_EDITS: dict[str, Edit] = {
     ),
     "tail_raise": _tail_raise,
     "tail_curl": _tail_curl,
-    "tail_tuft": lambda t: scaled(t, "tail", (2, 3), 1.5, slice(5, 7)),
+    "tail_tuft": lambda t: scaled(t, "tail", (2, 3), 1.5, rows=slice(5, 7)),
     "withers": partial(_bent_topline, heights=(0.0, 0.0, 0.0, 0.0, 0.01, 0.03, 0.03, 0.01)),
     "shoulder_muscle": lambda t: _blob(_blob(t, "shoulder_muscle", 1.12), "arm_muscle", 1.15),
     "thigh_muscle": lambda t: _blob(_blob(t, "thigh_muscle", 1.12), "buttock", 1.1),
