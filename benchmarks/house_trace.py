@@ -44,6 +44,8 @@ NOT_SHAPES = {
     "PhotoFacts": "the picture's header, which holds no animal",
     "_OneThread": "sets the number of threads, and holds nothing else",
     "_Reader": "checks arguments; of the animal it holds the sample's name only",
+    "ArgumentChecks": "the same by its new name",
+    "Sample": "the pair (image, target) that a Dataset gives: a tuple, after the last shape",
 }
 """Classes that do not count as shapes of an animal, and why; whatever else is made does count."""
 MOST_FIELDS = 12

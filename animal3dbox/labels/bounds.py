@@ -76,9 +76,9 @@ def tight_boxes(
 def tight_cuboid(
     vertices_world: Tensor | Array, R_box: Tensor | Array, margin: float | None = None
 ) -> Cuboid:
-    """The smallest box with given axes around points, grown by a margin.
+    """The smallest box with given axes around points (section 2.1.2, V_min and V_max).
 
-    (Section 2.1.2, V_min and V_max.)
+    Grown by a margin, ε in the paper.
 
     Args:
         vertices_world: (V, 3), a tensor or an array.

@@ -1,17 +1,15 @@
 """The robust joint cost of method "default": keypoints, and the body's bounds against the mask's.
 
-Batched over poses; every coordinate's residual has its own Cauchy loss of width CAUCHY_95. With a
-mask, the points that bound the body to the left, top, right and bottom are four more points, each
-of which has a target and a weight in one coordinate only. docs/solver.md has the formulas.
+Batched over poses; every coordinate's residual has its own Cauchy loss of width CAUCHY_95.
+docs/solver.md has the formulas.
 """
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.config import LabelConfig, MaskBox
 from animal3dbox.labels.pose.levenberg_marquardt import (
     LEAST_DEPTH,
     NOTHING,
@@ -46,172 +44,193 @@ SIDES = (0, 1, 0, 1)
 ONE_COORDINATE = np.eye(2)[:, SIDES]
 
 
-@dataclass(frozen=True)
-class RobustJointCost:
-    """The joint cost of a pose problem, as a function of poses.
-
-    Attributes:
-        points: (N, 3) landmarks, about their mean, in units of their spread.
-        target: (2, N) keypoints about the principal point; (2, N + 4) with a mask, whose box is the
-            last four's.
-        weight: (2, N) or (2, N + 4) in 1 / px, by which residuals are multiplied.
-        linear: (2, 2) K's upper left.
-        body_points: (3, V) the points whose bounds are compared with the mask's; V = 0 without that
-            term.
-    """
-
-    points: Array
-    target: Array
-    weight: Array
-    linear: Array
-    body_points: Array
-
-    @property
-    def has_bounds(self) -> bool:
-        """Whether the mask's box counts."""
-        return bool(self.body_points.size)
-
-    def local_model(self, outline: Array, R: Array, t: Array) -> LocalModel:
-        """The cost of poses and its derivatives.
-
-        Args:
-            outline: (B, 3, M) see outline_candidates.
-            R: (B, 3, 3).
-            t: (B, 3).
-
-        """
-        residuals, slopes, in_front = self.residuals(outline, R, t)
-        square = (residuals / CAUCHY_95) ** 2
-        weight = 1 / (1 + square)
-        curvature = weight * np.maximum((1 - square) * weight, LEAST_CURVATURE)
-        cost = CAUCHY_95**2 / 2 * np.log1p(square).sum(-1)
-        A = (slopes * curvature[:, None]) @ slopes.mT
-        b = (slopes @ (weight * residuals)[..., None])[..., 0]
-        return LocalModel(np.where(in_front, cost, np.inf), A, b)
-
-    def residuals(
-        self, outline: Array, R: Array, t: Array
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Weighted residuals of poses, coordinate by coordinate.
-
-        Args:
-            outline: (B, 3, M) see outline_candidates.
-            R: (B, 3, 3).
-            t: (B, 3).
-
-        Returns:
-            residuals: (B, D).
-            slopes: (B, 6, D) their derivatives by a step.
-            in_front: (B,) whether all landmarks are before the camera.
-
-        """
-        points, count = self.points, len(self.points)
-        if self.has_bounds:
-            landmarks = np.broadcast_to(points, (len(R), count, 3))
-            points = np.concatenate((landmarks, self._outermost(outline, R, t)), 1)
-        residuals, slopes, depth = project_with_slopes(points, self.linear, R, t)
-        residuals -= self.target
-        if self.has_bounds:  # how far they are beyond the mask's, as the paper's d_bbox
-            beyond = residuals[..., count:]
-            beyond -= np.minimum(np.maximum(beyond, -MASK_SLACK_PX), MASK_SLACK_PX)
-            slopes[..., count:] *= (beyond != 0)[:, None]
-        residuals *= self.weight
-        slopes *= self.weight
-        return (
-            residuals.reshape(len(R), -1),
-            slopes.reshape(len(R), 6, -1),
-            depth[:, :count].min(-1) > LEAST_DEPTH,
-        )
-
-    def outline_candidates(self, R: Array, t: Array) -> Array:
-        """The few points (B, 3, M) that can bound the body near these poses.
-
-        The bounding box of all projected points is set by four of them. While a pose moves a
-        little, only points within BAND of the box's sides can take over, so the descent projects
-        those instead of the whole mesh. `outline_is_complete` checks afterwards that no other point
-        sticks out; if one does, the search goes on from there. Rows with fewer candidates repeat
-        some of theirs.
-        """
-        if not self.has_bounds:
-            return np.zeros((len(R), 3, 0))
-        px = self._pixels(self.body_points, R, t)
-        least, greatest = px.min(-1)[..., None], px.max(-1)[..., None]
-        band = BAND * (greatest - least)
-        near_a_side = ((px < least + band) | (px > greatest - band)).any(1)
-        ids = [np.flatnonzero(row) for row in near_a_side]
-        most = max(map(len, ids))
-        return np.stack([self.body_points[:, np.resize(row, most)] for row in ids])
-
-    def outline_is_complete(self, outline: Array, R: Array, t: Array) -> bool:
-        """Whether at these poses no other point bounds the body than those of its outline."""
-        if not self.has_bounds:
-            return True
-        of_body, of_outline = self._pixels(self.body_points, R, t), self._pixels(outline, R, t)
-        apart = np.maximum(
-            of_outline.min(-1) - of_body.min(-1), of_body.max(-1) - of_outline.max(-1)
-        )
-        return bool(apart.max() <= BOUNDS_PX)
-
-    def _pixels(self, points: Array, R: Array, t: Array) -> Array:
-        """Where points (3, M) or (B, 3, M) are seen about the principal point, (B, 2, M)."""
-        lens = np.eye(3)
-        lens[:2, :2] = self.linear
-        cam = lens @ R @ points
-        cam += (t @ lens.T)[..., None]
-        px: Array = cam[:, :2]
-        px /= np.maximum(cam[:, 2:], 1e-9)
-        return px
-
-    def _outermost(self, outline: Array, R: Array, t: Array) -> Array:
-        """The points (B, 4, 3) of the outline that are farthest left, up, right and down."""
-        px = self._pixels(outline, R, t)
-        ids = np.concatenate((px.argmin(-1), px.argmax(-1)), -1)
-        outermost: Array = outline[np.arange(len(R))[:, None], :, ids]
-        return outermost
-
-
-def joint_cost_of(problem: PoseProblem, misfit: float, config: LabelConfig) -> RobustJointCost:
-    """The joint cost of a problem about its own mean, in units of its own spread.
-
-    Args:
-        problem: without the mask term if the mask touches the border of the image.
-        misfit: how badly the body fits, see search_poses.
-        config: lambda, and what is compared with the mask: by default the mesh.
-
-    """
-    sigma, points = problem.sigma_px, problem.points_world
-    target, by_keypoint = problem.pixels, np.sqrt(config.lambda_keypoints) / (misfit * sigma)
-    weight = np.stack((by_keypoint, by_keypoint))
-    extent = "none" if problem.is_cut or problem.mask_box is None else config.mask_box or "mesh"
-    if problem.mask_box is None or extent == "none":
-        return RobustJointCost(points, target, weight, problem.linear, np.zeros((3, 0)))
-    body_points = points
-    if extent != "keypoints" and problem.vertices_world is not None:
-        body_points = problem.vertices_world
-    by_bound = np.sqrt(1 - config.lambda_keypoints) / (misfit * float(np.median(sigma)))
-    bounds = ONE_COORDINATE * (problem.mask_box - problem.K[SIDES, 2])
-    target = np.concatenate((target, bounds), 1)
-    weight = np.concatenate((weight, by_bound * ONE_COORDINATE), 1)
-    return RobustJointCost(points, target, weight, problem.linear, body_points.T)
-
-
 def refine_jointly(
     problem: PoseProblem, candidates: list[PoseEstimate], misfit: float, config: LabelConfig
 ) -> list[PoseEstimate]:
     """Candidate poses refined by the joint cost, cheapest first.
 
-    Those that fall far behind the best are left on the way; at least one is left.
+    Those that fall far behind the best are left on the way; at least one remains.
+
+    Args:
+        problem: about its own mean, in units of its own spread.
+        candidates: at least one.
+        misfit: how badly the body fits, see search_poses.
+        config: lambda, and what is compared with the mask: by default the mesh.
+
     """
-    joint = joint_cost_of(problem, misfit, config)
+    targets, weights = joint_terms(problem, misfit, config)
+    body_points = bounded_points(problem, config)
     names = [pose.hypothesis for pose in candidates]
     R = np.stack([pose.R for pose in candidates])
     t = np.stack([pose.t for pose in candidates])
     for rounds in ROUNDS if len(R) > 1 else ROUNDS[1:]:
-        outline = joint.outline_candidates(R, t)
-        R, t, cost, settled = descend(partial(joint.local_model, outline), R, t, rounds)
+        outline = outline_candidates(problem, body_points, R, t)
+        cost_of = partial(joint_cost, problem, targets=targets, weights=weights, outline=outline)
+        R, t, cost, settled = descend(cost_of, R, t, rounds)
         order = np.argsort(cost, kind="stable")
         order = order[cost[order] <= BEHIND * cost[order[0]] + NOTHING]
         R, t, names = R[order], t[order], [names[i] for i in order.tolist()]
-        if settled and joint.outline_is_complete(outline[order], R, t):
+        if settled and outline_is_complete(problem, body_points, R, t, outline=outline[order]):
             break
     return [PoseEstimate(R[i].copy(), t[i].copy(), name) for i, name in enumerate(names)]
+
+
+def joint_terms(problem: PoseProblem, misfit: float, config: LabelConfig) -> tuple[Array, Array]:
+    """The targets and weights of the joint cost's residuals.
+
+    With a mask, the points that bound the body to the left, top, right and bottom are four more
+    points, each of which has a target and a weight in one coordinate only.
+
+    Args:
+        problem: about its own mean, in units of its own spread.
+        misfit: how badly the body fits, see search_poses.
+        config: lambda, and whether the mask counts.
+
+    Returns:
+        targets: (2, N) keypoints about the principal point; (2, N + 4) with a mask, whose box is
+            the last four's.
+        weights: (2, N) or (2, N + 4) in 1 / px, by which residuals are multiplied.
+
+    """
+    sigma = problem.sigma_px
+    by_keypoint = np.sqrt(config.lambda_keypoints) / (misfit * sigma)
+    weights = np.stack((by_keypoint, by_keypoint))
+    if problem.mask_box is None or _extent(problem, config) == "none":
+        return problem.pixels, weights
+    by_bound = np.sqrt(1 - config.lambda_keypoints) / (misfit * float(np.median(sigma)))
+    bounds = ONE_COORDINATE * (problem.mask_box - problem.K[SIDES, 2])
+    targets = np.concatenate((problem.pixels, bounds), 1)
+    return targets, np.concatenate((weights, by_bound * ONE_COORDINATE), 1)
+
+
+def bounded_points(problem: PoseProblem, config: LabelConfig) -> Array:
+    """The points (3, V) whose bounds are compared with the mask's; V = 0 without that term."""
+    extent = _extent(problem, config)
+    if extent == "none":
+        return np.zeros((3, 0))
+    if extent == "keypoints" or problem.vertices_world is None:
+        return problem.points_world.T
+    return problem.vertices_world.T
+
+
+def _extent(problem: PoseProblem, config: LabelConfig) -> MaskBox:
+    """What is compared with the mask: nothing, if it touches the border of the image."""
+    if problem.is_cut or problem.mask_box is None:
+        return "none"
+    return config.mask_box or "mesh"
+
+
+def joint_cost(
+    problem: PoseProblem, R: Array, t: Array, *, targets: Array, weights: Array, outline: Array
+) -> LocalModel:
+    """The joint cost of poses and its derivatives.
+
+    The sum over all coordinates of the Cauchy loss of residual times weight,
+    rho(r) = c^2 / 2 log(1 + r^2 / c^2) with c = CAUCHY_95.
+
+    Args:
+        problem: about its own mean, in units of its own spread.
+        R: (B, 3, 3).
+        t: (B, 3).
+        targets: see joint_terms.
+        weights: see joint_terms.
+        outline: (B, 3, M) see outline_candidates.
+
+    """
+    residuals, slopes, in_front = joint_residuals(
+        problem, R, t, targets=targets, weights=weights, outline=outline
+    )
+    square = (residuals / CAUCHY_95) ** 2
+    weight = 1 / (1 + square)
+    curvature = weight * np.maximum((1 - square) * weight, LEAST_CURVATURE)
+    cost = CAUCHY_95**2 / 2 * np.log1p(square).sum(-1)
+    A = (slopes * curvature[:, None]) @ slopes.mT
+    b = (slopes @ (weight * residuals)[..., None])[..., 0]
+    return LocalModel(np.where(in_front, cost, np.inf), A, b)
+
+
+def joint_residuals(
+    problem: PoseProblem, R: Array, t: Array, *, targets: Array, weights: Array, outline: Array
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Weighted residuals of poses, coordinate by coordinate; arguments as in joint_cost.
+
+    Returns:
+        residuals: (B, D).
+        slopes: (B, 6, D) their derivatives by a step.
+        in_front: (B,) whether all landmarks are before the camera.
+
+    """
+    points, count = problem.points_world, len(problem.points_world)
+    has_bounds = outline.shape[-1] > 0
+    if has_bounds:
+        landmarks = np.broadcast_to(points, (len(R), count, 3))
+        points = np.concatenate((landmarks, _outermost(problem, outline, R, t)), 1)
+    residuals, slopes, depth = project_with_slopes(points, problem.linear, R, t)
+    residuals -= targets
+    if has_bounds:  # how far they are beyond the mask's, as the paper's d_bbox
+        beyond = residuals[..., count:]
+        beyond -= np.minimum(np.maximum(beyond, -MASK_SLACK_PX), MASK_SLACK_PX)
+        slopes[..., count:] *= (beyond != 0)[:, None]
+    residuals *= weights
+    slopes *= weights
+    return (
+        residuals.reshape(len(R), -1),
+        slopes.reshape(len(R), 6, -1),
+        depth[:, :count].min(-1) > LEAST_DEPTH,
+    )
+
+
+def outline_candidates(problem: PoseProblem, body_points: Array, R: Array, t: Array) -> Array:
+    """The few points (B, 3, M) that can bound the body near these poses.
+
+    The bounding box of all projected points is set by four of them. While a pose moves a little,
+    only points within BAND of the box's sides can take over, so the descent projects those instead
+    of the whole mesh. `outline_is_complete` checks afterwards that no other point sticks out; if
+    one does, the search goes on from there. Rows with fewer candidates repeat some of theirs.
+
+    Args:
+        problem: about its own mean, in units of its own spread.
+        body_points: (3, V) see bounded_points.
+        R: (B, 3, 3).
+        t: (B, 3).
+
+    """
+    if not body_points.size:
+        return np.zeros((len(R), 3, 0))
+    px = _pixels(problem, body_points, R, t)
+    least, greatest = px.min(-1)[..., None], px.max(-1)[..., None]
+    band = BAND * (greatest - least)
+    near_a_side = ((px < least + band) | (px > greatest - band)).any(1)
+    ids = [np.flatnonzero(row) for row in near_a_side]
+    most = max(map(len, ids))
+    return np.stack([body_points[:, np.resize(row, most)] for row in ids])
+
+
+def outline_is_complete(
+    problem: PoseProblem, body_points: Array, R: Array, t: Array, *, outline: Array
+) -> bool:
+    """Whether at these poses no other point bounds the body than those of its outline."""
+    if not body_points.size:
+        return True
+    of_body, of_outline = (_pixels(problem, points, R, t) for points in (body_points, outline))
+    apart = np.maximum(of_outline.min(-1) - of_body.min(-1), of_body.max(-1) - of_outline.max(-1))
+    return bool(apart.max() <= BOUNDS_PX)
+
+
+def _pixels(problem: PoseProblem, points: Array, R: Array, t: Array) -> Array:
+    """Where points (3, M) or (B, 3, M) are seen about the principal point, (B, 2, M)."""
+    lens = np.eye(3)
+    lens[:2, :2] = problem.linear
+    cam = lens @ R @ points
+    cam += (t @ lens.T)[..., None]
+    px: Array = cam[:, :2]
+    px /= np.maximum(cam[:, 2:], 1e-9)
+    return px
+
+
+def _outermost(problem: PoseProblem, outline: Array, R: Array, t: Array) -> Array:
+    """The points (B, 4, 3) of the outline that are farthest left, up, right and down."""
+    px = _pixels(problem, outline, R, t)
+    ids = np.concatenate((px.argmin(-1), px.argmax(-1)), -1)
+    outermost: Array = outline[np.arange(len(R))[:, None], :, ids]
+    return outermost

@@ -21,8 +21,18 @@ from animal3dbox.labels.pose.levenberg_marquardt import (
     small_turns,
 )
 from animal3dbox.labels.pose.multi_start_search import CAUCHY_95, keypoint_cost
-from animal3dbox.labels.pose.problem import PoseProblem
-from animal3dbox.labels.pose.robust_joint_cost import MASK_SLACK_PX, SIDES, joint_cost_of
+from animal3dbox.labels.pose.problem import PoseEstimate, PoseProblem
+from animal3dbox.labels.pose.robust_joint_cost import (
+    MASK_SLACK_PX,
+    SIDES,
+    bounded_points,
+    joint_cost,
+    joint_residuals,
+    joint_terms,
+    outline_candidates,
+    outline_is_complete,
+    refine_jointly,
+)
 
 F64 = torch.float64
 Array = NDArray[np.float64]
@@ -80,14 +90,22 @@ def test_the_slopes_of_projected_points_are_those_of_finite_differences(skew: fl
         assert np.abs((ahead - back) / 2e-6 - slopes[:, k]).max() < 1e-5 * np.abs(slopes).max()
 
 
+def joint_at(
+    given: PoseProblem, misfit: float, R: Array, t: Array
+) -> Callable[[Array, Array], LocalModel]:
+    """The joint cost of a problem with the outline of its body near some poses."""
+    config = LabelConfig()
+    targets, weights = joint_terms(given, misfit, config)
+    outline = outline_candidates(given, bounded_points(given, config), R, t)
+    return partial(joint_cost, given, targets=targets, weights=weights, outline=outline)
+
+
 def costs() -> list[Callable[[Array, Array], LocalModel]]:
     given = problem(wild=5)
-    joint = joint_cost_of(given, 1.5, LabelConfig())
-    without_mask = joint_cost_of(replace(given, mask_box=None), 1.5, LabelConfig())
     return [
         partial(keypoint_cost, given, 5.0),
-        partial(joint.local_model, joint.outline_candidates(*poses())),
-        partial(without_mask.local_model, without_mask.outline_candidates(*poses())),
+        joint_at(given, 1.5, *poses()),
+        joint_at(replace(given, mask_box=None), 1.5, *poses()),
     ]
 
 
@@ -101,15 +119,18 @@ def test_the_slope_of_each_cost_is_that_of_finite_differences(which: int) -> Non
 
 
 def test_the_outline_candidates_bound_the_body_like_all_its_points() -> None:
-    R, t = poses()
-    joint = joint_cost_of(problem(), 1.0, LabelConfig())
-    everything = np.stack([joint.body_points] * 3)
-    outline = joint.outline_candidates(R, t)
-    assert outline.shape[2] < joint.body_points.shape[1] / 2
-    assert joint.outline_is_complete(outline, R, t)
-    assert not joint.outline_is_complete(0.9 * outline, R, t)
-    of_outline, of_everything = (joint.local_model(x, R, t).cost for x in (outline, everything))
-    assert np.array_equal(of_outline, of_everything)
+    (R, t), given, config = poses(), problem(), LabelConfig()
+    body = bounded_points(given, config)
+    outline = outline_candidates(given, body, R, t)
+    assert outline.shape[2] < body.shape[1] / 2
+    assert outline_is_complete(given, body, R, t, outline=outline)
+    assert not outline_is_complete(given, body, R, t, outline=0.9 * outline)
+    targets, weights = joint_terms(given, 1.0, config)
+    few, all_points = (
+        joint_cost(given, R, t, targets=targets, weights=weights, outline=points).cost
+        for points in (outline, np.stack([body] * 3))
+    )
+    assert np.array_equal(few, all_points)
 
 
 def test_a_descent_never_costs_more_and_stays_before_the_camera() -> None:
@@ -142,27 +163,31 @@ def test_the_joint_cost_is_brought_as_low_as_by_scipy(wild: int) -> None:
         given.vertices_world,
         given.mask_box,
     )
-    joint = joint_cost_of(given, 1.0, LabelConfig())
+    targets, weights = joint_terms(given, 1.0, LabelConfig())
+    body_points = bounded_points(given, LabelConfig())
 
     def residuals(x: Array) -> Array:
         R_here, t_here = moved(R[0], t[0], x)
         cam = given.points_world @ R_here.T + t_here
         px = (cam @ K.numpy().T)[:, :2] / cam[:, 2:]
-        off = (px - given.points_px) * joint.weight[:, : len(px)].T
+        off = (px - given.points_px) * weights[:, : len(px)].T
         body = vertices @ R_here.T + t_here
         body_px = (body @ K.numpy().T)[:, :2] / body[:, 2:]
         beyond = np.concatenate((body_px.min(0), body_px.max(0))) - mask_box
         return np.concatenate(
             (
                 off.ravel(),
-                (beyond - beyond.clip(-MASK_SLACK_PX, MASK_SLACK_PX)) * joint.weight[0, -2],
+                (beyond - beyond.clip(-MASK_SLACK_PX, MASK_SLACK_PX)) * weights[0, -2],
             )
         )
 
     expected = least_squares(
         residuals, np.zeros(6), loss="cauchy", f_scale=CAUCHY_95, xtol=1e-12, ftol=1e-12, gtol=1e-12
     ).cost
-    *_, cost, _ = descend(partial(joint.local_model, joint.body_points[None]), R, t, 60)
+    cost_of = partial(
+        joint_cost, given, targets=targets, weights=weights, outline=body_points[None]
+    )
+    *_, cost, _ = descend(cost_of, R, t, 60)
     assert cost[0] <= expected * (1 + 1e-6)
 
 
@@ -175,8 +200,12 @@ def test_bounds_that_differ_by_less_than_a_mask_can_tell_cost_nothing(
     assert given.vertices_world is not None
     px, _ = project(given.K, given.vertices_world @ R[0].T + t[0])
     box = np.concatenate((px.min(0), px.max(0))) + off_px * np.array([1.0, -1, 1, -1])
-    joint = joint_cost_of(replace(given, mask_box=box), 1.0, LabelConfig())
-    off, by_step, _ = joint.residuals(joint.outline_candidates(R, t), R, t)
+    boxed, config = replace(given, mask_box=box), LabelConfig()
+    targets, weights = joint_terms(boxed, 1.0, config)
+    outline = outline_candidates(boxed, bounded_points(boxed, config), R, t)
+    off, by_step, _ = joint_residuals(
+        boxed, R, t, targets=targets, weights=weights, outline=outline
+    )
     beyond, slopes = (x.reshape(-1, 2, 30)[:, SIDES, 26 + np.arange(4)] for x in (off, by_step[0]))
     assert (bool(beyond.all()), bool(slopes.any())) == (costs, costs)
     assert bool(beyond.any()) == costs
@@ -201,11 +230,15 @@ def test_keypoints_that_are_exact_but_for_rounding_are_settled_at_once(off_px: f
     given = problem()
     noise = np.random.default_rng(0).normal(size=given.points_px.shape)
     px, _ = project(given.K, given.points_world @ R[0].T + t[0])
-    joint = joint_cost_of(
-        replace(given, points_px=px + off_px * noise, vertices_world=None, mask_box=None),
-        1.0,
-        LabelConfig(),
-    )
-    *_, cost, settled = descend(partial(joint.local_model, np.zeros((1, 3, 0))), R, t, 6)
+    exact = replace(given, points_px=px + off_px * noise, vertices_world=None, mask_box=None)
+    *_, cost, settled = descend(joint_at(exact, 1.0, R, t), R, t, 6)
     assert settled
     assert 0 < cost[0] < 26 * off_px**2
+
+
+def test_the_name_of_a_start_follows_its_pose_when_another_gets_cheaper() -> None:
+    R, t = (x.numpy() for x in camera_round(40, 20))
+    given = problem()
+    far = PoseEstimate(camera_round(80, 20)[0].numpy(), t, "far off")
+    refined = refine_jointly(given, [far, PoseEstimate(R, t, "near")], 1.0, LabelConfig())
+    assert refined[0].hypothesis == "near"
