@@ -31,12 +31,15 @@ FORK = multiprocessing.get_context("fork")
 
 def targets_of(dataset: LabelDataset) -> dict[str, Any]:
     """Image -> its target's labels as bytes; images that were skipped are left out."""
-    samples = (dataset[i] for i in range(len(dataset)))
-    return {
-        s[1]["image_id"]: in_bytes({k: v for k, v in s[1].items() if k != "sample_key"})
-        for s in samples
-        if not isinstance(s, Skipped)
-    }
+    contents = {}
+    for i in range(len(dataset)):
+        sample = dataset[i]
+        if isinstance(sample, Skipped):
+            continue
+        target = sample[1]
+        meta = {name: value for name, value in target["meta"].items() if name != "sample_key"}
+        contents[target["image_id"]] = in_bytes({**target, "meta": meta})
+    return contents
 
 
 @pytest.fixture(scope="module")
