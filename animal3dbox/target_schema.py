@@ -26,8 +26,8 @@ class Field:
 
     Attributes:
         name: its key in the target.
-        shape: of one entry, axis by axis: numbers, and letters for sizes that are the dataset's own;
-            empty for a single number.
+        shape: of one entry, axis by axis: numbers, and letters for sizes that are the dataset's
+            own; empty for a single number.
         per: whether a target holds one entry an "animal", one an "image", or "either".
         kind: "float", "flag" (booleans) or "whole" (whole numbers).
         dtype: of a Dataset's target, as torch and NumPy call it.
@@ -81,8 +81,8 @@ class Field:
 
 
 FIELDS: tuple[Field, ...] = (
-    Field(name="corners_3d", shape="8 3", camera_frame=True, is_length=True, label_name="corners_3d",
-          meaning="the cuboid's corners in the documented order"),
+    Field(name="corners_3d", shape="8 3", camera_frame=True, is_length=True,
+          label_name="corners_3d", meaning="the cuboid's corners in the documented order"),
     Field(name="center", shape="3", camera_frame=True, is_length=True, label_name="center",
           meaning="the cuboid's centre"),
     Field(name="rotation", shape="3 3", camera_frame=True, label_name="rotation",
@@ -90,16 +90,15 @@ FIELDS: tuple[Field, ...] = (
     Field(name="size", shape="3", under_map="unmoved", is_length=True, label_name="size",
           meaning="length, width, height"),
     Field(name="distance", shape="", under_map="unmoved", is_length=True, label_name="distance",
-          in_labels_json="optional",
-          meaning="from the camera's centre to the cuboid's"),
+          in_labels_json="optional", meaning="from the camera's centre to the cuboid's"),
     Field(name="corners_2d", shape="8 2", label_name="corners_2d",
           meaning="projected corners, px; without meaning where corner_in_front is false"),
-    Field(name="face_area", shape="6", named_faces=True, label_name="face_area",
+    Field(name="face_area", shape="6", label_name="face_area", named_faces=True,
           meaning="projected area of the faces seen, px^2"),
-    Field(name="face_share", shape="6", named_faces=True, label_name="face_share",
+    Field(name="face_share", shape="6", label_name="face_share", named_faces=True,
           meaning="part of the visible area, summing to 1"),
-    Field(name="face_share_in_image", shape="6", named_faces=True, label_name="face_share_in_image",
-          meaning="the same inside the frame"),
+    Field(name="face_share_in_image", shape="6", label_name="face_share_in_image",
+          named_faces=True, meaning="the same inside the frame"),
     Field(name="K", shape="3 3", per="image", label_name="K", meaning="intrinsics, px"),
     Field(name="R", shape="3 3", per="either", camera_frame=True, label_name="R",
           meaning="X_cam = R X + t, X in each body's own frame"),
@@ -110,10 +109,11 @@ FIELDS: tuple[Field, ...] = (
           meaning="part of the projected cuboid outside the frame"),
     Field(name="surface_share", shape="6", label_name="surface_share",
           meaning="part of the animal's own visible surface by the side it faces"),
-    Field(name="corner_in_front", shape="8", kind="flag", dtype="bool", label_name="corner_in_front", in_labels_json="never",
+    Field(name="corner_in_front", shape="8", kind="flag", dtype="bool",
+          label_name="corner_in_front", in_labels_json="never",
           meaning="which corners are in front of the camera"),
-    Field(name="face_visible", shape="6", kind="flag", dtype="bool", named_faces=True,
-          label_name="face_visible", meaning="which faces the camera sees"),
+    Field(name="face_visible", shape="6", kind="flag", dtype="bool", label_name="face_visible",
+          named_faces=True, meaning="which faces the camera sees"),
     Field(name="behind_camera", shape="", kind="flag", dtype="bool", label_name="behind_camera",
           meaning="whether a corner is nearer than the near plane"),
     Field(name="labels", shape="", kind="whole", dtype="int64", under_map="unmoved",
@@ -127,8 +127,8 @@ FIELDS: tuple[Field, ...] = (
     Field(name="scale_m_per_unit", shape="", under_map="unmoved",
           meaning="by which factor they were made so"),
     Field(name="distortion", shape="D", per="image", meaning="coefficients of OpenCV's lens"),
-    Field(name="H_out_in", shape="3 3", per="image",
-          made_by="transforms", meaning="all maps of pixels since the image was read; left by transforms"),
+    Field(name="H_out_in", shape="3 3", per="image", made_by="transforms",
+          meaning="all maps of pixels since the image was read; left by transforms"),
     Field(name="depth", shape="H W", per="image", made_by="user", meaning="z of each pixel"),
     Field(name="occlusion", shape="", under_map="unmoved", made_by="user", meaning="hidden part"),
     Field(name="scores", shape="", under_map="unmoved", made_by="user", meaning="of detections"),
@@ -136,14 +136,14 @@ FIELDS: tuple[Field, ...] = (
           made_by="user", meaning="COCO's flag"),
     Field(name="track_ids", shape="", kind="whole", dtype="int64", under_map="unmoved",
           made_by="user", meaning="which individual"),
-    Field(name="keypoints_3d", shape="J 3", made_by="user", meaning="landmarks in the bodies' frames"),
+    Field(name="keypoints_3d", shape="J 3", made_by="user",
+          meaning="landmarks in the bodies' frames"),
     Field(name="vertices", shape="V 3", made_by="user", meaning="meshes in the bodies' frames"),
 )  # fmt: skip
 """Every field that the package knows, those of a label first and in the order of its row."""
 
 META_PER_ANIMAL = ("sample_ids", "quality", "scale_source")
-"""Book-keeping in ``target["meta"]`` with one entry an animal, which follows when animals are left out.
-"""
+"""Book-keeping in ``target["meta"]`` with one entry an animal; it follows animals left out."""
 META_PER_IMAGE = ("sample_key", "K_source")
 """Book-keeping in ``target["meta"]`` of the whole image; whatever else lies there is passed on."""
 

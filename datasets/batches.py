@@ -20,11 +20,9 @@ A larger one gets shared memory, and a file descriptor, of its own.
 """
 ALIGNMENT = 8
 _PADDING = tuple(bytes(-size % ALIGNMENT) for size in range(ALIGNMENT))
-_Layout = tuple[tuple[str, str, tuple[int, ...]], ...]
-"""The fields of a target: name, code of the type and shape of those whose numbers travel together.
-
-No type of the others.
-"""
+Layout = tuple[tuple[str, str, tuple[int, ...]], ...]
+"""The fields of a target: name, code of the type, and shape; the code is empty of those that travel
+by themselves, not in the block of numbers."""
 
 
 class Targets(list[Target]):
@@ -43,9 +41,9 @@ class Targets(list[Target]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         numbers: list[bytes] = []
-        layouts: dict[_Layout, _Layout] = {}
-        told = [_sent(target, numbers, layouts) for target in self]
-        return _received, (told, bytearray(b"".join(numbers)), self.skipped)
+        layouts: dict[Layout, Layout] = {}
+        targets = [_serialise(target, numbers, layouts) for target in self]
+        return _deserialise, (targets, bytearray(b"".join(numbers)), self.skipped)
 
 
 def collate(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple[list[Tensor], Targets]:
@@ -59,6 +57,12 @@ def collate(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple[list[Te
             than the batch size, or 0.
         targets: B dicts; ``targets.skipped`` says what was left out.
 
+    Example:
+        >>> from animal3dbox.datasets import SyntheticDataset
+        >>> dataset = SyntheticDataset(2, image_hw=(60, 80))
+        >>> images, targets = collate([dataset[0], dataset[1]])
+        >>> len(images), targets[0]["corners_3d"].shape
+        (2, torch.Size([3, 8, 3]))
     """
     used = [sample for sample in samples if not isinstance(sample, Skipped)]
     return [image for image, _ in used], Targets(
@@ -68,7 +72,10 @@ def collate(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple[list[Te
 
 
 def collate_stacked(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple[Tensor, Targets]:
-    """The same with the images stacked.
+    """A batch whose images are of one size, stacked.
+
+    Args:
+        samples: of a LabelDataset.
 
     Returns:
         images: (B, C, H, W); (0,) if every sample was skipped.
@@ -77,6 +84,11 @@ def collate_stacked(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple
     Raises:
         SampleError: two images differ in size.
 
+    Example:
+        >>> from animal3dbox.datasets import SyntheticDataset
+        >>> dataset = SyntheticDataset(2, image_hw=(60, 80))
+        >>> collate_stacked([dataset[0], dataset[1]])[0].shape
+        torch.Size([2, 3, 60, 80])
     """
     images, targets = collate(samples)
     for image, target in zip(images, targets, strict=True):
@@ -92,20 +104,23 @@ def collate_stacked(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple
     return (torch.stack(images) if images else torch.zeros(0)), targets
 
 
-def _sent(
-    target: Target, numbers: list[bytes], layouts: dict[_Layout, _Layout]
-) -> tuple[_Layout, list[Any]]:
-    """A target's layout, the same object for all targets of one, and what travels as it is.
+def _serialise(
+    target: Target, numbers: list[bytes], layouts: dict[Layout, Layout]
+) -> tuple[Layout, list[Any]]:
+    """A target's layout and the values that travel by themselves.
 
-    The bytes of small tensors are added to numbers.
+    Args:
+        target: of one image.
+        numbers: takes the bytes of its small tensors.
+        layouts: of the batch so far, so that targets of one layout share one object.
+
     """
     layout: list[tuple[str, str, tuple[int, ...]]] = []
     others = []
     for name, value in target.items():
         try:
-            array = (
-                value.numpy() if type(value) is Tensor else None
-            )  # others, as torchvision's, stay what they are
+            # Tensors of other classes, as torchvision's, stay what they are.
+            array = value.numpy() if type(value) is Tensor else None
         except (TypeError, RuntimeError):  # bfloat16, sparse or on a device; with a gradient
             array = None
         if array is None or array.nbytes > BY_VALUE_BYTES:
@@ -114,41 +129,42 @@ def _sent(
         else:
             layout.append((name, array.dtype.char, array.shape))
             numbers += (array.tobytes(), _PADDING[array.nbytes % ALIGNMENT])
-    known = tuple(layout)
-    return layouts.setdefault(known, known), others
+    whole = tuple(layout)
+    return layouts.setdefault(whole, whole), others
 
 
 @lru_cache(maxsize=256)
 def _places(
-    layout: _Layout,
+    layout: Layout,
 ) -> tuple[list[tuple[str, np.dtype[Any] | None, tuple[int, ...], int]], int]:
     """Name, type, shape and offset of a target's fields, and the bytes that all take."""
     places: list[tuple[str, np.dtype[Any] | None, tuple[int, ...], int]] = []
-    at = 0
+    offset = 0
     for name, code, shape in layout:
         dtype = np.dtype(code) if code else None
-        places.append((name, dtype, shape, at))
+        places.append((name, dtype, shape, offset))
         if dtype is not None:
             size = math.prod(shape) * dtype.itemsize
-            at += size + -size % ALIGNMENT
-    return places, at
+            offset += size + -size % ALIGNMENT
+    return places, offset
 
 
-def _received(
-    told: list[tuple[_Layout, list[Any]]], content: bytearray, skipped: tuple[Skipped, ...]
+def _deserialise(
+    targets: list[tuple[Layout, list[Any]]], content: bytearray, skipped: tuple[Skipped, ...]
 ) -> Targets:
-    targets = Targets(skipped=skipped)
+    """The targets of a batch, of the layouts, values and numbers that _serialise made of them."""
+    batch = Targets(skipped=skipped)
     begin = 0
-    for layout, others in told:
+    for layout, others in targets:
         places, size = _places(layout)
-        left = iter(others)
+        remaining = iter(others)
         target: Target = {}
-        for name, dtype, shape, at in places:
-            target[name] = (
-                next(left)
-                if dtype is None
-                else torch.from_numpy(np.ndarray(shape, dtype, content, begin + at))
-            )
-        targets.append(target)
+        for name, dtype, shape, offset in places:
+            if dtype is None:
+                target[name] = next(remaining)
+            else:
+                array = np.ndarray(shape, dtype, content, begin + offset)
+                target[name] = torch.from_numpy(array)
+        batch.append(target)
         begin += size
-    return targets
+    return batch

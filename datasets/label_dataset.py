@@ -27,7 +27,7 @@ from animal3dbox.datasets.labelling.image_targets import (
 )
 from animal3dbox.datasets.labelling.label_records import CameraPolicy, Outcome, check_camera_policy
 from animal3dbox.datasets.labelling.label_store import LabelStore, fault_case
-from animal3dbox.datasets.labelling.load_report import Case, Ledger, LoadReport
+from animal3dbox.datasets.labelling.load_report import Case, CaseFile, LoadReport
 from animal3dbox.datasets.labelling.open_samples import OpenSample, mask_of, open_samples
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.skipped import (
@@ -66,9 +66,9 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         transform: ``transform(image, target) -> (image, target)``, such as
             animal3dbox.transforms.Compose.
         scale: what makes labels metric (scale.py); None: only what the dataset itself says.
-        stored_cameras: whether a camera that a dataset stores for its bodies is one "hypothesis" among
-            others, or "exact"; animals without a stored one get theirs estimated all the same, and
-            ``quality`` says so.
+        stored_cameras: whether a camera that a dataset stores for its bodies is one "hypothesis"
+            among others, or "exact"; animals without a stored one get theirs estimated all the
+            same, and ``quality`` says so.
         cache: folder of the label cache; None: none.
         masks: whether targets hold masks, of images whose every animal has one.
         report_to: file that cases are appended to; None: a temporary one.
@@ -121,7 +121,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         self._numbers = {name: number for number, name in enumerate(self.classes)}
         if len(self._numbers) != len(self.classes):
             raise ConfigError(f"classes must differ, got {self.classes}")
-        self.ledger = Ledger(report_to)
+        self.case_file = CaseFile(report_to)
         self._store = LabelStore(
             source.fingerprint,
             config or default_config(stored_cameras, self.filters),
@@ -132,7 +132,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         )
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         for fault in source.faults:
-            self.ledger.add(fault_case(fault))
+            self.case_file.add(fault_case(fault))
 
     def __repr__(self) -> str:
         facts = {
@@ -170,7 +170,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
     def report(self) -> LoadReport:
         """What has been left out so far and why, by all processes."""
-        return self.ledger.report()
+        return self.case_file.report()
 
     def image_id(self, index: int) -> str:
         """The name of a sample's image."""
@@ -230,7 +230,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
 
     def _note(self, cases: Iterable[Case]) -> None:
         for case in cases:
-            self.ledger.add(case)
+            self.case_file.add(case)
 
     def _skipped(self, place: int, cases: list[Case]) -> Skipped:
         self._note(cases)

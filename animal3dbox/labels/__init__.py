@@ -1,8 +1,8 @@
 """The method: from one animal's arrays to its cuboid, its camera and the faces seen.
 
-One step of the paper a file (docs/paper.md): `axes` (which way the body points), `bounds` (the box),
-`pose` (the camera), `visibility` (what the picture shows of the body); `observation` checks what
-comes in, `drafts` goes from there to box and camera, `assemble` to everything that follows.
+One step of the paper a file (docs/paper.md): `axes` (which way the body points), `bounds` (the
+box), `pose` (the camera), `visibility` (what the picture shows of the body); `observation` checks
+what comes in, `drafts` goes from there to box and camera, `assemble` to everything that follows.
 NumPy inside; tensors are made by the properties of CuboidLabel.
 
 The names below are loaded when first used (PEP 562).

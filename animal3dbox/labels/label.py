@@ -26,6 +26,7 @@ def label_animal(
     keypoints_2d: ArrayLike = None,
     keypoints_3d: ArrayLike = None,
     vertices: ArrayLike = None,
+    *,
     faces: ArrayLike = None,
     template: SmalModel | None = None,
     K: ArrayLike = None,
@@ -38,7 +39,7 @@ def label_animal(
     landmark_sigma: ArrayLike = None,
     distortion: ArrayLike = None,
 ) -> CuboidLabel | Rejection:
-    """The oriented cuboid of one animal, the camera that sees it and the faces that are seen (the whole of section 2).
+    """The oriented cuboid of one animal, its camera and the faces seen (the whole of section 2).
 
     Arrays may be tensors, NumPy arrays or lists; all is computed in float64.
 

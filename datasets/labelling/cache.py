@@ -27,7 +27,7 @@ MAPPED = 64
 
 @dataclass
 class _State:
-    """What one process has open."""
+    """The segments that one process has open, and where each entry stands."""
 
     process: int
     readers: list[SegmentReader]
@@ -36,11 +36,9 @@ class _State:
     segments: memoryview  # of the same keys, newest last among equal ones
     offsets: memoryview  # in their segments
     writer: SegmentWriter | None
-    looked: float
+    refreshed: float
     problems: tuple[str, ...]
-    mapped: OrderedDict[
-        int, None
-    ]  # numbers of the readers that hold a map, the one used last at the end
+    mapped: OrderedDict[int, None]  # readers that hold a map, the one used last at the end
 
 
 class LabelCache:
@@ -71,60 +69,56 @@ class LabelCache:
         return {"folder": self.folder, "_state": None}
 
     def get(self, key: bytes) -> tuple[CuboidLabel | Rejection | None, bool]:
-        """What is stored under a key, None if nothing is.
-
-        And whether something was, but damaged.
-        """
-        state = self._opened()
-        found, damaged = self._read(state, key)
-        if found is None and time.monotonic() - state.looked > REFRESH_S:
+        """The outcome stored under a key, None if there is none; and whether a copy is damaged."""
+        state = self._process_state()
+        outcome, damaged = self._read(state, key)
+        if outcome is None and time.monotonic() - state.refreshed > REFRESH_S:
             self._refresh(state)
-            found, damaged = self._read(state, key)
-        return found, damaged
+            outcome, damaged = self._read(state, key)
+        return outcome, damaged
 
     def put(self, key: bytes, outcome: CuboidLabel | Rejection) -> None:
         """Store an outcome.
 
         Raises OSError if it cannot be written, and then nothing has changed.
         """
-        state = self._opened()
-        if (
-            state.writer is None or not state.writer.path.exists()
-        ):  # somebody emptied the folder: a file without a name would take labels unseen
+        state = self._process_state()
+        # Somebody may have emptied the folder: a file without a name would take labels unseen.
+        if state.writer is None or not state.writer.path.exists():
             state.writer = SegmentWriter(self.folder)
             state.names.add(state.writer.path.name)
             state.readers.append(SegmentReader(state.writer.path))
         state.writer.append(key, packed_outcome(outcome))
 
     def __len__(self) -> int:
-        """How many entries can be seen, copies included."""
-        state = self._opened()
+        """The number of entries that can be seen, copies included."""
+        state = self._process_state()
         self._refresh(state)
         return len(state.halves)
 
     def problems(self) -> tuple[str, ...]:
-        """What is wrong with the files, in whole sentences.
+        """The damages of the files, in whole sentences.
 
         Nothing in them is lost but what the sentences name, and that is made anew.
         """
-        return self._opened().problems
+        return self._process_state().problems
 
     def _problems_of(self, readers: list[SegmentReader]) -> tuple[str, ...]:
-        told = []
+        problems = []
         for reader in readers:
             if reader.damaged:
-                told.append(
+                problems.append(
                     f"{reader.path.name} has {reader.damaged} damaged places: the disk or a program"
                     " changed it; their labels are made anew"
                 )
             if reader.unfinished:
-                told.append(
+                problems.append(
                     f"{reader.path.name} ends within an entry: its process was killed or the file"
                     " was cut; what is missing is made anew"
                 )
-        return tuple(told)
+        return tuple(problems)
 
-    def _opened(self) -> _State:
+    def _process_state(self) -> _State:
         if self._state is None or self._state.process != os.getpid():
             empty = (
                 np.zeros(0, np.uint64).data,
@@ -137,56 +131,46 @@ class LabelCache:
 
     def _refresh(self, state: _State) -> None:
         """Take in what has been written since the last look."""
-        state.looked = time.monotonic()
-        problems = []
-        try:
-            names = sorted(
-                entry.name for entry in os.scandir(self.folder) if entry.name.endswith(SUFFIX)
-            )
-        except OSError as error:
-            names, problems = (
-                [],
-                [f"the cache's folder cannot be read ({error}): what is not found is made anew"],
-            )
-        for name in names:
-            if name not in state.names:
-                state.names.add(name)
-                state.readers.append(SegmentReader(self.folder / name))
+        state.refreshed = time.monotonic()
+        problems = self._open_new_segments(state)
         new: list[tuple[int, int, int]] = []
         for number, reader in enumerate(state.readers):
             try:
-                found = list(reader.new_entries())
+                entries = list(reader.new_entries())
             except (OSError, ValueError) as error:  # ValueError: cut while it was being mapped
                 problems.append(
                     f"{reader.path.name} cannot be read ({error}): what is not found is made anew"
                 )
                 continue
             self._use(state, number)
-            new += [(_half(key), number, offset) for key, offset in found]
+            new += [(_half(key), number, offset) for key, offset in entries]
         if new:
-            halves, segments, offsets = (
-                np.concatenate((held, np.array(column, dtype=held.format)))
-                for held, column in zip(
-                    (state.halves, state.segments, state.offsets),
-                    zip(*new, strict=True),
-                    strict=True,
-                )
-            )
-            order = np.argsort(halves, kind="stable")
-            state.halves, state.segments, state.offsets = (
-                column[order].data for column in (halves, segments, offsets)
-            )
+            _merge_entries(state, new)
         state.problems = (*problems, *self._problems_of(state.readers))
 
+    def _open_new_segments(self, state: _State) -> list[str]:
+        """Open the segments that have appeared in the folder; what is wrong with the folder."""
+        try:
+            names = sorted(
+                entry.name for entry in os.scandir(self.folder) if entry.name.endswith(SUFFIX)
+            )
+        except OSError as error:
+            return [f"the cache's folder cannot be read ({error}): what is not found is made anew"]
+        for name in names:
+            if name not in state.names:
+                state.names.add(name)
+                state.readers.append(SegmentReader(self.folder / name))
+        return []
+
     def _use(self, state: _State, number: int) -> None:
-        """Note that a segment is looked at, and close those that have not been for longest if many
-        are open."""
+        """Note the use of a segment, and close the one not used for longest if many are open."""
         state.mapped[number] = None
         state.mapped.move_to_end(number)
         if len(state.mapped) > MAPPED:
             state.readers[state.mapped.popitem(last=False)[0]].release()
 
     def _read(self, state: _State, key: bytes) -> tuple[CuboidLabel | Rejection | None, bool]:
+        """The newest whole copy of an entry, and whether a newer one is damaged."""
         half = _half(key)
         place = bisect_right(state.halves, half) - 1
         damaged = False
@@ -206,6 +190,20 @@ class LabelCache:
             except (ShapeError, ValueError, KeyError, TypeError):
                 damaged = True
         return None, damaged
+
+
+def _merge_entries(state: _State, new: list[tuple[int, int, int]]) -> None:
+    """Add entries (half of the key, segment, offset) to a process's sorted columns."""
+    halves, segments, offsets = (
+        np.concatenate((column, np.array(values, dtype=column.format)))
+        for column, values in zip(
+            (state.halves, state.segments, state.offsets), zip(*new, strict=True), strict=True
+        )
+    )
+    order = np.argsort(halves, kind="stable")
+    state.halves, state.segments, state.offsets = (
+        column[order].data for column in (halves, segments, offsets)
+    )
 
 
 def _half(key: bytes) -> int:

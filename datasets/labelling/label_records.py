@@ -139,7 +139,7 @@ def _finished(
     body: Body,
     scale: ScaleSource | None,
 ) -> CuboidLabel | Rejection:
-    """A label with what its record and picture say of it, in metres if something tells the scale."""
+    """A label with what its record and picture say of it, metric if something tells the scale."""
     if isinstance(outcome, Rejection):
         return outcome
     facts, quality = request.facts, outcome.quality
@@ -166,7 +166,7 @@ def _finished(
 
 
 def check_camera_policy(policy: CameraPolicy, has_cameras: bool, notes: Sequence[str] = ()) -> None:
-    """Raise a ConfigError if known cameras are asked for of a dataset that has none to be trusted."""
+    """Raise a ConfigError if known cameras are asked for of a dataset without trusted ones."""
     if policy == "exact" and not has_cameras:
         about_cameras = "".join(f" ({note})" for note in notes if "camera" in note)
         raise ConfigError(

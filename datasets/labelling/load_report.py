@@ -1,4 +1,4 @@
-"""What was left out and why, counted over all processes that load one dataset.
+"""A dataset's report: the animals that were left out and why, by all processes that load it.
 
 A line a case, appended to one file: workers come and go, but what they wrote stays, also after kill
 -9. A line is written by a single call, which the file system does not mix with others'.
@@ -17,7 +17,7 @@ import msgspec
 from animal3dbox.errors import Animal3DBoxError
 
 
-class LedgerError(Animal3DBoxError, OSError):
+class CaseFileError(Animal3DBoxError, OSError):
     """A case could not be written down: rather than lose it, loading stops."""
 
 
@@ -44,10 +44,16 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class LoadReport:
-    """What was left out so far, by every process.
+    """The animals and images that were left out so far, by every process.
 
     Attributes:
         cases: each once, however often it was met; in the order in which they were met first.
+
+    Example:
+        >>> case = Case(kind="fault", sample_id="a.jpg", field="image", problem="cannot be decoded")
+        >>> print(LoadReport((case,)))
+        left out: 1 fault
+          fault: a.jpg: image: cannot be decoded
     """
 
     cases: tuple[Case, ...]
@@ -68,12 +74,12 @@ class LoadReport:
         )
 
 
-class Ledger:
+class CaseFile:
     """The file of cases of one dataset.
 
     Args:
         path: kept, and read again by a later run; None: a temporary file, which is made for the
-            first case and ends with the ledger.
+            first case and ends with this object.
 
     """
 
@@ -91,7 +97,7 @@ class Ledger:
         """Write one case down, unless it stands there: an epoch that meets it again writes nothing.
 
         Raises:
-            LedgerError: it cannot be written.
+            CaseFileError: it cannot be written.
 
         """
         if self._written is None:
@@ -106,16 +112,16 @@ class Ledger:
             finally:
                 os.close(descriptor)
         except OSError as error:
-            raise LedgerError(f"{case} could not be written to {self.path}: {error}") from error
+            raise CaseFileError(f"{case} could not be written to {self.path}: {error}") from error
         if written != len(line):
-            raise LedgerError(
+            raise CaseFileError(
                 f"{case} could not be written whole to {self.path}: is the disk full?"
             )
         self._written.add(case)
 
     def report(self) -> LoadReport:
-        """What all processes have written so far; a last line cut off by a crash is left out."""
-        met: dict[Case, None] = {}
+        """All cases that processes have written so far, but a last line cut off by a crash."""
+        cases: dict[Case, None] = {}
         lines = self.path.read_bytes().split(b"\n")[:-1] if self.path.exists() else []
         for line in lines:
             try:
@@ -127,8 +133,8 @@ class Ledger:
                     field="line",
                     problem=f"is damaged: {line[:80]!r}",
                 )
-            met[case] = None
-        return LoadReport(tuple(met))
+            cases[case] = None
+        return LoadReport(tuple(cases))
 
 
 def _remove_in(process: int, path: Path) -> None:

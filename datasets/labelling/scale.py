@@ -21,12 +21,14 @@ from animal3dbox.labels.types import CuboidLabel
 UNKNOWN = "unknown"
 
 HEAD_AND_BODY_M: Mapping[str, float] = MappingProxyType({
-    "antelope": 1.4, "bear": 1.8, "bison": 3.0, "boar": 1.4, "bobcat": 0.8, "buffalo": 2.7, "camel": 3.0, "cat": 0.46, "cattle": 2.4,
-    "cheetah": 1.3, "coyote": 0.85, "cow": 2.4, "deer": 1.8, "dog": 0.85, "donkey": 2.0, "elephant": 6.0, "elk": 2.3, "fox": 0.65,
-    "gazelle": 1.1, "giraffe": 4.2, "goat": 1.3, "hippo": 3.6, "hippopotamus": 3.6, "horse": 2.4, "hyena": 1.2, "impala": 1.3,
-    "jaguar": 1.5, "leopard": 1.4, "lion": 1.8, "lynx": 0.95, "moose": 2.8, "ox": 2.4, "panda": 1.5, "pig": 1.4, "puma": 1.3,
-    "rabbit": 0.4, "raccoon": 0.55, "rhino": 3.6, "rhinoceros": 3.6, "sheep": 1.2, "tiger": 1.9, "warthog": 1.2, "weasel": 0.22,
-    "wolf": 1.2, "yak": 2.8, "zebra": 2.3,
+    "antelope": 1.4, "bear": 1.8, "bison": 3.0, "boar": 1.4, "bobcat": 0.8, "buffalo": 2.7,
+    "camel": 3.0, "cat": 0.46, "cattle": 2.4, "cheetah": 1.3, "coyote": 0.85, "cow": 2.4,
+    "deer": 1.8, "dog": 0.85, "donkey": 2.0, "elephant": 6.0, "elk": 2.3, "fox": 0.65,
+    "gazelle": 1.1, "giraffe": 4.2, "goat": 1.3, "hippo": 3.6, "hippopotamus": 3.6, "horse": 2.4,
+    "hyena": 1.2, "impala": 1.3, "jaguar": 1.5, "leopard": 1.4, "lion": 1.8, "lynx": 0.95,
+    "moose": 2.8, "ox": 2.4, "panda": 1.5, "pig": 1.4, "puma": 1.3, "rabbit": 0.4,
+    "raccoon": 0.55, "rhino": 3.6, "rhinoceros": 3.6, "sheep": 1.2, "tiger": 1.9, "warthog": 1.2,
+    "weasel": 0.22, "wolf": 1.2, "yak": 2.8, "zebra": 2.3,
 })  # fmt: skip
 """Nominal head-and-body lengths of adults, nose to tail base along the back, in metres.
 

@@ -33,7 +33,7 @@ class SyntheticSource:
     stand in the camera frame.
 
     Args:
-        made: the scenes, their faults and what is marked.
+        scenes: the scenes, their faults and what is marked.
 
     """
 
@@ -43,42 +43,42 @@ class SyntheticSource:
     named_faces = True
     has_cameras = True
 
-    def __init__(self, made: SyntheticSet) -> None:
-        self.made = made
-        self.categories = tuple(sorted(made.config.presets or quadruped_names().presets))
+    def __init__(self, scenes: SyntheticSet) -> None:
+        self.scenes = scenes
+        self.categories = tuple(sorted(scenes.config.presets or quadruped_names().presets))
 
     def __len__(self) -> int:
-        return len(self.made)
+        return len(self.scenes)
 
     @property
     def fingerprint(self) -> bytes:
-        """Of the quadruped that all scenes are made of."""
+        """Names the quadruped that all scenes are made of."""
         return ParametersBody(load_quadruped(), {}).fingerprint
 
     def image_id(self, index: int) -> str:
-        """Seed and index."""
-        return f"{self.made.seed}-{index:06d}"
+        """The name of a scene: its seed and index."""
+        return f"{self.scenes.seed}-{index:06d}"
 
     def animals(self, index: int) -> int:
-        """How many animals a scene has."""
-        return len(_scene(self.made, index).animals)
+        """The number of animals of a scene."""
+        return len(_scene(self.scenes, index).animals)
 
     def sample(self, index: int) -> ImageSample:
         """The animals of a scene as annotated."""
-        scene = _scene(self.made, index)
-        said = [
+        scene = _scene(self.scenes, index)
+        samples = [
             SyntheticSample(
                 scene,
                 animal,
-                faulty(annotate(animal, self.made.hidden), self.made.faults, self.made.seed),
+                faulty(annotate(animal, self.scenes.hidden), self.scenes.faults, self.scenes.seed),
             )
             for animal in scene.animals
         ]
         bodies = ParametersBody(
             load_quadruped(),
-            {sample.annotation.sample_id: sample.annotation.parameters for sample in said},
+            {sample.annotation.sample_id: sample.annotation.parameters for sample in samples},
         )
-        records = tuple(_with_camera(sample) for sample in said)
+        records = tuple(_with_camera(sample) for sample in samples)
         # Named by what they say, not by what they are drawn from: the code that draws may change.
         animals = tuple(
             entry_of(record, record_content(record, content_digest(record), bodies))
@@ -99,12 +99,12 @@ class SyntheticSource:
     def photo(self, sample: ImageSample) -> Photo:
         """The picture of a scene."""
         return Photo(
-            _scene(self.made, int(sample.image_id.rpartition("-")[2])).image.numpy().copy(),
+            _scene(self.scenes, int(sample.image_id.rpartition("-")[2])).image.numpy().copy(),
             PhotoFacts(),
         )
 
     def facts(self, sample: ImageSample) -> PhotoFacts:
-        """Nothing."""
+        """No facts: a drawn picture has no header."""
         return PhotoFacts()
 
 
@@ -113,5 +113,5 @@ def _with_camera(sample: SyntheticSample) -> AnimalRecord:
 
 
 @lru_cache(maxsize=2)
-def _scene(made: SyntheticSet, index: int) -> SyntheticScene:
-    return synthetic_scene(made.seed, index, made.config)
+def _scene(scenes: SyntheticSet, index: int) -> SyntheticScene:
+    return synthetic_scene(scenes.seed, index, scenes.config)

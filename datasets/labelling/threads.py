@@ -1,7 +1,4 @@
-"""One thread for what a sample needs.
-
-Its problems are small, and threads of a forked parent hang their children.
-"""
+"""One thread for what a sample needs: its problems are small, and forked threads would hang."""
 
 import os
 from contextlib import AbstractContextManager
@@ -14,7 +11,7 @@ _before_fork: list[int] = []
 
 
 def one_thread() -> AbstractContextManager[None]:
-    """Run with one thread of torch and of OpenCV, so that sums are the same in the main process and in every worker.
+    """A context with one thread of torch and of OpenCV: sums are then the same in every process.
 
     In a worker they stay at one; in the main process they go back to what they were.
     """
@@ -22,7 +19,7 @@ def one_thread() -> AbstractContextManager[None]:
 
 
 class _OneThread(AbstractContextManager[None]):
-    """See one_thread; a generator would cost each sample more."""
+    """The context of one_thread; a generator would cost each sample more (benchmarks/loader.py)."""
 
     def __enter__(self) -> None:
         self.before = torch.get_num_threads(), cv2.getNumThreads()
@@ -35,7 +32,7 @@ class _OneThread(AbstractContextManager[None]):
 
 
 def _set_threads(of_torch: int, of_cv2: int) -> None:
-    """Set those that are not so already."""
+    """Set the numbers of threads, where they are not so already."""
     if torch.get_num_threads() != of_torch:
         torch.set_num_threads(of_torch)
     if cv2.getNumThreads() != of_cv2:
@@ -53,6 +50,7 @@ def _end_threads() -> None:
 
 
 def _start_threads() -> None:
+    """Give the parent its threads back after a fork."""
     threads = _before_fork.pop()
     if threads != 1:
         cv2.setNumThreads(threads)

@@ -234,7 +234,7 @@ def test_skipping_says_what_was_skipped_and_why(copied: Path) -> None:
     assert [(case.kind, case.sample_id, case.field) for case in report.cases] == [
         ("fault", image, "image")
     ]
-    assert len(dataset.ledger.path.read_text().splitlines()) == 1
+    assert len(dataset.case_file.path.read_text().splitlines()) == 1
     assert image in str(report)
     assert report.counts == {"fault": 1}
 
@@ -249,8 +249,8 @@ def test_a_dataset_leaves_no_file_behind(
     assert not list(place.iterdir())  # a process that is killed could not remove it
     corrupt_image(copied, dataset, 2)
     dataset[2]
-    assert list(place.iterdir()) == [dataset.ledger.path]
-    assert dataset.ledger.path.stat().st_mode & 0o077 == 0  # it names samples and files
+    assert list(place.iterdir()) == [dataset.case_file.path]
+    assert dataset.case_file.path.stat().st_mode & 0o077 == 0  # it names samples and files
     del dataset
     gc.collect()
     assert not list(place.iterdir())

@@ -191,7 +191,7 @@ def test_a_label_tells_the_side_of_the_surface_beside_that_of_the_box() -> None:
 def test_the_superimposed_mask_is_the_silhouette_under_the_given_camera() -> None:
     model = load_quadruped()
     R, t = camera_round(30, 10, distance=4)
-    mask = superimposed_mask(model.v_template, model.faces, K, (R, t), IMAGE_HW)
+    mask = superimposed_mask(model.v_template, model.faces, K=K, pose=(R, t), image_hw=IMAGE_HW)
     assert torch.equal(mask, silhouette(model.v_template @ R.mT + t, model.faces, K, IMAGE_HW))
     keypoints = exact_keypoints(
         VOCABULARIES["animal3d26"].on_body(model.landmark_groups, model.v_template),

@@ -84,11 +84,13 @@ def test_from_exact_keypoints_the_box_is_that_of_the_true_camera(
     config = LabelConfig(method=method)
     label = labelled(
         label_animal(
-            IMAGE_HW, keypoints_seen(R, t), toy_landmarks(), MESH, FACES, K=K, config=config
+            IMAGE_HW, keypoints_seen(R, t), toy_landmarks(), MESH, faces=FACES, K=K, config=config
         )
     )
     truth = labelled(
-        label_animal(IMAGE_HW, None, toy_landmarks(), MESH, FACES, K=K, pose=(R, t), config=config)
+        label_animal(
+            IMAGE_HW, None, toy_landmarks(), MESH, faces=FACES, K=K, pose=(R, t), config=config
+        )
     )
     assert float((label.corners_2d - truth.corners_2d).abs().amax()) < 1e-3
     entered = faces_entered(truth.center.numpy(), truth.rotation.numpy(), truth.size.numpy())
@@ -112,8 +114,8 @@ def test_a_posed_quadruped_with_its_mask_is_labelled_exactly_from_exact_keypoint
             None,
             None,
             vertices,
-            model.faces,
-            model,
+            faces=model.faces,
+            template=model,
             K=K,
             pose=(R, t),
             config=LabelConfig(method=method),
@@ -127,8 +129,8 @@ def test_a_posed_quadruped_with_its_mask_is_labelled_exactly_from_exact_keypoint
             keypoints,
             None,
             vertices,
-            model.faces,
-            model,
+            faces=model.faces,
+            template=model,
             K=K,
             mask=mask,
             config=LabelConfig(method=method),
@@ -212,8 +214,8 @@ def test_dropping_the_tail_shortens_the_box() -> None:
                 None,
                 None,
                 model.v_template,
-                model.faces,
-                model,
+                faces=model.faces,
+                template=model,
                 K=K,
                 pose=camera_round(60, 10),
                 config=LabelConfig(tail=tail),

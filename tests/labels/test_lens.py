@@ -43,7 +43,14 @@ def test_a_label_of_a_known_camera_is_where_opencv_puts_the_box(lens: str, azimu
     R, t = camera_round(azimuth, 15)
     label = labelled(
         label_animal(
-            IMAGE_HW, None, toy_landmarks(), MESH, FACES, K=K, pose=(R, t), distortion=LENSES[lens]
+            IMAGE_HW,
+            None,
+            toy_landmarks(),
+            MESH,
+            faces=FACES,
+            K=K,
+            pose=(R, t),
+            distortion=LENSES[lens],
         )
     )
     expected = seen_by_opencv(label.cuboid_mesh.corners(), R, t, LENSES[lens])
@@ -74,7 +81,7 @@ def test_from_exact_keypoints_under_a_lens_the_box_is_that_of_the_true_camera(
             keypoints,
             toy_landmarks(),
             MESH,
-            FACES,
+            faces=FACES,
             K=K,
             config=config,
             distortion=LENSES[lens],
@@ -104,7 +111,7 @@ def test_a_lens_of_zeros_changes_nothing(given: bool) -> None:
                 keypoints,
                 toy_landmarks(),
                 MESH,
-                FACES,
+                faces=FACES,
                 K=K,
                 mask=mask,
                 pose=pose,
@@ -150,8 +157,8 @@ def test_the_mask_of_a_bent_picture_helps_and_is_compared_bent() -> None:
                 keypoints,
                 landmarks,
                 model.v_template,
-                model.faces,
-                model,
+                faces=model.faces,
+                template=model,
                 K=K,
                 mask=m,
                 distortion=lens,
@@ -165,8 +172,8 @@ def test_the_mask_of_a_bent_picture_helps_and_is_compared_bent() -> None:
             keypoints,
             None,
             model.v_template,
-            model.faces,
-            model,
+            faces=model.faces,
+            template=model,
             K=K,
             mask=mask,
             distortion=lens,
@@ -175,7 +182,16 @@ def test_the_mask_of_a_bent_picture_helps_and_is_compared_bent() -> None:
     )
     assert true.quality.mask_iou == 1
     straight = labelled(
-        label_animal(IMAGE_HW, None, None, model.v_template, model.faces, model, K=K, pose=(R, t))
+        label_animal(
+            IMAGE_HW,
+            None,
+            None,
+            model.v_template,
+            faces=model.faces,
+            template=model,
+            K=K,
+            pose=(R, t),
+        )
     )
     assert_close(true.surface_share, straight.surface_share, atol=0.02, rtol=0)
     assert with_mask.quality.mask_iou is not None
@@ -194,7 +210,7 @@ def test_an_animal_beyond_the_lens_is_rejected_and_not_folded_back_into_the_pict
         None,
         toy_landmarks(),
         MESH,
-        FACES,
+        faces=FACES,
         K=K,
         pose=(R, t + torch.tensor([4.0, 0, 0])),
         distortion=[-0.3, 0.0, 0.0, 0.0],
@@ -216,7 +232,7 @@ def test_keypoints_where_the_lens_shows_nothing_do_not_count_and_the_label_says_
     )
     keypoints[4, :2] = torch.tensor([635.0, 4.0])
     label = labelled(
-        label_animal(IMAGE_HW, keypoints, toy_landmarks(), MESH, FACES, K=K, distortion=lens)
+        label_animal(IMAGE_HW, keypoints, toy_landmarks(), MESH, faces=FACES, K=K, distortion=lens)
     )
     assert "1 keypoints lie where the lens shows nothing" in label.quality.warnings[0]
     assert (label.quality.n_keypoints, label.quality.n_inliers) == (26, 25)

@@ -59,7 +59,7 @@ def labelled(azimuth_deg: float = 60, sample_id: str = "a.jpg") -> CuboidLabel:
         keypoints_seen(R, t),
         toy_landmarks(),
         vertices,
-        faces,
+        faces=faces,
         K=K,
         pose=(R, t),
         sample_id=sample_id,

@@ -19,8 +19,11 @@ def _cross(v: Array) -> Array:
 
 
 def rotate(axis_angle: Array) -> tuple[Array, Array]:
-    """The rotation exp(w) and the left Jacobian that turns a change of w into one of the rotation,
-    (3, 3) each."""
+    """The rotation exp(w), and the left Jacobian at w, (3, 3) each.
+
+    The Jacobian turns a change of w into one of the rotation. With a = |w| and W the cross-product
+    matrix of w: exp(w) = 1 + sin a / a W + (1 - cos a) / a^2 W^2.
+    """
     angle = float(np.linalg.norm(axis_angle))
     W = _cross(axis_angle)
     if angle < 1e-6:
@@ -75,8 +78,10 @@ class JointCost:
         return (cam @ self.K.T)[:, :2] / z[:, None], z
 
     def keypoints(self, pose: Array) -> tuple[Array, Array]:
-        """x_hat - x over sigma, whose length is a Mahalanobis distance (section 2.2.2,
-        d_Mahalanobis); (N, 2), (N, 2, 6)."""
+        """Residuals whose lengths are Mahalanobis distances (section 2.2.2, d_Mahalanobis).
+
+        (x_hat - x) / sigma, (N, 2), and their derivatives by the pose, (N, 2, 6).
+        """
         px, by_pose = self._project(self.points, pose)
         return (px - self.pixels) / self.sigma[:, None], by_pose / self.sigma[:, None, None]
 

@@ -9,13 +9,15 @@ from animal3dbox.geometry.rigid_transforms import rigid, transform_points
 def superimposed_mask(
     vertices: Tensor,
     faces: Tensor,
+    *,
     K: Tensor,
     pose: tuple[Tensor, Tensor],
     image_hw: tuple[int, int],
 ) -> Tensor:
-    """The mask (H, W) bool of a mesh laid over its image by the dataset's own camera (section 2.2.2, superimposition).
+    """The mask (H, W) bool of a mesh over its image (section 2.2.2, superimposition).
 
-    Never use a pose that is being estimated: such a mask agrees with any pose.
+    By the dataset's own camera. Never use a pose that is being estimated: such a mask agrees with
+    any pose.
 
     Args:
         vertices: (V, 3) in the mesh's frame.

@@ -22,7 +22,7 @@ from torch.utils.data import DataLoader
 
 from animal3dbox.datasets import LabelDataset, Skipped, collate
 from animal3dbox.datasets.labelling import cache as cache_module
-from animal3dbox.datasets.labelling.load_report import LedgerError, LoadReport
+from animal3dbox.datasets.labelling.load_report import CaseFileError, LoadReport
 from animal3dbox.datasets.storage import segments as segment_files
 from animal3dbox.errors import DatasetFormatError, SampleError
 
@@ -292,7 +292,7 @@ def test_a_case_that_cannot_be_written_down_stops_loading(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "write", full)
-    with pytest.raises(LedgerError, match="could not be written"):
+    with pytest.raises(CaseFileError, match="could not be written"):
         dataset[0]
 
 

@@ -25,7 +25,7 @@ def label_of(
         keypoints_seen(R, t),
         toy_landmarks(),
         MESH,
-        FACES,
+        faces=FACES,
         K=K,
         pose=(R, t),
         mask=mask,
@@ -98,7 +98,7 @@ def test_the_box_of_a_mesh_around_the_camera_is_drawn() -> None:
     R, t = camera_round(50, 15, distance=0.3)
     assert float((MESH @ R.mT + t)[:, 2].amin()) < 0
     label = label_animal(
-        IMAGE_HW, None, toy_landmarks(), MESH, FACES, K=K, pose=(R, t), config=QUICK
+        IMAGE_HW, None, toy_landmarks(), MESH, faces=FACES, K=K, pose=(R, t), config=QUICK
     )
     assert isinstance(label, CuboidLabel)
     drawn = mask_box(silhouette(MESH @ R.mT + t, FACES, K, IMAGE_HW))
