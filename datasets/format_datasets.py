@@ -20,9 +20,9 @@ from animal3dbox.datasets.labelling.synthetic_source import SyntheticSource
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 from animal3dbox.datasets.readers.coco import reader as coco
-from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
+from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
