@@ -13,6 +13,7 @@ from typing import Any
 OLD_TO_NEW: dict[str, tuple[str, ...]] = {
     "animal3dbox.datasets.exchange.omni3d_reader.read_omni3d": (
         "animal3dbox.datasets.read_omni3d",
+        "animal3dbox.datasets.readers.omni3d.reader.read_omni3d",
         "animal3dbox.datasets.readers.cuboids.omni3d_reader.read_omni3d",
     ),
 }

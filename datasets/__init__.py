@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.labelling.scale import SpeciesScale as SpeciesScale
     from animal3dbox.datasets.labelling.skipped import Skipped as Skipped
     from animal3dbox.datasets.omni3d_dataset import Omni3DDataset as Omni3DDataset
-    from animal3dbox.datasets.readers.cuboids.kitti_reader import read_kitti as read_kitti
-    from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d as read_omni3d
+    from animal3dbox.datasets.readers.kitti.reader import read_kitti as read_kitti
+    from animal3dbox.datasets.readers.omni3d.reader import read_omni3d as read_omni3d
     from animal3dbox.datasets.records import AnimalRecord as AnimalRecord
     from animal3dbox.datasets.records import CuboidRecord as CuboidRecord
     from animal3dbox.datasets.records import CuboidSet as CuboidSet
@@ -106,8 +106,8 @@ __getattr__, __dir__, __all__ = lazy_exports(
         ),
         "labelling.skipped": ("Skipped",),
         "omni3d_dataset": ("Omni3DDataset",),
-        "readers.cuboids.kitti_reader": ("read_kitti",),
-        "readers.cuboids.omni3d_reader": ("read_omni3d",),
+        "readers.kitti.reader": ("read_kitti",),
+        "readers.omni3d.reader": ("read_omni3d",),
         "records": (
             "AnimalRecord",
             "CuboidRecord",

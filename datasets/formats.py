@@ -12,10 +12,10 @@ from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 from animal3dbox.datasets.readers.coco import reader as coco
-from animal3dbox.datasets.readers.cuboids.omni3d_recognition import is_omni3d
 from animal3dbox.datasets.readers.deeplabcut import h5 as deeplabcut_h5
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
+from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError

@@ -6,7 +6,7 @@ from typing import Unpack
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
-from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d
+from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 
 
 class Omni3DDataset(LabelDataset):

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images.photos import read_mask
-from animal3dbox.datasets.images.rle import decode_mask
+from animal3dbox.datasets.images.masks import record_mask
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
@@ -68,12 +67,8 @@ class AnimalRecord:
             SampleError: the mask's file cannot be read, or is of another size.
 
         """
-        if self.mask_runs is not None:
-            return decode_mask(self.mask_runs, self.image_hw)
-        return (
-            None
-            if self.mask_path is None
-            else read_mask(self.mask_path, self.sample_id, self.image_hw)
+        return record_mask(
+            self.mask_runs, self.mask_path, sample_id=self.sample_id, image_hw=self.image_hw
         )
 
 

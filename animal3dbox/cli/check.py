@@ -15,7 +15,7 @@ from animal3dbox.cli.export import is_labels, read_cuboids
 from animal3dbox.cli.jobs import CheckJob
 from animal3dbox.datasets.batches import collate
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
-from animal3dbox.datasets.readers.cuboids.omni3d_recognition import is_omni3d
+from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.report.label_checks import row_findings
 from animal3dbox.report.label_files import labels_file

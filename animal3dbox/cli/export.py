@@ -10,7 +10,7 @@ from animal3dbox.datasets.exchange.export import Exported, in_metres
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.formats import peeked
-from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d
+from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.report.label_cuboids import read_label_cuboids

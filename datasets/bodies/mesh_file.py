@@ -1,6 +1,6 @@
-"""A mesh file as a body source.
+"""One mesh file as the body of every animal.
 
-Any topology, frame and unit, with its landmarks in a JSON file beside it.
+Its topology, frame and unit may be any: a JSON file beside it says where it has its landmarks.
 """
 
 import difflib
@@ -24,16 +24,16 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
 
 Place = list[int] | dict[str, list[float]]
-"""Vertex ids, or {"point": [x, y, z]}."""
+"""A landmark's place on a mesh: vertex ids, whose mean it is, or {"point": [x, y, z]}."""
 
 
 @dataclass(frozen=True)
 class MeshBody:
-    """One mesh for every animal, of any topology.
+    """A body source that gives every animal the same mesh, of any topology.
 
     Attributes:
-        path: where it came from.
-        vertices: (V, 3).
+        path: the file that it was read from.
+        vertices: (V, 3) in the mesh's frame and unit.
         faces: (F, 3) int64.
         points: landmark or keypoint name -> (3,) on the mesh.
     """
@@ -45,45 +45,60 @@ class MeshBody:
 
     @property
     def name(self) -> str:
-        """The file."""
+        """The mesh file's name, as reports print it."""
         return f"mesh:{self.path.name}"
 
     @property
     def fingerprint(self) -> bytes:
-        """Of the mesh and its landmarks."""
+        """Digest of the mesh and its landmarks."""
         return content_digest((self.vertices, self.faces, self.points))
 
     @property
     def lasting(self) -> bool:
-        """Yes."""
+        """True: the mesh is held in memory and does not change."""
         return True
 
     def content(self, sample_id: str) -> bytes:
-        """Nothing: all animals have the same mesh."""
+        """Empty, since all animals have the same mesh."""
         return b""
 
     def body(self, record: AnimalRecord) -> Body:
-        """The mesh with the record's landmarks."""
+        """The mesh with the landmarks of the record's vocabulary."""
         return Body(
-            self.vertices, self.faces, keypoints_of(self.points, record.vocabulary), None, None
+            vertices=self.vertices,
+            faces=self.faces,
+            landmarks=keypoints_of(self.points, record.vocabulary),
+            landmark_sigma=None,
+            template=None,
         )
 
 
 def keypoints_of(points: Mapping[str, Tensor], vocabulary: Vocabulary) -> Tensor:
-    """A vocabulary's keypoints (J, 3) on a mesh whose landmarks or keypoints have these places
-    (3,); NaN for those it has not."""
+    """The keypoints of a vocabulary on a mesh that has landmarks.
+
+    A keypoint lies at its own place if the mesh has one of its name, else at the first of its
+    landmarks that the mesh has.
+
+    Args:
+        points: landmark or keypoint name -> (3,) in the mesh's frame.
+        vocabulary: names the J keypoints, and the landmarks that stand for each.
+
+    Returns:
+        (J, 3); NaN for those that the mesh does not have.
+
+    """
     rows = torch.full((len(vocabulary), 3), torch.nan, dtype=torch.float64)
     for row, (keypoint, names) in enumerate(
         zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)
     ):
-        found = next((points[name] for name in (keypoint, *names) if name in points), None)
-        if found is not None:
-            rows[row] = found
+        point = next((points[name] for name in (keypoint, *names) if name in points), None)
+        if point is not None:
+            rows[row] = point
     return rows
 
 
 def load_mesh_body(mesh: Path, landmarks: Path) -> MeshBody:
-    """A mesh file and the places of its landmarks.
+    """The body source of a mesh file and of the file that names its landmarks.
 
     Args:
         mesh: .obj, .ply, .stl or .off; any frame, any unit.
@@ -91,6 +106,7 @@ def load_mesh_body(mesh: Path, landmarks: Path) -> MeshBody:
             {"point": [x, y, z]} in the mesh's frame.
 
     Raises:
+        ConfigError: the file's suffix is no mesh's.
         DatasetNotFoundError: no such file.
         DatasetFormatError: not a mesh, or landmarks that do not fit it.
 
@@ -117,8 +133,8 @@ def read_landmarks(path: Path) -> dict[str, Place]:
     """
     places: dict[str, Place] = decode_json(path, dict[str, Place])
     for name in places:
-        if name not in (known := _landmark_names()):
-            near = difflib.get_close_matches(name, known, n=3, cutoff=0.0)
+        if name not in _landmark_names():
+            near = difflib.get_close_matches(name, _landmark_names(), n=3, cutoff=0.0)
             raise DatasetFormatError(
                 f"{path}: {name!r} is no landmark or keypoint; the nearest names are"
                 f" {', '.join(near)}"
@@ -128,15 +144,17 @@ def read_landmarks(path: Path) -> dict[str, Place]:
 
 @cache
 def _landmark_names() -> tuple[str, ...]:
-    """Every name by which a landmark of a mesh can be used."""
-    words = VOCABULARIES.values()
-    keypoints = {name for vocabulary in words for name in vocabulary.keypoints}
-    landmarks = {name for vocabulary in words for names in vocabulary.landmarks for name in names}
+    """Every name by which a landmark of a mesh can be used, in the order of the alphabet."""
+    vocabularies = VOCABULARIES.values()
+    keypoints = {name for vocabulary in vocabularies for name in vocabulary.keypoints}
+    landmarks = {
+        name for vocabulary in vocabularies for names in vocabulary.landmarks for name in names
+    }
     return tuple(sorted(keypoints | landmarks | set(load_quadruped().extra_landmarks)))
 
 
 def _place(name: str, place: Place, vertices: np.ndarray, path: Path) -> Tensor:
-    """The point of one landmark."""
+    """The point (3,) of one landmark on the mesh; raises DatasetFormatError."""
     if isinstance(place, dict):
         point = place.get("point")
         if point is None or len(point) != 3:

@@ -1,4 +1,4 @@
-"""Each animal's own mesh file as its body, read when it is asked for."""
+"""A folder of meshes as a body source: each animal's own file, read when its body is needed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,28 +24,35 @@ from animal3dbox.smal.keypoints.smal_topology import (
 from animal3dbox.smal.model import SmalModel
 
 CACHED = 32
-"""So many meshes are kept in a process.
+"""Number of meshes that a process keeps decoded.
 
-The animals of one mesh follow each other at most by cameras.
+The views of one animal by several cameras use the same file and follow each other.
 """
 
 MeshArrays = tuple[Tensor, Tensor, dict[str, Tensor]]
+"""Vertices (V, 3), faces (F, 3), and landmark name -> place (3,), empty if the file names none."""
 
 
 @dataclass(frozen=True)
 class MeshFile:
-    """Where an animal's mesh lies."""
+    """The place of one animal's mesh on the disk.
+
+    Attributes:
+        path: the mesh's file.
+    """
 
     path: Path
 
 
 @dataclass(frozen=True)
 class MeshFolderBodies:
-    """Each animal's own mesh, of any topology; only paths are held, so that workers get it cheaply.
+    """A body source that gives each animal its own mesh, of any topology.
+
+    It holds the files' paths only, so that sending it to a worker is cheap.
 
     Attributes:
-        folder: where it came from.
-        meshes: sample id -> the mesh's file.
+        folder: the root of the mesh folder, as reports name it.
+        meshes: sample id -> the animal's mesh file.
         landmarks: landmark or keypoint name -> vertex ids, of all meshes; empty if they bring their
             own or a model has them.
         model: what all meshes correspond to vertex by vertex; None if nothing.
@@ -58,27 +65,27 @@ class MeshFolderBodies:
 
     @property
     def name(self) -> str:
-        """How many meshes."""
+        """Number of meshes and the folder's name, as reports print them."""
         return f"meshes:{len({file.path for file in self.meshes.values()})} of {self.folder.name}"
 
     @property
     def fingerprint(self) -> bytes:
-        """Of the landmarks and the model."""
+        """Digest of the landmarks and the model, which all meshes share."""
         return digest(
             content_digest(self.landmarks), b"" if self.model is None else model_digest(self.model)
         )
 
     def packed(self) -> "MeshFolderBodies":
-        """The same with its paths in a few tensors, for workers (packed.py)."""
+        """The same source with its paths in a few tensors, for workers (see packed.py)."""
         return replace(self, meshes=PackedMapping(MeshFile, self.meshes))
 
     @property
     def lasting(self) -> bool:
-        """No: meshes are files."""
+        """False: a mesh's file may be replaced at any time."""
         return False
 
     def content(self, sample_id: str) -> bytes:
-        """The mesh's file."""
+        """Digest of the animal's mesh file; raises SampleError if it cannot be read."""
         try:
             return file_digest(self._file(sample_id))
         except OSError as error:
@@ -90,7 +97,7 @@ class MeshFolderBodies:
         return self.meshes[sample_id].path
 
     def body(self, record: AnimalRecord) -> Body:
-        """The record's mesh with its landmarks; its pose is the animal's own.
+        """The animal's mesh with the landmarks of the record's vocabulary, in the animal's pose.
 
         Raises:
             SampleError: there is no mesh, it is damaged, or nothing tells where its landmarks are.
@@ -103,21 +110,31 @@ class MeshFolderBodies:
         except (OSError, DatasetFormatError) as error:
             raise SampleError(record.sample_id, "mesh", str(error)) from error
         if self.model is not None:
-            self._check_model(self.model, vertices, faces, record.sample_id, path)
+            _check_order(self.model, vertices, faces, sample_id=record.sample_id, path=path)
         landmarks = self._keypoints(record, vertices, points, path)
         if not bool(torch.isfinite(landmarks).any()):
             raise SampleError(
-                record.sample_id, "landmarks", f"nothing tells where {path.name} has its nose or tail: give landmarks.json with the vertices' ids, "
-                "landmarks in the npz, or --model if it corresponds to a SMAL model"
-            )  # fmt: skip
-        return Body(vertices, faces, landmarks, None, self.model)
+                record.sample_id,
+                "landmarks",
+                f"nothing tells where {path.name} has its nose or tail: give landmarks.json with"
+                " the vertices' ids, landmarks in the npz, or --model if it corresponds to a SMAL"
+                " model",
+            )
+        return Body(
+            vertices=vertices,
+            faces=faces,
+            landmarks=landmarks,
+            landmark_sigma=None,
+            template=self.model,
+        )
 
     def _keypoints(
         self, record: AnimalRecord, vertices: Tensor, points: dict[str, Tensor], path: Path
     ) -> Tensor:
-        """The record's keypoints (J, 3).
+        """The record's keypoints (J, 3) on its mesh, from the first source that has places.
 
-        Of the mesh's own points, else landmarks.json, else the model, else SMAL's public topology.
+        The sources are the mesh's own points, landmarks.json, the model, and, of a mesh of SMAL's
+        vertex count, SMAL's public topology.
         """
         if points:
             return keypoints_of(points, record.vocabulary)
@@ -132,7 +149,8 @@ class MeshFolderBodies:
             raise SampleError(record.sample_id, "vocabulary", str(error)) from error
 
     def _places(self, sample_id: str, vertices: Tensor, path: Path) -> dict[str, Tensor]:
-        found = {}
+        """Landmark name -> place (3,) by landmarks.json; raises SampleError if ids do not fit."""
+        places = {}
         for name, ids in self.landmarks.items():
             if not isinstance(ids, list) or not ids or min(ids) < 0 or max(ids) >= len(vertices):
                 raise SampleError(
@@ -141,30 +159,36 @@ class MeshFolderBodies:
                     f"landmarks.json: {name} must be vertex ids from 0 to {len(vertices) - 1} of"
                     f" {path.name}, got {ids}",
                 )
-            found[name] = vertices[ids].mean(0)
-        return found
+            places[name] = vertices[ids].mean(0)
+        return places
 
-    def _check_model(
-        self, model: SmalModel, vertices: Tensor, faces: Tensor, sample_id: str, path: Path
-    ) -> None:
-        """Raise unless a mesh has the model's vertices in the model's order, as far as its
-        triangles tell."""
-        if (
-            len(vertices) != model.vertex_count
-            or faces.shape != model.faces.shape
-            or not bool((faces == model.faces).all())
-        ):
-            raise SampleError(
-                sample_id, "mesh", f"{path.name} has {len(vertices)} vertices and {len(faces)} faces that are not those of --model "
-                f"({model.vertex_count} and {len(model.faces)}): leave --model out and give landmarks.json"
-            )  # fmt: skip
+
+def _check_order(
+    model: SmalModel, vertices: Tensor, faces: Tensor, *, sample_id: str, path: Path
+) -> None:
+    """Raise a SampleError unless a mesh has the model's vertices in the model's order.
+
+    The order shows in the triangles, which must be the model's own.
+    """
+    if (
+        len(vertices) != model.vertex_count
+        or faces.shape != model.faces.shape
+        or not bool((faces == model.faces).all())
+    ):
+        raise SampleError(
+            sample_id,
+            "mesh",
+            f"{path.name} has {len(vertices)} vertices and {len(faces)} faces that are not those of"
+            f" --model ({model.vertex_count} and {len(model.faces)}): leave --model out and give"
+            " landmarks.json",
+        )
 
 
 @lru_cache(maxsize=CACHED)
 def _read(path: Path, changed_ns: int, size: int) -> MeshArrays:
-    """Vertices (V, 3), faces (F, 3) and the file's own landmarks (3,).
+    """The arrays of a mesh file, decoded once for the animals that share it.
 
-    A file that has changed since is another.
+    The time and the size are part of the cache's key: a file that has changed is read again.
     """
     if path.suffix.lower() == ".npz":
         vertices, faces, places = read_npz(path)

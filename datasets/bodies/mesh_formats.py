@@ -1,4 +1,8 @@
-"""Mesh files: vertices and triangles, in the file's own order."""
+"""Reading mesh files: vertices and triangles in the file's own order, or an error naming the file.
+
+Landmarks are given as vertex ids, so the order of the vertices must be the file's. OBJ has a
+reader of its own for that reason; PLY, STL and OFF are trimesh's, npz is NumPy's.
+"""
 
 import io
 import zipfile
@@ -14,14 +18,15 @@ from numpy.typing import NDArray
 from animal3dbox.errors import DatasetFormatError
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
+"""Suffixes of the files that read_mesh takes."""
 _WHOLE = "is the file whole? Write or copy it again"
 
 
 def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices (V, 3) in the file's own order, which landmarks are counted in, and faces (F, 3).
+    """The vertices (V, 3) and triangles (F, 3) of a mesh file, in the file's own order.
 
     Args:
-        path: one of MESH_SUFFIXES.
+        path: a file with one of MESH_SUFFIXES.
 
     Raises:
         DatasetFormatError: not a mesh of finite vertices and of triangles of them.
@@ -53,15 +58,17 @@ def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         ImportError,
     ) as error:  # trimesh has no error of its own
         raise DatasetFormatError(
-            f"{path} cannot be read as a mesh: {_words(error)}; {_WHOLE}"
+            f"{path} cannot be read as a mesh: {_problem(error)}; {_WHOLE}"
         ) from error
     check_mesh(vertices, faces, path)
     return vertices, faces
 
 
-def _words(error: Exception) -> str:
-    """What went wrong, but for NumPy's words about rows of different lengths, which say nothing of
-    a file."""
+def _problem(error: Exception) -> str:
+    """The problem that an error states.
+
+    NumPy's text about rows of different lengths says nothing of a file, so it is replaced.
+    """
     return (
         "its rows have different lengths"
         if "array element with a sequence" in str(error)
@@ -70,8 +77,14 @@ def _words(error: Exception) -> str:
 
 
 def check_mesh(vertices: NDArray[np.float64], faces: NDArray[np.int64], path: Path) -> None:
-    """Raise a DatasetFormatError that names the file unless these are a body's vertices (V, 3) and
-    faces (F, 3)."""
+    """Raise a DatasetFormatError that names the file unless the arrays are a body's mesh.
+
+    Args:
+        vertices: (V, 3), at least four, all finite.
+        faces: (F, 3), at least one, of ids from 0 to V - 1.
+        path: the file that they come from.
+
+    """
     if vertices.ndim != 2 or len(vertices) < 4 or vertices.shape[1] != 3:
         raise DatasetFormatError(
             f"{path} must have four vertices (V, 3) or more, got vertices of shape"
@@ -89,30 +102,32 @@ def check_mesh(vertices: NDArray[np.float64], faces: NDArray[np.int64], path: Pa
 
 
 def _read_obj(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points and triangles of an OBJ, nothing else.
+    """The vertices (V, 3) and triangles (F, 3) of an OBJ file's text, in its own order.
 
-    At seams and materials trimesh doubles and reorders the vertices.
+    Polygons are cut into fans. Trimesh's reader is not used, since it doubles and reorders the
+    vertices at seams and materials.
     """
     vertices: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
     for line in text.replace("\r\n", "\n").replace("\\\n", " ").split("\n"):
-        words = line.split()
-        if words[:1] == ["v"]:
-            vertices.append([float(word) for word in words[1:4]])
+        kind, *fields = line.split() or [""]
+        if kind == "v":
+            vertices.append([float(field) for field in fields[:3]])
             _check_row(vertices[-1], line)
-        elif words[:1] == ["f"]:
-            ids = [int(word.partition("/")[0]) for word in words[1:]]
+        elif kind == "f":
+            ids = [int(field.partition("/")[0]) for field in fields]
             _check_row(ids, line)
-            first, *rest = (
-                i - 1 if i > 0 else len(vertices) + i for i in ids
-            )  # negative ones count back from here
+            # Positive ids count from 1, negative ones back from the last vertex so far.
+            first, *rest = (i - 1 if i > 0 else len(vertices) + i for i in ids)
             faces += [(first, a, b) for a, b in pairwise(rest)]
-    return np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(
-        faces, dtype=np.int64
-    ).reshape(-1, 3)
+    return (
+        np.array(vertices, dtype=np.float64).reshape(-1, 3),
+        np.array(faces, dtype=np.int64).reshape(-1, 3),
+    )
 
 
 def _check_row(numbers: Sequence[float], line: str) -> None:
+    """Raise a ValueError for a line of an OBJ that has fewer than three numbers."""
     if len(numbers) < 3:
         raise ValueError(f"the line {line[:60]!r} has {len(numbers)} of at least 3 numbers")
 
@@ -120,13 +135,14 @@ def _check_row(numbers: Sequence[float], line: str) -> None:
 def read_npz(
     path: Path,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], dict[str, NDArray[np.float64]]]:
-    """Vertices (V, 3), faces (F, 3) and places (3,) by landmark of an npz.
-
-    Nothing in it is unpickled.
+    """The mesh and the landmarks of an npz file, of which nothing is unpickled.
 
     Args:
-        path: with "vertices" and "faces", and perhaps "landmarks" (N, 3) with "landmark_names"
-            (N,).
+        path: a file with "vertices" and "faces", and perhaps "landmarks" (N, 3) with
+            "landmark_names" (N,).
+
+    Returns:
+        The vertices (V, 3), the faces (F, 3), and landmark name -> place (3,).
 
     Raises:
         DatasetFormatError: not such a file.
@@ -134,20 +150,10 @@ def read_npz(
     """
     try:
         with np.load(path, allow_pickle=False) as arrays:
-            vertices, faces = (
-                np.asarray(arrays["vertices"], dtype=np.float64),
-                np.asarray(arrays["faces"]),
-            )
-            places = (
-                np.asarray(arrays["landmarks"], dtype=np.float64)
-                if "landmarks" in arrays
-                else np.zeros((0, 3))
-            )
-            names = (
-                [str(name) for name in arrays["landmark_names"]]
-                if "landmark_names" in arrays
-                else []
-            )
+            vertices = np.asarray(arrays["vertices"], dtype=np.float64)
+            faces = np.asarray(arrays["faces"])
+            places = np.asarray(arrays.get("landmarks", np.zeros((0, 3))), dtype=np.float64)
+            names = [str(name) for name in arrays.get("landmark_names", ())]
     except (
         ValueError,
         TypeError,

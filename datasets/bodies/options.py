@@ -1,4 +1,4 @@
-"""A body source by what a user says: a preset's name or a file."""
+"""The body source that a user's option names: a preset, a model's file or a mesh file."""
 
 from pathlib import Path
 
@@ -8,10 +8,15 @@ from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import load_model
 
 DEFAULT_BODY = "dog"
+"""The preset that stands for the animals of a dataset that comes with no bodies."""
 
 
 def body_source(body: str, landmarks: Path | None = None) -> BodySource:
-    """The source of a preset's name, of a model's file, or of a mesh file with its landmarks.
+    """The source of bodies that the command line's --body and --landmarks name.
+
+    Args:
+        body: a preset's name, a model's file (.pkl or .safetensors), or a mesh file.
+        landmarks: where the mesh file has its landmarks, see load_mesh_body.
 
     Raises:
         ConfigError: a mesh file without landmarks, or an unknown preset.

@@ -1,8 +1,8 @@
 """Where the bodies come from that labels are made of.
 
-A source gives, for each animal, vertices and landmarks in one frame of its own: the embedded
-quadruped, the same for every animal; each animal's own SMAL parameters; a mesh file
-(mesh_bodies.py). Fits are sources of the same form.
+A source gives each animal vertices and landmarks in a frame of its own. ModelBody is one shape for
+every animal, such as a preset of the embedded quadruped; ParametersBody poses each animal's own
+SMAL parameters; mesh_file.py and mesh_folder.py have the sources of mesh files.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,48 +27,63 @@ from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_beta
 BREED = 0.02
 """Difference between one animal of a species and its preset, in body lengths.
 
-Dogs differ by more, but not in all at once.
+Dogs differ by more, but not in all landmarks at once.
 """
 
 
 class BodySource(Protocol):
-    """Gives each animal its body."""
+    """Anything that gives each animal of a dataset its body, and says what the bodies depend on.
+
+    A label's cache key is made of `fingerprint` and `content`, so both must change whenever a body
+    does.
+    """
 
     @property
     def name(self) -> str:
-        """What to call the source in reports."""
+        """The source's name in reports and in a label's quality."""
         ...
 
     @property
     def fingerprint(self) -> bytes:
-        """Names the content that all its bodies depend on."""
+        """Digest of everything that all bodies of this source depend on."""
         ...
 
     @property
     def lasting(self) -> bool:
-        """Whether what content gives stays the same, as that of files may not."""
+        """Whether `content` of an animal can never change while the source lives.
+
+        Values in memory stay as they are, so a Dataset takes their content once. Files may be
+        replaced at any time, so theirs is taken anew for each sample.
+        """
         ...
 
     def content(self, sample_id: str) -> bytes:
-        """Names the content that this animal's body alone depends on; empty if there is none.
+        """Digest of what the body of this animal alone depends on; empty if of nothing.
 
-        Raises SampleError if it has no body.
+        Raises SampleError if the animal has no body.
         """
         ...
 
     def body(self, record: AnimalRecord) -> Body:
-        """The body of one animal; raises SampleError if it has none."""
+        """The body of a record's animal; raises SampleError if it has none."""
         ...
 
 
 @dataclass(frozen=True)
 class ModelBody:
-    """A model in one shape and its template pose: the same rigid body for every animal.
+    """A body source that gives every animal one model in one shape and its template pose.
 
     Attributes:
-        model: with landmarks.
-        name: what to call it in reports.
-        betas: its shape; the template's if left out.
+        model: a model with landmarks.
+        name: the source's name in reports.
+        betas: the shape; the template's if left out.
+
+    Example:
+        >>> from animal3dbox.smal import load_quadruped
+        >>> source = ModelBody(load_quadruped(), name="template")
+        >>> source.lasting, source.content("photo.jpg")
+        (True, b'')
+
     """
 
     model: SmalModel
@@ -84,46 +99,53 @@ class ModelBody:
 
     @property
     def fingerprint(self) -> bytes:
-        """Of the model and its shape."""
+        """Digest of the model and its shape."""
         return digest(model_digest(self.model), content_digest(self.betas))
 
     @property
     def lasting(self) -> bool:
-        """Yes."""
+        """True: the model is held in memory and does not change."""
         return True
 
     def content(self, sample_id: str) -> bytes:
-        """Nothing: all animals have the same body."""
+        """Empty, since all animals have the same body."""
         return b""
 
     def body(self, record: AnimalRecord) -> Body:
-        """The body with the record's landmarks.
+        """The body with the landmarks of the record's vocabulary.
 
-        How far they may stray only if its joints are SMAL's.
+        How far the landmarks may stray is known only for a model whose joints are the quadruped's,
+        since the poses that tell it are the quadruped's.
         """
-        vertices, words = standing_vertices(self.model, self.betas), record.vocabulary
-        known = self.model.joint_names == load_quadruped().joint_names
-        sigma = model_mobility(self.model, self.betas, words) if known else None
+        vertices = standing_vertices(self.model, self.betas)
+        has_poses = self.model.joint_names == load_quadruped().joint_names
         return Body(
-            vertices,
-            self.model.faces,
-            self.model.read_keypoints(words, vertices),
-            sigma,
-            self.model,
+            vertices=vertices,
+            faces=self.model.faces,
+            landmarks=self.model.read_keypoints(record.vocabulary, vertices),
+            landmark_sigma=(
+                model_mobility(self.model, self.betas, record.vocabulary) if has_poses else None
+            ),
+            template=self.model,
         )
 
 
 def preset_body(preset: str) -> ModelBody:
-    """The embedded quadruped in a preset's shape.
+    """The body source of the embedded quadruped in a preset's shape.
 
     Raises ConfigError, naming the presets, if there is none of that name.
+
+    Example:
+        >>> preset_body("zebra").name
+        'quadruped:zebra'
+
     """
     return ModelBody(load_quadruped(), f"quadruped:{preset}", tuple(preset_betas(preset).tolist()))
 
 
 @lru_cache(maxsize=16)
 def model_digest(model: SmalModel) -> bytes:
-    """Names a model's content."""
+    """Digest of a model's content, computed once a model."""
     return content_digest(model)
 
 
@@ -135,15 +157,18 @@ def standing_vertices(model: SmalModel, betas: tuple[float, ...]) -> Tensor:
 
 @lru_cache(maxsize=64)
 def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocabulary) -> Tensor:
-    """How far each landmark (J,) strays from where the standing body has it, seen from the trunk, over the named poses.
+    """How far each landmark strays from its place on the standing body, over the named poses.
 
-    The root mean square along one axis, in the body's unit, and on top BREED for what one shape
-    misses of a species.
+    It is the root mean square of the landmark's way, seen from the trunk, along one axis; BREED is
+    added in quadrature for what one shape misses of a species.
 
     Args:
-        model: of the quadruped's joints, in its order.
-        betas: its shape.
-        vocabulary: the keypoints.
+        model: a model with the quadruped's joints, in their order.
+        betas: the shape.
+        vocabulary: names the J keypoints.
+
+    Returns:
+        (J,) in the body's unit.
 
     """
     shape, standing = torch.tensor(betas, dtype=torch.float64), standing_vertices(model, betas)
@@ -159,26 +184,36 @@ def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocab
             model.read_keypoints(vocabulary, upright) - model.read_keypoints(vocabulary, standing)
         )
     mean_square = torch.stack(strays).pow(2).mean((0, 2))
+    # sigma_j² = mean over poses and axes of (x_pose − x_standing)², plus BREED², in body lengths
     breed = BREED * torso_length(model) / torso_length(load_quadruped())
     return (mean_square.nan_to_num() + breed**2).sqrt()
 
 
 def torso_length(model: SmalModel) -> float:
-    """Length of a template's torso along x, in its unit."""
+    """Length of a model's torso along x in the template pose, in the model's unit."""
     along = model.v_template[model.torso_vertices, 0]
     return float(along.amax() - along.amin())
 
 
 @dataclass(frozen=True)
 class ParametersBody:
-    """Each animal's own SMAL-structured body, from its parameters.
+    """A body source that poses each animal's own SMAL parameters.
 
     Attributes:
-        model: what the parameters were fitted with.
+        model: the model that the parameters were fitted with.
         parameters: sample id -> the animal's parameters.
         vertices_in: the type in which vertices are computed before they are placed, see
             posed_bodies; float32 moves the sides of boxes by less than a millionth of their
             diagonal.
+
+    Example:
+        >>> from animal3dbox.smal import load_quadruped
+        >>> model = load_quadruped()
+        >>> pose, betas, trans = torch.zeros(3 * model.joint_count), torch.zeros(1), torch.zeros(3)
+        >>> source = ParametersBody(model, {"dog.jpg": SmalParameters(pose, betas, trans)})
+        >>> source.name
+        'parameters:1 of a model with 35 joints'
+
     """
 
     model: SmalModel
@@ -193,21 +228,21 @@ class ParametersBody:
 
     @property
     def name(self) -> str:
-        """How many bodies, of how many joints."""
+        """Number of bodies and of the model's joints, as reports print them."""
         return f"parameters:{len(self.parameters)} of a model with {self.model.joint_count} joints"
 
     @property
     def fingerprint(self) -> bytes:
-        """Of the model and how it is posed."""
+        """Digest of the model and of the type in which it is posed."""
         return digest(model_digest(self.model), str(self.vertices_in).encode())
 
     @property
     def lasting(self) -> bool:
-        """Yes of packed parameters; others may be replaced by whoever holds them."""
+        """True if the parameters are packed; a mapping may be changed by whoever holds it."""
         return isinstance(self.parameters, PackedMapping)
 
     def content(self, sample_id: str) -> bytes:
-        """The animal's parameters."""
+        """Bytes that name the animal's parameters; raises SampleError if there are none."""
         try:
             if isinstance(self.parameters, PackedMapping):
                 return self.parameters.packed(sample_id)
@@ -216,17 +251,17 @@ class ParametersBody:
             raise SampleError(sample_id, "parameters", "there are none for this sample") from None
 
     def packed(self) -> "ParametersBody":
-        """The same with its parameters in a few tensors, for workers (packed.py)."""
+        """The same source with its parameters in a few tensors, for workers (see packed.py)."""
         return replace(self, parameters=PackedMapping(SmalParameters, self.parameters))
 
     def body(self, record: AnimalRecord) -> Body:
-        """The record's posed body with its landmarks; its pose is the animal's own."""
+        """The animal's posed body with the landmarks of the record's vocabulary."""
         return self.bodies([record])[0]
 
     def bodies(self, records: Sequence[AnimalRecord]) -> list[Body]:
-        """The posed bodies of several records at once, which costs less.
+        """The posed bodies of several records, posed at once, which costs less than one by one.
 
-        Raises SampleError of the first that has none.
+        Raises SampleError, naming the first record that has no parameters.
         """
         for record in records:
             if record.sample_id not in self.parameters:
@@ -234,7 +269,7 @@ class ParametersBody:
         if not records:
             return []
         try:
-            posed = posed_bodies(
+            bodies = posed_bodies(
                 self.model,
                 [self.parameters[record.sample_id] for record in records],
                 self.vertices_in,
@@ -242,27 +277,28 @@ class ParametersBody:
         except ShapeError as error:
             if len(records) == 1:
                 raise SampleError(records[0].sample_id, "parameters", str(error)) from error
-            return [self.body(record) for record in records]  # tells which
-        read = {
-            words: self.model.read_keypoints(words, posed.vertices.numpy())
-            for words in {record.vocabulary for record in records}
+            # One by one, so that the error names the record that it is about.
+            return [self.body(record) for record in records]
+        landmarks = {
+            vocabulary: self.model.read_keypoints(vocabulary, bodies.vertices.numpy())
+            for vocabulary in {record.vocabulary for record in records}
         }
         return [
             Body(
-                vertices,
-                self.model.faces,
-                read[record.vocabulary][i],
-                None,
-                self.model,
+                vertices=vertices,
+                faces=self.model.faces,
+                landmarks=landmarks[record.vocabulary][i],
+                landmark_sigma=None,
+                template=self.model,
             )
-            for i, (record, vertices) in enumerate(zip(records, posed.vertices, strict=True))
+            for i, (record, vertices) in enumerate(zip(records, bodies.vertices, strict=True))
         ]
 
 
 def many_bodies(source: BodySource, records: Sequence[AnimalRecord]) -> list[Body]:
     """The bodies of several records, posed together if the source can.
 
-    Raises SampleError of the first that has none.
+    Raises SampleError, naming the first record that has no body.
     """
     if isinstance(source, ParametersBody) and type(source).body is ParametersBody.body:
         return source.bodies(records)

@@ -16,8 +16,8 @@ from animal3dbox.datasets.exchange.export import (
     heading_note,
     images_with_boxes,
 )
-from animal3dbox.datasets.readers.cuboids.conventions import COCO, Floats
-from animal3dbox.datasets.readers.cuboids.visible_boxes import SeenBoxes, seen_boxes
+from animal3dbox.datasets.readers.cuboid_conventions import COCO, Floats
+from animal3dbox.datasets.readers.visible_boxes import SeenBoxes, seen_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import SampleError
 from animal3dbox.files import write_whole

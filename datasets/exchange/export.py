@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from animal3dbox.datasets.readers.cuboids.conventions import Convention
+from animal3dbox.datasets.readers.cuboid_conventions import Convention
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
 

@@ -15,14 +15,14 @@ from animal3dbox.datasets.exchange.export import (
     heading_note,
     images_with_boxes,
 )
-from animal3dbox.datasets.readers.cuboids.conventions import KITTI, Floats, yaw_of, yaw_rotation
-from animal3dbox.datasets.readers.cuboids.kitti_files import (
+from animal3dbox.datasets.readers.cuboid_conventions import KITTI, Floats, yaw_of, yaw_rotation
+from animal3dbox.datasets.readers.kitti.files import (
     OCCLUSION_UNKNOWN,
     KittiLine,
     calibration_text,
     image_line,
 )
-from animal3dbox.datasets.readers.cuboids.visible_boxes import (
+from animal3dbox.datasets.readers.visible_boxes import (
     SeenBoxes,
     seen_boxes,
     stacked_boxes,

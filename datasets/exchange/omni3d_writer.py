@@ -14,8 +14,8 @@ from animal3dbox.datasets.exchange.export import (
     heading_note,
     images_with_boxes,
 )
-from animal3dbox.datasets.readers.cuboids.conventions import OMNI3D, Floats
-from animal3dbox.datasets.readers.cuboids.omni3d_schema import (
+from animal3dbox.datasets.readers.cuboid_conventions import OMNI3D, Floats
+from animal3dbox.datasets.readers.omni3d.schema import (
     GENERATOR,
     Key,
     Omni3DAnnotation,
@@ -24,7 +24,7 @@ from animal3dbox.datasets.readers.cuboids.omni3d_schema import (
     Omni3DImage,
     Omni3DInfo,
 )
-from animal3dbox.datasets.readers.cuboids.visible_boxes import seen_boxes, stated_truncation
+from animal3dbox.datasets.readers.visible_boxes import seen_boxes, stated_truncation
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.files import write_whole
 

@@ -1,6 +1,6 @@
-"""What a photograph's own header says of its camera.
+"""EXIF headers: how a photograph's camera was held, and its focal length in pixels.
 
-How it was held and how long its focal length was.
+A header that is damaged or no longer fits its picture gives no focal length, but a warning.
 """
 
 import math
@@ -11,15 +11,17 @@ from pathlib import Path
 from PIL import ExifTags, Image
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
-"""What a file may be, whatever its name.
+"""Pillow's formats that a file may have, whatever its name.
 
-Pillow's others are not photographs, and for one of them, EPS, it starts Ghostscript.
+The others are not photographs, and for one of them, EPS, Pillow starts Ghostscript.
 """
 FULL_FRAME_MM = math.hypot(36.0, 24.0)
 """The diagonal to which 35 mm-equivalent focal lengths refer."""
 SAME_ASPECT = 0.01
-"""A picture was cropped after its header was written if its aspect ratio differs from the header's
-by more than this part."""
+"""Greatest difference of a picture's aspect ratio from its header's, as a part of it.
+
+A picture that differs by more was cropped after its header was written.
+"""
 FOCAL_RANGE = (0.2, 100.0)
 """Focal lengths, by the picture's diagonal, that a camera can have.
 
@@ -29,12 +31,12 @@ What lies outside is a writing error.
 
 @dataclass(frozen=True)
 class PhotoFacts:
-    """The header of a picture.
+    """The facts of a picture's header that labelling needs.
 
     Attributes:
-        orientation: EXIF's, 1 upright.
+        orientation: EXIF's number from 1 to 8; 1 is upright.
         focal_px: focal length in px of the picture as stored; None if the header does not tell.
-        warnings: whole sentences.
+        warnings: what a careful person should know of the header, in whole sentences.
     """
 
     orientation: int = 1
@@ -43,7 +45,7 @@ class PhotoFacts:
 
 
 def header_facts(path: Path) -> PhotoFacts:
-    """The facts of a file without decoding it; none of a file that is no picture."""
+    """The facts of a file's header, its pixels not decoded; the defaults of a file without one."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -54,7 +56,7 @@ def header_facts(path: Path) -> PhotoFacts:
 
 
 def facts_of(image: Image.Image) -> PhotoFacts:
-    """The facts of a picture that Pillow has opened.
+    """The facts of the header of a picture that Pillow has opened.
 
     The focal length is of the tag FocalLengthIn35mmFilm, by the diagonals; or of FocalLength and
     FocalPlaneXResolution, if the header also tells how wide the picture was. A picture that was
@@ -63,72 +65,68 @@ def facts_of(image: Image.Image) -> PhotoFacts:
     exif = image.getexif()
     if not exif:
         return PhotoFacts()
-    turned = exif.get(ExifTags.Base.Orientation, 1)
-    orientation = turned if isinstance(turned, int) and 1 <= turned <= 8 else 1
-    said = []
+    value = exif.get(ExifTags.Base.Orientation, 1)
+    orientation = value if isinstance(value, int) and 1 <= value <= 8 else 1
+    messages = []
     if orientation != 1:
-        said.append(
+        messages.append(
             f"the image's EXIF orientation {orientation} was not applied: are the annotations for"
             " the pixels as stored?"
         )
     try:
         camera = exif.get_ifd(ExifTags.IFD.Exif)
         focal, problem = _focal(camera, image.size)
-    except (
-        ValueError,
-        TypeError,
-        KeyError,
-        OverflowError,
-        SyntaxError,
-    ) as error:  # Pillow reads tags when they are asked for
-        focal, problem = (
-            None,
-            f"the image's EXIF header is damaged ({error}): no focal length was taken from it",
-        )
-    return PhotoFacts(orientation, focal, (*said, *(() if problem is None else (problem,))))
+    except (ValueError, TypeError, KeyError, OverflowError, SyntaxError) as error:
+        # Pillow decodes a tag only when it is looked up.
+        focal = None
+        problem = f"the image's EXIF header is damaged ({error}): no focal length was taken from it"
+    if problem is not None:
+        messages.append(problem)
+    return PhotoFacts(orientation, focal, tuple(messages))
 
 
 def _focal(camera: dict[int, object], size: tuple[int, int]) -> tuple[float | None, str | None]:
-    """The focal length in px, and what a careful person should know."""
-    equivalent, focal_mm = (
-        _number(camera.get(tag))
-        for tag in (ExifTags.Base.FocalLengthIn35mmFilm, ExifTags.Base.FocalLength)
-    )
-    told = tuple(
-        _number(camera.get(tag))
-        for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)
-    )
-    if equivalent is None and focal_mm is None:
+    """The focal length in px that a header tells for a picture of a size (width, height).
+
+    Returns:
+        The focal length, None if the header tells none; and why it is not used, None if it is or
+        there is none.
+
+    """
+    width, height = size
+    equivalent_mm = _number(camera.get(ExifTags.Base.FocalLengthIn35mmFilm))
+    focal_mm = _number(camera.get(ExifTags.Base.FocalLength))
+    exif_width = _number(camera.get(ExifTags.Base.ExifImageWidth))
+    exif_height = _number(camera.get(ExifTags.Base.ExifImageHeight))
+    if equivalent_mm is None and focal_mm is None:
         return None, None
-    if all(told) and abs((told[0] or 1) / (told[1] or 1) * size[1] / size[0] - 1) > SAME_ASPECT:
-        taken = f"{told[0]:.0f} x {told[1]:.0f}"
-        return (
-            None,
-            (
-                f"the image was cropped from {taken} to {size[0]} x {size[1]}: its EXIF focal"
-                " length does not hold for it and is not used"
-            ),
+    if (
+        exif_width
+        and exif_height
+        and abs(exif_width / exif_height * height / width - 1) > SAME_ASPECT
+    ):
+        return None, (
+            f"the image was cropped from {exif_width:.0f} x {exif_height:.0f} to {width} x"
+            f" {height}: its EXIF focal length does not hold for it and is not used"
         )
-    diagonal = math.hypot(*size)
-    if equivalent is not None:
-        focal = equivalent / FULL_FRAME_MM * diagonal
+    diagonal = math.hypot(width, height)
+    if equivalent_mm is not None:
+        focal = equivalent_mm / FULL_FRAME_MM * diagonal
     else:
         per_mm = _pixels_per_mm(camera)
-        if per_mm is None or told[0] is None or focal_mm is None:
+        if per_mm is None or exif_width is None or focal_mm is None:
             return None, None
-        focal = focal_mm * per_mm * size[0] / told[0]
+        focal = focal_mm * per_mm * width / exif_width
     if not FOCAL_RANGE[0] * diagonal <= focal <= FOCAL_RANGE[1] * diagonal:
-        return (
-            None,
-            (
-                f"the image's EXIF focal length is {focal:.0f} px, which no camera has at {size[0]}"
-                f" x {size[1]}: it is not used"
-            ),
+        return None, (
+            f"the image's EXIF focal length is {focal:.0f} px, which no camera has at {width} x"
+            f" {height}: it is not used"
         )
     return focal, None
 
 
 def _pixels_per_mm(camera: dict[int, object]) -> float | None:
+    """Pixels in a millimetre of the sensor, as the header tells; None if it does not."""
     resolution = _number(camera.get(ExifTags.Base.FocalPlaneXResolution))
     unit = camera.get(ExifTags.Base.FocalPlaneResolutionUnit, 2)
     mm = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}.get(unit if isinstance(unit, int) else 0)
@@ -136,7 +134,7 @@ def _pixels_per_mm(camera: dict[int, object]) -> float | None:
 
 
 def _number(value: object) -> float | None:
-    """A positive finite number; None of anything else, 0 being EXIF's unknown."""
+    """A tag's value if it is a positive finite number; None otherwise, 0 being EXIF's unknown."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, ZeroDivisionError):

@@ -1,6 +1,7 @@
-"""COCO run-length masks: runs of 0 and 1 in turn, down the columns.
+"""COCO's run-length masks: the lengths of runs of 0 and 1 in turn, down the columns.
 
-Compressed ones are six-bit text.
+They are lists of numbers, or compressed into text of six bits a character. The reading is our own,
+so that one damaged mask is one error and spoils no other.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ class RleError(Animal3DBoxError, ValueError):
 
 
 def decode_counts(text: str) -> list[int]:
-    """Run lengths of a compressed string.
+    """The run lengths that a compressed string stands for.
 
     Each number is written in groups of five bits, low ones first, as characters from "0" on; a
     sixth bit says that more follow, and the last group's highest bit is the sign. From the fourth
@@ -47,7 +48,7 @@ def decode_counts(text: str) -> list[int]:
 
 
 def encode_counts(counts: Sequence[int]) -> str:
-    """The compressed string of run lengths; the inverse of decode_counts."""
+    """The compressed string that stands for run lengths; the inverse of decode_counts."""
     text = []
     for i, count in enumerate(counts):
         value = count - counts[i - 2] if i > 2 else count
@@ -61,7 +62,7 @@ def encode_counts(counts: Sequence[int]) -> str:
 
 
 def decode_mask(counts: str | Sequence[int], image_hw: tuple[int, int]) -> NDArray[np.bool_]:
-    """The mask (H, W) of run lengths, compressed or not.
+    """The mask (H, W) that run lengths describe, compressed or not.
 
     Raises:
         RleError: the runs do not fill the image exactly.
@@ -81,7 +82,7 @@ def decode_mask(counts: str | Sequence[int], image_hw: tuple[int, int]) -> NDArr
 
 
 def encode_mask(mask: NDArray[np.bool_]) -> str:
-    """The compressed string of a mask (H, W)."""
+    """The compressed run lengths of a mask (H, W); the inverse of decode_mask."""
     flat = np.asarray(mask, dtype=bool).T.ravel()
     changes = np.flatnonzero(np.diff(flat)) + 1
     edges = np.concatenate(([0], changes, [flat.size]))

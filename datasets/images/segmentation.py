@@ -1,4 +1,4 @@
-"""Masks as COCO writes them: run lengths, compressed or not, and polygons."""
+"""Masks as COCO writes them: run lengths, compressed or not, and polygons, read as run lengths."""
 
 from collections.abc import Sequence
 
@@ -9,10 +9,22 @@ from animal3dbox.datasets.images.rle import RleError, decode_mask, encode_mask
 from animal3dbox.errors import SampleError
 
 Runs = str | tuple[int, ...]
+"""Run lengths of a mask, compressed or not; see rle.py."""
 
 
 def read_runs(seg: object, image_hw: tuple[int, int], sample_id: str, field: str) -> Runs:
-    """The run lengths of a string, or of COCO's {size, counts}, checked by decoding them once."""
+    """The run lengths of a string, or of COCO's {size, counts}, checked by decoding them once.
+
+    Args:
+        seg: what stands in the file.
+        image_hw: height and width that the mask must have.
+        sample_id: named in every error.
+        field: the file's key, named in every error.
+
+    Raises:
+        SampleError: no run lengths, those of another size, or an empty mask.
+
+    """
     counts: object = seg
     if isinstance(seg, dict):
         counts = seg.get("counts")
@@ -39,9 +51,16 @@ def read_runs(seg: object, image_hw: tuple[int, int], sample_id: str, field: str
 
 
 def read_segmentation(seg: object, image_hw: tuple[int, int], sample_id: str) -> Runs | None:
-    """The run lengths of any of COCO's segmentations.
+    """The run lengths of any of COCO's segmentations: polygons, run lengths, or none.
 
-    Polygons, run lengths, or none (null, or an empty list).
+    Args:
+        seg: what stands in the file; null and an empty list are no segmentation.
+        image_hw: height and width of the image.
+        sample_id: named in every error.
+
+    Raises:
+        SampleError: another form, another size, or no pixel of the image.
+
     """
     if seg is None or seg == []:
         return None
@@ -59,7 +78,7 @@ def read_segmentation(seg: object, image_hw: tuple[int, int], sample_id: str) ->
 
 
 def _ring(ring: object, image_hw: tuple[int, int], sample_id: str) -> NDArray[np.float64]:
-    """A polygon (N, 2), as the file has it."""
+    """A polygon's points (N, 2) in the file's pixels; raises SampleError."""
     if (
         not isinstance(ring, list)
         or len(ring) < 6
@@ -104,9 +123,8 @@ def polygon_mask(
         start = ring - 0.5
         end = np.roll(start, -1, axis=0)
         first = np.clip(np.ceil(np.minimum(start[:, 1], end[:, 1])), 0, height).astype(np.int64)
-        last = np.clip(np.ceil(np.maximum(start[:, 1], end[:, 1])), 0, height).astype(
-            np.int64
-        )  # a row at an end belongs to one of two edges
+        # Half-open, so that a row at a corner belongs to one of the two edges that meet there.
+        last = np.clip(np.ceil(np.maximum(start[:, 1], end[:, 1])), 0, height).astype(np.int64)
         edge = np.repeat(np.arange(len(ring)), last - first)
         row = (
             np.arange(len(edge))

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import header_facts
-from animal3dbox.datasets.images.photos import mask_levels, stored_size
+from animal3dbox.datasets.images.masks import mask_levels
+from animal3dbox.datasets.images.photos import stored_size
 from animal3dbox.datasets.inspection.measures import residual, spread
 from animal3dbox.datasets.inspection.result import (
     BodyFacts,

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import PhotoFacts
-from animal3dbox.datasets.images.photos import Photo, read_mask
+from animal3dbox.datasets.images.masks import record_mask
+from animal3dbox.datasets.images.photos import Photo
 from animal3dbox.datasets.labelling.image_index import AnimalEntry, entry_of
 from animal3dbox.datasets.records import AnimalRecord, CuboidImage, CuboidRecord
 from animal3dbox.errors import SampleError
@@ -53,12 +54,13 @@ class ImageSample:
     def mask(self, animal: int) -> NDArray[np.bool_] | None:
         """An animal's mask (H, W), None without; see AnimalRecord."""
         entry = self.animals[animal]
-        if entry.mask_in_runs:
-            record = self.records[animal]
-            return record.mask if isinstance(record, AnimalRecord) else None
-        if not entry.mask_path:
-            return None
-        return read_mask(entry.mask_path, entry.sample_id, entry.image_hw)
+        record = self.records[animal] if entry.mask_in_runs else None
+        return record_mask(
+            record.mask_runs if isinstance(record, AnimalRecord) else None,
+            entry.mask_path or None,
+            sample_id=entry.sample_id,
+            image_hw=entry.image_hw,
+        )
 
 
 def sample_of_record(record: Record, bodies: BodySource | None) -> ImageSample:

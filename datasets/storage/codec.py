@@ -1,14 +1,12 @@
-"""Records, parameters and labels as bytes.
+"""Records and parameters as bytes: the same bytes for the same content, and nothing to execute.
 
-Compact, the same bytes for the same content, and nothing to execute.
-
-MessagePack, with arrays as an extension type. Frozen dataclasses become maps of their fields; what
-many of them share, such as a vocabulary, is named by a number.
+The bytes are MessagePack with extension types for arrays, tensors and paths. A frozen dataclass
+becomes a map of its fields; an object that many of them share, such as a vocabulary, is written as
+its place among the shared ones.
 """
 
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +16,14 @@ import torch
 from torch import Tensor
 
 _ARRAY, _TENSOR, _PATH, _SHARED = 1, 2, 3, 4
-_PARTS = msgspec.msgpack.Encoder()
-_UNPART = msgspec.msgpack.Decoder()
+_HEADER_ENCODER = msgspec.msgpack.Encoder()
+_HEADER_DECODER = msgspec.msgpack.Decoder()
 _ALIGNMENT = 8
+"""Numbers begin at a multiple of so many bytes, as a view of them as float64 needs."""
 
 
 class Codec:
-    """Turns values into bytes and back.
+    """Serialises dataclasses of plain values, arrays, tensors and paths, and reads them back.
 
     Args:
         shared: objects that values refer to, told apart by equality; they are not written, only
@@ -48,21 +47,27 @@ class Codec:
         self._make()
 
     def pack(self, value: Any) -> bytes:
-        """The bytes of a dataclass, or of plain values, arrays and tensors."""
+        """The bytes of a dataclass, or of plain values, arrays and tensors.
+
+        Raises TypeError for anything else, and for a dataclass inside it that is not shared.
+        """
         return self._encoder.encode(self._flat(value) if is_dataclass(value) else value)
 
     def unpack(self, data: bytes | memoryview) -> dict[str, Any]:
-        """The fields of a dataclass that was packed; what were tuples or lists are tuples."""
-        return {name: _tuples(value) for name, value in self._decoder.decode(data).items()}
+        """The fields of a packed dataclass, in which tuples and lists have become tuples."""
+        return {name: _with_tuples(value) for name, value in self._decoder.decode(data).items()}
 
     def _flat(self, value: Any) -> dict[str, Any]:
-        return {field.name: self._known(getattr(value, field.name)) for field in fields(value)}
+        """The fields of a dataclass by name, shared objects as their places."""
+        return {
+            field.name: self._shared_place(getattr(value, field.name)) for field in fields(value)
+        }
 
-    def _known(self, value: Any) -> Any:
-        """A value, or the number that stands for it."""
+    def _shared_place(self, value: Any) -> Any:
+        """The place of a shared object, or the value itself if it is no dataclass."""
         if is_dataclass(value):
-            for place, known in enumerate(self.shared):
-                if known is value or known == value:
+            for place, shared in enumerate(self.shared):
+                if shared is value or shared == value:
                     return msgspec.msgpack.Ext(_SHARED, str(place).encode())
             raise TypeError(
                 f"a {type(value).__name__} inside what is packed must be among the shared objects"
@@ -70,6 +75,7 @@ class Codec:
         return value
 
     def _encode(self, value: Any) -> Any:
+        """MessagePack's form of a value that it does not know."""
         if isinstance(value, Tensor):
             return msgspec.msgpack.Ext(_TENSOR, _array_bytes(value.detach().cpu().numpy()))
         if isinstance(value, np.ndarray):
@@ -81,42 +87,37 @@ class Codec:
         raise TypeError(f"a {type(value).__name__} cannot be packed")
 
     def _decode(self, code: int, data: memoryview) -> Any:
+        """The value of one of our extension types."""
         if code == _SHARED:
             return self.shared[int(bytes(data))]
         if code == _PATH:
             return Path(bytes(data).decode("utf-8", "surrogateescape"))
-        begin = data[0]
-        dtype, shape = _form(bytes(data[:begin]))
-        array = np.ndarray(shape, dtype, bytearray(data), begin)  # a copy of its own, writable
+        begin, header_length = data[0], data[1]
+        dtype, shape = _HEADER_DECODER.decode(data[2 : 2 + header_length])
+        # A copy, so that the array can be written to and does not hold the packed bytes.
+        array = np.ndarray(tuple(shape), dtype, bytearray(data), begin)
         return torch.from_numpy(array) if code == _TENSOR else array
 
 
 def _array_bytes(array: np.ndarray) -> bytes:
-    """Where the numbers begin, how long type and shape are, these, zeros until numbers are aligned,
-    numbers."""
-    told = _PARTS.encode((array.dtype.str, array.shape))
-    begin = -(-(len(told) + 2) // _ALIGNMENT) * _ALIGNMENT
+    """An array as bytes: two lengths, a header, zeros up to the alignment, and the numbers.
+
+    The first byte says where the numbers begin, the second how long the header is, which holds the
+    array's type and shape.
+    """
+    header = _HEADER_ENCODER.encode((array.dtype.str, array.shape))
+    begin = -(-(len(header) + 2) // _ALIGNMENT) * _ALIGNMENT
     return (
-        bytes((begin, len(told)))
-        + told.ljust(begin - 2, b"\0")
+        bytes((begin, len(header)))
+        + header.ljust(begin - 2, b"\0")
         + np.ascontiguousarray(array).tobytes()
     )
 
 
-@lru_cache(maxsize=1024)
-def _form(header: bytes) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """Type and shape of an array of the bytes before its numbers."""
-    dtype, shape = _UNPART.decode(header[2 : 2 + header[1]])
-    return np.dtype(dtype), tuple(shape)
-
-
-def _tuples(value: Any) -> Any:
-    kind = type(value)
-    if kind is list:
-        return tuple(_tuples(part) if type(part) in (list, dict) else part for part in value)
-    if kind is dict:
-        return {
-            name: _tuples(part) if type(part) in (list, dict) else part
-            for name, part in value.items()
-        }
+def _with_tuples(value: Any) -> Any:
+    """A decoded value with its lists, at any depth, made tuples, as frozen dataclasses have."""
+    if isinstance(value, list):
+        return tuple(_with_tuples(part) for part in value)
+    if isinstance(value, dict):
+        return {name: _with_tuples(part) for name, part in value.items()}
     return value

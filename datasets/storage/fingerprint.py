@@ -1,7 +1,10 @@
-"""Short names of contents, so that what was computed from one thing is never taken for another's."""
+"""Digests that name contents, from which the keys of the label cache are made.
+
+A label is taken from the cache only if its key is the same: the label code and its libraries, the
+bodies, the annotations and the files that it was made of.
+"""
 
 import hashlib
-import os
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
@@ -16,21 +19,24 @@ import animal3dbox
 import animal3dbox.datasets
 
 CODE = ("geometry", "smal", "labels")
-"""What a label depends on in the package's folder.
+"""Folders of the package that a label depends on, besides the rooms of the datasets.
 
-Of the datasets' it is all but NEVER_READ, since masks, headers and bodies are read there.
+Of those it is all but NEVER_READ, since masks, headers and bodies are read there.
 """
 NEVER_READ = ("exchange", "inspection", "synthetic")
 """Rooms of the datasets that no label depends on.
 
-What they write or draw is read again as files or records.
+Files and records that they make are read again, and named then.
 """
 LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless")
-"""Whose versions may change a label's last digits."""
+"""Libraries whose versions may change a label's last digits."""
 
 
 def digest(*parts: bytes) -> bytes:
-    """16 bytes that name the parts; where one part ends and the next begins counts."""
+    """16 bytes that name a sequence of parts.
+
+    Each part is preceded by its length, so that ("ab", "c") and ("a", "bc") differ.
+    """
     return hashlib.blake2b(
         b"".join([piece for part in parts for piece in (len(part).to_bytes(8, "little"), part)]),
         digest_size=16,
@@ -38,7 +44,7 @@ def digest(*parts: bytes) -> bytes:
 
 
 def content_digest(value: Any) -> bytes:
-    """16 bytes that name a value made of dataclasses, arrays, tensors, mappings, sequences and plain values.
+    """16 bytes that name a value: dataclasses, arrays, mappings, sequences and plain values.
 
     Raises:
         TypeError: something in it is of another kind, whose content is not known.
@@ -54,29 +60,18 @@ def content_digest(value: Any) -> bytes:
             np.ascontiguousarray(value).tobytes(),
         )
     if is_dataclass(value) and not isinstance(value, type):
-        known = [
+        parts = [
             part
             for field in fields(value)
             for part in (field.name.encode(), content_digest(getattr(value, field.name)))
         ]
-        return digest(b"dataclass", type(value).__name__.encode(), *known)
+        return digest(b"dataclass", type(value).__name__.encode(), *parts)
     if isinstance(value, Mapping):
-        return digest(
-            b"mapping",
-            *(
-                part
-                for key, item in value.items()
-                for part in (content_digest(key), content_digest(item))
-            ),
-        )
+        pairs = [content_digest(part) for item in value.items() for part in item]
+        return digest(b"mapping", *pairs)
     if isinstance(value, tuple | list | set | frozenset):
-        return digest(
-            b"sequence",
-            *(
-                content_digest(item)
-                for item in (sorted(value) if isinstance(value, set | frozenset) else value)
-            ),
-        )
+        items = sorted(value) if isinstance(value, set | frozenset) else value
+        return digest(b"sequence", *(content_digest(item) for item in items))
     if value is None or isinstance(value, str | bytes | bool | int | float | Path):
         return digest(type(value).__name__.encode(), repr(value).encode())
     raise TypeError(f"the content of a {type(value).__name__} has no fingerprint")
@@ -93,22 +88,24 @@ def code_files() -> list[Path]:
 
 @lru_cache(maxsize=1)
 def code_digest() -> bytes:
-    """16 bytes that name the label code of this installation, file by file, and the libraries that
-    it computes with."""
+    """16 bytes that name the label code of this installation and the libraries it computes with."""
     sources = [part for file in code_files() for part in (file.name.encode(), file.read_bytes())]
     return digest(*sources, *(f"{name} {version(name)}".encode() for name in LIBRARIES))
 
 
-@lru_cache(maxsize=4096)
-def _file_digest(path: str, *state: int) -> bytes:
-    return digest(Path(path).read_bytes())
-
-
 def file_digest(path: Path | str) -> bytes:
-    """16 bytes that name a file's content.
+    """16 bytes that name a file's content; raises OSError.
 
-    Read again only if its size, times of change or place on the disk differ. Raises OSError.
+    The file is read again only if its size, times of change or place on the disk differ: reading a
+    mask anew would cost about as much as the rest of a cached label (the line "label, from the
+    cache" of benchmarks/loader.py).
     """
-    # A Path made for this would cost as much again.
-    told = os.stat(path)  # noqa: PTH116
-    return _file_digest(str(path), told.st_size, told.st_mtime_ns, told.st_ctime_ns, told.st_ino)
+    stat = Path(path).stat()
+    state = (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino)
+    return _digest_of_state(str(path), state)
+
+
+@lru_cache(maxsize=4096)
+def _digest_of_state(path: str, state: tuple[int, ...]) -> bytes:
+    """The digest of a file's content, once for each state in which the file was found."""
+    return digest(Path(path).read_bytes())

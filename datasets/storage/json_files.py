@@ -1,4 +1,4 @@
-"""Reading JSON files whole, with errors that say where they break."""
+"""Reading JSON files whole, with errors that name the file and say where it breaks."""
 
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,13 @@ from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
 
 
 def read_json_bytes(path: Path) -> bytes:
-    """The bytes of a file that must exist and not be empty."""
+    """The bytes of a file.
+
+    Raises:
+        DatasetNotFoundError: no such file.
+        DatasetFormatError: it cannot be read, or is empty.
+
+    """
     try:
         data = path.read_bytes()
     except FileNotFoundError as error:
@@ -22,7 +28,11 @@ def read_json_bytes(path: Path) -> bytes:
 
 
 def decode_json(path: Path, kind: Any) -> Any:
-    """The content of a JSON file as a msgspec type.
+    """The content of a JSON file as a value of a type.
+
+    Args:
+        path: the file.
+        kind: any type that msgspec decodes.
 
     Raises:
         DatasetNotFoundError: no such file.
@@ -35,12 +45,8 @@ def decode_json(path: Path, kind: Any) -> Any:
     except msgspec.ValidationError as error:
         raise DatasetFormatError(f"{path}: {error}") from error
     except msgspec.DecodeError as error:
-        literal = next((word for word in (b"NaN", b"Infinity") if word in data), None)
-        hint = (
-            f"; it holds {literal.decode()}, which JSON does not have: write null"
-            if literal
-            else ""
-        )
+        literal = next((name for name in ("NaN", "Infinity") if name.encode() in data), None)
+        hint = f"; it holds {literal}, which JSON does not have: write null" if literal else ""
         raise DatasetFormatError(f"{path} is not valid JSON: {error}{hint}") from error
     except UnicodeDecodeError as error:
         raise DatasetFormatError(f"{path} is not UTF-8: {error}") from error
@@ -49,7 +55,9 @@ def decode_json(path: Path, kind: Any) -> Any:
 
 
 def read_json_list(path: Path) -> list[msgspec.Raw]:
-    """The elements of a JSON file that is one list, each still undecoded, so that one bad element
-    spoils no other."""
+    """The elements of a JSON file that is one list.
+
+    Each is still undecoded, so that one bad element spoils no other.
+    """
     elements: list[msgspec.Raw] = decode_json(path, list[msgspec.Raw])
     return elements

@@ -11,7 +11,6 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from animal3dbox.datasets.storage.codec import Codec
 
@@ -19,65 +18,46 @@ T = TypeVar("T")
 
 
 class Arena:
-    """Pieces of bytes one after the other, in two tensors that workers share.
+    """A sequence of pieces of bytes, laid one after the other in a tensor that workers share.
 
     Args:
-        parts: the pieces.
+        parts: the pieces, in their order.
 
     """
 
     def __init__(self, parts: Iterable[bytes]) -> None:
-        held = list(parts)
-        ends = np.cumsum([0, *(len(part) for part in held)], dtype=np.int64)
-        self._take(
-            torch.from_numpy(ends),
-            torch.from_numpy(np.frombuffer(bytearray(b"".join(held)), dtype=np.uint8).copy()),
-        )
-
-    def _take(self, ends: Tensor, content: Tensor) -> None:
-        self._ends, self._content = ends, content
-        self._starts, self._view = (
-            ends.numpy().data,
-            content.numpy().data,
-        )  # the same memory: cheaper to look at than tensors
-        self._places = ends.data_ptr(), content.data_ptr()
-
-    def __getstate__(self) -> tuple[Tensor, Tensor]:
-        return self._ends, self._content
-
-    def __setstate__(self, state: tuple[Tensor, Tensor]) -> None:
-        self._take(*state)
+        pieces = list(parts)
+        offsets = np.cumsum([0, *(len(piece) for piece in pieces)], dtype=np.int64)
+        content = np.frombuffer(bytearray(b"".join(pieces)), dtype=np.uint8)
+        # Piece i lies in content[offsets[i] : offsets[i + 1]].
+        self._offsets, self._content = torch.from_numpy(offsets), torch.from_numpy(content.copy())
 
     def __len__(self) -> int:
-        return self._ends.shape[0] - 1
+        return self._offsets.shape[0] - 1
 
     def __getitem__(self, index: int) -> bytes:
-        if (
-            self._ends.data_ptr(),
-            self._content.data_ptr(),
-        ) != self._places:  # torch moves what it sends to a spawned worker
-            self._take(self._ends, self._content)
-        count = len(self._starts) - 1
+        count = len(self)
         if not -count <= index < count:
             raise IndexError(f"index {index} of {count}")
         index %= count
-        return bytes(self._view[self._starts[index] : self._starts[index + 1]])
+        start, end = self._offsets[index : index + 2].tolist()
+        return self._content[start:end].numpy().tobytes()
 
     @property
     def nbytes(self) -> int:
-        """What it holds in memory."""
-        return int(self._content.nbytes + self._ends.nbytes)
+        """Bytes of memory that the pieces and their offsets take."""
+        return int(self._content.nbytes + self._offsets.nbytes)
 
 
 class PackedList(Sequence[T], Generic[T]):
-    """A sequence of frozen dataclasses of one kind, as bytes.
+    """A sequence of frozen dataclasses of one class, held as bytes.
 
-    Each is made anew when it is asked for.
+    Each value is built anew whenever it is asked for.
 
     Args:
-        kind: their class.
-        values: them.
-        shared: objects that many of them refer to, which are kept as they are.
+        kind: the values' class.
+        values: the dataclasses, in their order.
+        shared: objects that many of the values refer to, which are kept as they are.
 
     """
 
@@ -89,32 +69,33 @@ class PackedList(Sequence[T], Generic[T]):
         return len(self._arena)
 
     def packed(self, index: int) -> bytes:
-        """The bytes of one, the same for the same content."""
+        """The bytes of the value at an index, the same for the same content."""
         return self._arena[index]
 
     def unpacked(self, index: int, **changes: Any) -> T:
-        """One, with some of its fields replaced."""
+        """The value at an index, with some of its fields replaced."""
         return self.kind(**{**self.codec.unpack(self._arena[index]), **changes})
 
     def __getitem__(self, index: Any) -> Any:
-        return (
-            [self[i] for i in range(*index.indices(len(self)))]
-            if isinstance(index, slice)
-            else self.unpacked(index)
-        )
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        return self.unpacked(index)
 
     @property
     def nbytes(self) -> int:
-        """What it holds in memory."""
+        """Bytes of memory that the packed values take."""
         return self._arena.nbytes
 
 
 class PackedMapping(Mapping[str, T], Generic[T]):
-    """A mapping of names to frozen dataclasses of one kind, as bytes.
+    """A mapping of names to frozen dataclasses of one class, held as bytes.
+
+    A dictionary of a million names would be copied to every worker, page by page; here the names
+    are found by a search among their sorted hashes.
 
     Args:
-        kind: their class.
-        values: by name.
+        kind: the values' class.
+        values: name -> dataclass.
 
     """
 
@@ -135,23 +116,25 @@ class PackedMapping(Mapping[str, T], Generic[T]):
         return isinstance(name, str) and self._place(name) is not None
 
     def packed(self, name: str) -> bytes:
-        """The bytes of one, the same for the same content; raises KeyError."""
-        return self._values.packed(self._found(name))
+        """The bytes of a name's value, the same for the same content; raises KeyError."""
+        return self._values.packed(self._index(name))
 
     def __getitem__(self, name: str) -> T:
-        value: T = self._values[self._found(name)]
+        value: T = self._values[self._index(name)]
         return value
 
-    def _found(self, name: str) -> int:
+    def _index(self, name: str) -> int:
+        """The place of a name among the values; raises KeyError if there is none."""
         place = self._place(name)
         if place is None:
             raise KeyError(name)
         return place
 
     def _place(self, name: str) -> int | None:
-        wanted, hashes = _hash(name), self._hashes.numpy()
-        place = int(hashes.searchsorted(wanted))
-        while place < len(hashes) and hashes[place] == wanted:
+        """The place of a name among the values; None if there is none."""
+        name_hash, hashes = _hash(name), self._hashes.numpy()
+        place = int(hashes.searchsorted(name_hash))
+        while place < len(hashes) and hashes[place] == name_hash:
             if self._names[place] == name:
                 return place
             place += 1
@@ -159,7 +142,12 @@ class PackedMapping(Mapping[str, T], Generic[T]):
 
 
 class PackedNames(Sequence[str]):
-    """A sequence of strings, as bytes."""
+    """A sequence of strings, held as bytes.
+
+    Args:
+        names: the strings, in their order; surrogates of bytes that are no UTF-8 are kept.
+
+    """
 
     def __init__(self, names: Iterable[str]) -> None:
         self._arena = Arena(name.encode("utf-8", "surrogatepass") for name in names)
@@ -174,7 +162,7 @@ class PackedNames(Sequence[str]):
 
 
 def _hash(name: str) -> int:
-    """64 bits of a name, the same in every process, as Python's own are not."""
+    """A hash of a name in 64 bits, the same in every process, as Python's own is not."""
     return int.from_bytes(
         hashlib.blake2b(name.encode("utf-8", "surrogatepass"), digest_size=8).digest(),
         "little",

@@ -10,8 +10,8 @@ from commands import labels_of_one_animal, ran
 from cuboid_sets import random_set
 
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
-from animal3dbox.datasets.readers.cuboids.kitti_reader import read_kitti
-from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d
+from animal3dbox.datasets.readers.kitti.reader import read_kitti
+from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.geometry.box_visibility import visible_faces
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
 from animal3dbox.report.label_files import AnimalRow, write_labels_json

@@ -568,6 +568,7 @@ def test_the_label_code_s_digest_sees_every_file_that_labels_depend_on() -> None
     assert {
         "labels/label.py",
         "images/photos.py",
+        "images/masks.py",
         "images/rle.py",
         "images/exif.py",
         "bodies/mesh_formats.py",

@@ -23,7 +23,7 @@ from animal3dbox.datasets import (
 )
 from animal3dbox.datasets.bodies.sources import ParametersBody
 from animal3dbox.datasets.formats import ReadOptions, read_dataset
-from animal3dbox.datasets.images.photos import read_mask
+from animal3dbox.datasets.images.masks import record_mask
 from animal3dbox.datasets.labelling import image_samples
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.labelling.skipped import Target
@@ -219,14 +219,14 @@ def test_a_mask_that_is_replaced_while_it_is_read_leaves_no_wrong_label(
     )
     new = cv2.imencode(".png", moved)[1].tobytes()
 
-    def replaced(*arguments: Any) -> Any:
+    def replaced(*arguments: Any, **options: Any) -> Any:
         if before:
             path.write_bytes(new)
-        mask = read_mask(*arguments)
+        mask = record_mask(*arguments, **options)
         path.write_bytes(new)
         return mask
 
-    monkeypatch.setattr(image_samples, "read_mask", replaced)
+    monkeypatch.setattr(image_samples, "record_mask", replaced)
     dataset[0]
     monkeypatch.undo()
     for content in (new, old):

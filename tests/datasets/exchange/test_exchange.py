@@ -16,16 +16,16 @@ from animal3dbox.datasets.exchange.coco_writer import FLIP_PAIRS, KEYPOINT_NAMES
 from animal3dbox.datasets.exchange.export import in_metres
 from animal3dbox.datasets.exchange.kitti_writer import levelled, write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
-from animal3dbox.datasets.readers.cuboids.conventions import (
+from animal3dbox.datasets.readers.cuboid_conventions import (
     COCO,
     CONVENTIONS,
     KITTI,
     OMNI3D,
     Convention,
 )
-from animal3dbox.datasets.readers.cuboids.kitti_reader import read_kitti
-from animal3dbox.datasets.readers.cuboids.omni3d_reader import read_omni3d
-from animal3dbox.datasets.readers.cuboids.visible_boxes import seen_boxes, stacked_boxes
+from animal3dbox.datasets.readers.kitti.reader import read_kitti
+from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
+from animal3dbox.datasets.readers.visible_boxes import seen_boxes, stacked_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.cuboid import CORNER_SIGNS

@@ -309,7 +309,7 @@ def test_an_image_of_just_the_most_pixels_goes_on_to_be_decoded(
     decoded = []
     monkeypatch.setattr(ImageFile.ImageFile, "load", lambda image: decoded.append(image.size))
     monkeypatch.setattr(
-        "animal3dbox.datasets.images.photos._as_rgb",
+        "animal3dbox.datasets.images.photos.rgb_pixels",
         lambda image, sample_id: np.zeros((1, 1, 3), dtype=np.uint8),
     )
     path = tmp_path / "photo.jpg"

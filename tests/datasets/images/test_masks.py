@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from animal3dbox.datasets.images.photos import MOST_IDS, read_mask
+from animal3dbox.datasets.images.masks import MOST_IDS, read_mask, record_mask
+from animal3dbox.datasets.images.rle import encode_mask
 from animal3dbox.errors import SampleError
 
 HW = (40, 60)
@@ -108,3 +109,20 @@ def test_colours_that_differ_are_the_mask_whatever_the_alpha(tmp_path: Path) -> 
     )
     assert np.array_equal(read(tmp_path, Image.merge("LA", [white, alpha])), ANIMAL)
     assert "has no pixel above 0" in refusal(tmp_path, Image.new("LA", (60, 40), (0, 255)))
+
+
+def test_a_record_s_mask_is_decoded_from_its_runs_else_its_picture_else_there_is_none(
+    tmp_path: Path,
+) -> None:
+    Image.fromarray(ANIMAL.astype(np.uint8) * 255).save(tmp_path / "mask.png")
+
+    def decoded(runs: str | None, path: Path) -> list[list[bool]]:
+        mask = record_mask(runs, path, sample_id="s7", image_hw=HW)
+        assert mask is not None
+        return list(mask.tolist())
+
+    path = tmp_path / "mask.png"
+    Image.fromarray(ANIMAL.astype(np.uint8) * 255).save(path)
+    assert decoded(encode_mask(HEAD), path) == HEAD.tolist()
+    assert decoded(None, path) == ANIMAL.tolist()
+    assert record_mask(None, None, sample_id="s7", image_hw=HW) is None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from animal3dbox.datasets.readers.cuboids.conventions import KITTI, Floats
+from animal3dbox.datasets.readers.cuboid_conventions import KITTI, Floats
 from animal3dbox.datasets.records import CuboidImage
 from animal3dbox.errors import SampleError
 

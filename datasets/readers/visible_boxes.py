@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.readers.cuboids.conventions import Floats
+from animal3dbox.datasets.readers.cuboid_conventions import Floats
 from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.geometry.box_visibility import (
     corners_visibility,

@@ -16,7 +16,7 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.readers.cuboids.conventions import LOOP, OMNI3D, Floats
+from animal3dbox.datasets.readers.cuboid_conventions import LOOP, OMNI3D, Floats
 
 TOLERANCE = 5e-3
 """Of the box's diagonal: files are rounded to a few decimals.

@@ -7,15 +7,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from animal3dbox.datasets.readers.cuboids.conventions import Convention, Floats
-from animal3dbox.datasets.readers.cuboids.image_roots import image_path
-from animal3dbox.datasets.readers.cuboids.omni3d_schema import (
+from animal3dbox.datasets.readers.cuboid_conventions import Convention, Floats
+from animal3dbox.datasets.readers.elements import decoded, image_size
+from animal3dbox.datasets.readers.omni3d.image_roots import image_path
+from animal3dbox.datasets.readers.omni3d.schema import (
     Key,
     Omni3DAnnotation,
     Omni3DCategory,
     Omni3DImage,
 )
-from animal3dbox.datasets.readers.elements import decoded, image_size
 from animal3dbox.datasets.records import CuboidImage
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.checks import check_intrinsics

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from animal3dbox.datasets.images.photos import read_image
-from animal3dbox.datasets.readers.cuboids.conventions import KITTI, Floats, yaw_rotation
-from animal3dbox.datasets.readers.cuboids.kitti_files import (
+from animal3dbox.datasets.readers.cuboid_conventions import KITTI, Floats, yaw_rotation
+from animal3dbox.datasets.readers.kitti.files import (
     NO_LOCATION,
     KittiLine,
     parsed_calibration,

@@ -11,25 +11,25 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from animal3dbox.datasets.readers.cuboids.conventions import OMNI3D, Convention
-from animal3dbox.datasets.readers.cuboids.image_roots import TRIED, image_root
-from animal3dbox.datasets.readers.cuboids.omni3d_elements import (
+from animal3dbox.datasets.readers.cuboid_conventions import OMNI3D, Convention
+from animal3dbox.datasets.readers.elements import decoded
+from animal3dbox.datasets.readers.omni3d.elements import (
     StatedBox,
     box_2d,
     category_names,
     cuboid_image,
     stated_box,
 )
-from animal3dbox.datasets.readers.cuboids.omni3d_layout import Layout, StatedBoxes, infer_layout
-from animal3dbox.datasets.readers.cuboids.omni3d_schema import (
+from animal3dbox.datasets.readers.omni3d.image_roots import TRIED, image_root
+from animal3dbox.datasets.readers.omni3d.layout import Layout, StatedBoxes, infer_layout
+from animal3dbox.datasets.readers.omni3d.schema import (
     GENERATOR,
     Key,
     Omni3DAnnotation,
     Omni3DInfo,
     RawOmni3DFile,
 )
-from animal3dbox.datasets.readers.cuboids.visible_boxes import seen_boxes
-from animal3dbox.datasets.readers.elements import decoded
+from animal3dbox.datasets.readers.visible_boxes import seen_boxes
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError

@@ -1,1 +1,0 @@
-"""Other people's cuboids: Omni3D and KITTI."""

@@ -1,0 +1,1 @@
+"""Cuboids of KITTI: the text files and their reader."""
