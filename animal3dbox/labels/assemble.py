@@ -87,6 +87,24 @@ def _assemble_alike(drafts: Sequence[LabelDraft]) -> list[CuboidLabel]:
     K = np.array([draft.observation.K for draft in drafts])
     R = np.array([draft.pose.R for draft in drafts])
     t = np.array([draft.pose.t for draft in drafts])
+    rows = _label_rows(drafts, K=K, R=R, t=t)
+    qualities = _qualities(drafts, K, R, t)
+    return [
+        CuboidLabel(
+            sample_id=draft.observation.sample_id,
+            image_hw=image_hw,
+            row=rows[i].copy(),  # a view would keep, and pickle, the whole batch
+            keypoints_2d=draft.observation.keypoints_2d,
+            quality=qualities[i],
+            lens=None if distortion is None else distortion.copy(),
+        )
+        for i, draft in enumerate(drafts)
+    ]
+
+
+def _label_rows(drafts: Sequence[LabelDraft], *, K: Array, R: Array, t: Array) -> Array:
+    """The numbers (B, WIDTH) of labels; arguments as in _assemble_alike, one entry a draft."""
+    image_hw, distortion = drafts[0].observation.image_hw, drafts[0].observation.distortion
     mesh_center, mesh_rotation, size = (
         np.array(part) for part in zip(*(draft.mesh_box for draft in drafts), strict=True)
     )
@@ -100,7 +118,7 @@ def _assemble_alike(drafts: Sequence[LabelDraft]) -> list[CuboidLabel]:
     shares = [
         NO_SURFACE if draft.surface_share is None else draft.surface_share for draft in drafts
     ]
-    rows = rows_of(
+    return rows_of(
         {
             **fields,
             "center": center,
@@ -117,18 +135,6 @@ def _assemble_alike(drafts: Sequence[LabelDraft]) -> list[CuboidLabel]:
             "mesh_size": size,
         }
     )
-    qualities = _qualities(drafts, K, R, t)
-    return [
-        CuboidLabel(
-            sample_id=draft.observation.sample_id,
-            image_hw=image_hw,
-            row=rows[i].copy(),  # a view would keep, and pickle, the whole batch
-            keypoints_2d=draft.observation.keypoints_2d,
-            quality=qualities[i],
-            lens=None if distortion is None else distortion.copy(),
-        )
-        for i, draft in enumerate(drafts)
-    ]
 
 
 def _qualities(drafts: Sequence[LabelDraft], K: Array, R: Array, t: Array) -> list[Quality]:

@@ -121,38 +121,53 @@ def observe(
         else checks.keypoints(keypoints_2d, len(words), words.name, size)
     )
     matrix = _checked_intrinsics(checks, K, size, config)
-    lens = None if distortion is None else checks.array("distortion", distortion, "N")
-    if lens is not None:
-        checks.check(check_distortion, "distortion", lens)
-    faces = body.faces
     return Observation(
         sample_id=sample_id,
         image_hw=size,
         vocabulary=words,
         keypoints_2d=keypoints,
-        body=Body(
-            vertices=vertices,
-            landmarks=landmarks,
-            landmark_sigma=(
-                None if body.landmark_sigma is None else checks.sigma(body.landmark_sigma, words)
-            ),
-            faces=(
-                None
-                if faces is None or vertices is None
-                else checks.faces(faces, len(vertices), body.template)
-            ),
-            template=body.template,
-        ),
         K=matrix,
         K_source="guessed" if K is None else "given",
+        distortion=_checked_lens(checks, distortion),
+        body=_checked_body(checks, body, vertices, landmarks, words),
         pose=None if pose is None else checks.pose("pose", pose, "given"),
         hypotheses=tuple(
             checks.pose(f"pose_hypotheses[{i}]", hypothesis, f"hypothesis_{i}")
             for i, hypothesis in enumerate(pose_hypotheses)
         ),
         mask=None if mask is None else checks.mask(mask, size),
-        distortion=lens,
         warnings=tuple(warnings),
+    )
+
+
+def _checked_lens(checks: ArgumentChecks, distortion: ArrayLike) -> Array | None:
+    """The coefficients of the lens; None for a pinhole."""
+    if distortion is None:
+        return None
+    lens = checks.array("distortion", distortion, "N")
+    checks.check(check_distortion, "distortion", lens)
+    return lens
+
+
+def _checked_body(
+    checks: ArgumentChecks,
+    body: Body,
+    vertices: Array | None,
+    landmarks: Array | None,
+    words: Vocabulary,
+) -> Body:
+    """The body with its arrays checked; vertices and landmarks have been."""
+    sigma, faces = body.landmark_sigma, body.faces
+    return Body(
+        vertices=vertices,
+        landmarks=landmarks,
+        landmark_sigma=None if sigma is None else checks.sigma(sigma, words),
+        faces=(
+            None
+            if faces is None or vertices is None
+            else checks.faces(faces, len(vertices), body.template)
+        ),
+        template=body.template,
     )
 
 

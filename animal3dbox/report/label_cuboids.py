@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import SampleError, ShapeError
@@ -64,17 +65,14 @@ def cuboids_of_labels(labels: LabelFile) -> CuboidSet:
     return CuboidSet("labels", tuple(records), tuple(faults), tuple(notes))
 
 
-def _record(row: AnimalRow) -> CuboidRecord:
-    K, center, rotation, size, box = (
-        _numbers(row, field, shape)
-        for field, shape in (
-            ("K", (3, 3)),
-            ("center", (3,)),
-            ("rotation", (3, 3)),
-            ("size", (3,)),
-            ("box", (4,)),
-        )
-    )
+def _check_row(
+    row: AnimalRow,
+    *,
+    K: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+    size: NDArray[np.float64],
+) -> None:
+    """Raise a SampleError for a row whose box other tools could not take, or would misread."""
     try:
         check_intrinsics("K", K)
     except ShapeError as error:
@@ -102,6 +100,20 @@ def _record(row: AnimalRow) -> CuboidRecord:
         )
     if size.min() <= 0:
         raise SampleError(row.sample_id, "size", f"must be positive, got {size.tolist()}")
+
+
+def _record(row: AnimalRow) -> CuboidRecord:
+    K, center, rotation, size, box = (
+        _numbers(row, field, shape)
+        for field, shape in (
+            ("K", (3, 3)),
+            ("center", (3,)),
+            ("rotation", (3, 3)),
+            ("size", (3,)),
+            ("box", (4,)),
+        )
+    )
+    _check_row(row, K=K, rotation=rotation, size=size)
     return CuboidRecord(
         sample_id=row.sample_id,
         image_id=row.image,
