@@ -78,7 +78,7 @@ def tight_cuboid(
 ) -> Cuboid:
     """The smallest box with given axes around points, grown by a margin.
 
-    (Section 2.1.2, V_min and V_max.)
+    Least and greatest coordinates along the axes (section 2.1.2, V_min and V_max).
 
     Args:
         vertices_world: (V, 3), a tensor or an array.
