@@ -63,7 +63,7 @@ def test_every_citation_of_an_equation_is_in_the_table() -> None:
 
 
 PAGES = sorted(
-    p.relative_to(ROOT).as_posix() for p in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    p.relative_to(ROOT).as_posix() for p in [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
 )
 DOTTED = re.compile(r"(?<!schema `)(?<![\"\w./-])animal3dbox(?:\.[A-Za-z_]\w*)+")
 """A name of the package, in code or in prose; in quotation marks it is a file's schema."""
@@ -182,6 +182,13 @@ def test_each_number_of_the_config_in_the_solvers_is_its_default() -> None:
     stated = {name: ast.literal_eval(value) for name, value in STATED if not name.isupper()}
     assert len(stated) >= 14
     assert stated == {name: getattr(LabelConfig(), name) for name in stated}
+
+
+def test_the_classes_of_an_animals_way_are_in_the_files_named_and_in_the_pictures_order() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| `([^`]+)` \|", page, re.MULTILINE)
+    assert [row for row in rows if row[::-1] not in docstrings()] == []
+    assert re.findall(r"^ ([A-Z]\w+) --", page, re.MULTILINE) == [name for name, _ in rows]
 
 
 @pytest.mark.parametrize("name", PAGES)
