@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from small_animals import model_of
 
+from animal3dbox.labels.config import LabelConfig
+
 ROOT = Path(__file__).parent.parent
 ROW = re.compile(r"^\| .* \| (section [^|]+?) \| `([^`]+)` \| `([^`]+)` \|$", re.MULTILINE)
 
@@ -61,7 +63,7 @@ def test_every_citation_of_an_equation_is_in_the_table() -> None:
 
 
 PAGES = sorted(
-    p.relative_to(ROOT).as_posix() for p in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    p.relative_to(ROOT).as_posix() for p in [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
 )
 DOTTED = re.compile(r"(?<!schema `)(?<![\"\w./-])animal3dbox(?:\.[A-Za-z_]\w*)+")
 """A name of the package, in code or in prose; in quotation marks it is a file's schema."""
@@ -135,6 +137,58 @@ def test_names_are_recognised_in_code_and_in_prose() -> None:
     assert is_importable("animal3dbox.labels.config.LabelConfig.method")
     assert not is_importable("animal3dbox.datasets.exchange.read_omni3d")
     assert not is_importable("animal3dbox.no_such_room.name")
+
+
+SOLVER = (ROOT / "docs" / "solver.md").read_text()
+FORMULAS = re.findall(r"^\| [^|]+ \| `(animal3dbox/[^`]+)` \| `([^`]+)` \|$", SOLVER, re.MULTILINE)
+"""File and function of each formula."""
+STATED = re.findall(r"`([A-Za-z_]\w*) = ([^`]+)`", SOLVER)
+"""Names and values of the constants, in the code's words."""
+
+
+def constants_of(file: str) -> dict[str, object]:
+    """The numbers that a file names: those in capitals that it does not import."""
+    module = importlib.import_module(file.removesuffix(".py").replace("/", "."))
+    own = {
+        name.id
+        for node in ast.parse((ROOT / file).read_text()).body
+        if isinstance(node, ast.Assign)
+        for name in ast.walk(node)
+        if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+    }
+    return {
+        name: value
+        for name in own
+        if name.isupper() and isinstance(value := getattr(module, name), int | float | tuple)
+    }
+
+
+def test_each_formula_of_the_solvers_is_the_function_named() -> None:
+    known = set(docstrings())
+    assert len(FORMULAS) >= 40
+    assert [row for row in FORMULAS if row not in known] == []
+
+
+def test_each_constant_of_the_solvers_is_stated_once_and_as_the_code_has_it() -> None:
+    files = {file for file, _ in FORMULAS if file.startswith("animal3dbox/labels/pose/")}
+    in_code = {name: value for file in files for name, value in constants_of(file).items()}
+    stated = {name: ast.literal_eval(value) for name, value in STATED if name.isupper()}
+    del in_code["SIDES"]  # which coordinate a bound is: no number to choose
+    assert len(STATED) == len({name for name, _ in STATED})
+    assert stated == in_code
+
+
+def test_each_number_of_the_config_in_the_solvers_is_its_default() -> None:
+    stated = {name: ast.literal_eval(value) for name, value in STATED if not name.isupper()}
+    assert len(stated) >= 14
+    assert stated == {name: getattr(LabelConfig(), name) for name in stated}
+
+
+def test_the_classes_of_an_animals_way_are_in_the_files_named_and_in_the_pictures_order() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| `([^`]+)` \|", page, re.MULTILINE)
+    assert [row for row in rows if row[::-1] not in docstrings()] == []
+    assert re.findall(r"^ ([A-Z]\w+) --", page, re.MULTILINE) == [name for name, _ in rows]
 
 
 @pytest.mark.parametrize("name", PAGES)

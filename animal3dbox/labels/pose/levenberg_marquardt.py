@@ -19,6 +19,11 @@ Array = NDArray[np.float64]
 LEAST_DEPTH = 0.05
 """Of the landmarks' spread, which is 1: no landmark may come nearer to the camera's plane."""
 FIRST_DAMPING = 1e-3
+DAMPING_DOWN, DAMPING_UP = 0.1, 8
+"""Factors of the damping after a step that helps, and after one that does not."""
+LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e8
+RIDGE = 1e-12
+"""Of the greatest curvature: added to every direction, so that one without any can be solved for."""
 SETTLED = 1e-10
 """Relative gain in cost below which a pose counts as found."""
 
@@ -125,7 +130,7 @@ def descend(
     here, damping = local(R, t), np.full(len(R), FIRST_DAMPING)
     for _ in range(rounds):
         diagonal = here.A.diagonal(axis1=-2, axis2=-1)
-        ridge = damping[:, None] * diagonal + 1e-12 * diagonal.max(-1)[:, None] + 1e-300
+        ridge = damping[:, None] * diagonal + RIDGE * diagonal.max(-1)[:, None] + 1e-300
         step = -np.linalg.solve(here.A + ridge[..., None] * ONES, here.b[..., None])[..., 0]
         R_new, t_new = small_turns(step[:, :3]) @ R, t + step[:, 3:]
         there = local(R_new, t_new)
@@ -140,7 +145,8 @@ def descend(
             if better.all()
             else _where(better, (R_new, t_new, there), (R, t, here))
         )
-        damping = np.minimum(np.maximum(np.where(better, damping * 0.1, damping * 8), 1e-12), 1e8)
+        damping = np.where(better, damping * DAMPING_DOWN, damping * DAMPING_UP)
+        damping = np.minimum(np.maximum(damping, LEAST_DAMPING), MOST_DAMPING)
         if settled.all():
             return R, t, here.cost, True
     return R, t, here.cost, False

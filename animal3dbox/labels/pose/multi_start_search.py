@@ -43,6 +43,8 @@ SURE_KEYPOINTS, SURE_EXTENT, SURE_DISTANCE = 10, 40.0, 4.0
 view could not do that too."""
 APART = 0.05
 """Rotations that differ by less, in the Frobenius norm, are one."""
+NEAREST_VIEW, VIEW_CLEARANCE = 1e-3, 4
+"""Least depth of the landmarks' mean in a view's start, and times LEAST_DEPTH that of each."""
 VIEWS = orbit_rotations(AZIMUTHS, ELEVATIONS_DEG)
 """R_cam_box (B, 3, 3) of cameras all round a body, its back up in the picture."""
 
@@ -119,8 +121,8 @@ def weak_perspective_translation(problem: PoseProblem, R: Array) -> Array:
     spread_3d = np.median(norm((rotated[:, :2] - middle_3d[..., None]).swapaxes(-1, -2)), -1)
     spread_2d = float(np.median(norm((rays - middle_2d[:, None]).T)))
     middle_depth = rotated[:, 2].mean(-1)
-    depth = np.maximum(spread_3d / max(spread_2d, 1e-9), 1e-3) - middle_depth
-    depth = np.maximum(depth, 4 * LEAST_DEPTH - rotated[:, 2].min(-1))
+    depth = np.maximum(spread_3d / max(spread_2d, 1e-9), NEAREST_VIEW) - middle_depth
+    depth = np.maximum(depth, VIEW_CLEARANCE * LEAST_DEPTH - rotated[:, 2].min(-1))
     return np.concatenate(
         (middle_2d * (depth + middle_depth)[:, None] - middle_3d, depth[:, None]), -1
     )

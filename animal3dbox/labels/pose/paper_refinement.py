@@ -8,7 +8,12 @@ from animal3dbox.labels.pose.epnp_ransac import checked_pose
 from animal3dbox.labels.pose.paper_joint_cost import Array, JointCost, joint_cost, rotate
 from animal3dbox.labels.pose.problem import PoseEstimate, PoseFailure, PoseProblem
 
-LITERAL_ROUNDS = 50
+EVALUATIONS = 200
+"""Most evaluations of the residuals in a solve of the vector reading."""
+LITERAL_ROUNDS, LITERAL_EVALUATIONS = 50, 4
+"""Most rounds of reweighting, and most evaluations in the solve of each."""
+LITERAL_SETTLED = 1e-6
+"""Relative change of the energy below which the rounds end."""
 LITERAL_FLOOR = 1e-3
 """Distances below this weigh as if they were this far off: a distance itself has a kink at zero."""
 
@@ -61,10 +66,10 @@ def _literal(cost: JointCost, pose: Array, config: LabelConfig) -> Array:
             1 / np.maximum(distances, LITERAL_FLOOR),
             1 / np.maximum(off, LITERAL_FLOOR),
             config,
-            rounds=4,
+            evaluations=LITERAL_EVALUATIONS,
         )
         energy = literal_energy(cost, pose, config)
-        settled = abs(least - energy) <= 1e-6 * least
+        settled = abs(least - energy) <= LITERAL_SETTLED * least
         if energy < least:
             best, least = pose, energy
         if settled:
@@ -78,7 +83,7 @@ def _solve(
     keypoint_weights: Array,
     box_weights: Array,
     config: LabelConfig,
-    rounds: int | None = None,
+    evaluations: int = EVALUATIONS,
 ) -> Array:
     """One SciPy solve of the squared residuals under fixed weights."""
     by_keypoint = np.sqrt(config.lambda_keypoints * keypoint_weights)[:, None]
@@ -98,6 +103,11 @@ def _solve(
         )
 
     solved = least_squares(
-        residuals, pose, jac=jacobian, xtol=config.xtol, ftol=config.ftol, max_nfev=rounds or 200
+        residuals,
+        pose,
+        jac=jacobian,
+        xtol=config.xtol,
+        ftol=config.ftol,
+        max_nfev=evaluations,
     )
     return np.asarray(solved.x, dtype=np.float64)
