@@ -42,7 +42,9 @@ class AnimalEntry(NamedTuple):
 
 IndexRow = tuple[str, str, bool, int, tuple[AnimalEntry, ...]]
 """An image's name, its file ("" of one that is only in memory), whether it has further animals
-whose annotations cannot be read, the place of its first animal among all, and its animals' entries."""
+whose annotations cannot be read, the place of its first animal among all, and the entries of its
+animals.
+"""
 
 
 def entry_of(record: AnimalRecord | CuboidRecord, content: bytes) -> AnimalEntry:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 from torch import Tensor
 from torch.utils.data._utils.collate import default_collate_fn_map
@@ -23,7 +23,7 @@ class Sample(tuple[Tensor, Target]):
     __slots__ = ()
 
 
-def _refuse_to_stack(samples: Sequence[Sample], **_: object) -> object:
+def _refuse_to_stack(samples: Sequence[Sample], **_: object) -> NoReturn:
     raise TypeError(COLLATE_REMEDY)
 
 
@@ -48,11 +48,16 @@ class Skipped:
     image_id: str
     cases: tuple[Case, ...]
 
-    def __len__(self) -> int:
-        raise TypeError(
-            f"{self.image_id} was skipped (on_bad='skip'), which only animal3dbox.datasets.collate"
-            " understands: give it as collate_fn"
-        )
+
+def _refuse_to_leave_out(batch: Sequence[Skipped], **_: object) -> NoReturn:
+    """Refuse a batch with a skipped sample in torch's own collate, which can leave nothing out."""
+    raise TypeError(
+        f"{batch[0].image_id} was skipped (on_bad='skip'), which only the dataset's own collate"
+        " understands: give the DataLoader collate_fn=dataset.collate_fn"
+    )
+
+
+default_collate_fn_map[Skipped] = _refuse_to_leave_out
 
 
 RENAMED: Mapping[str, str] = {

@@ -39,13 +39,17 @@ from animal3dbox.labels.types import CuboidLabel, Quality
 from animal3dbox.transforms import Compose, RandomHorizontalFlip, RandomResizedCrop
 
 SHAPES = {
-    "corners_3d": (8, 3), "center": (3,), "rotation": (3, 3), "size": (3,), "corners_2d": (8, 2), "corner_in_front": (8,), "face_visible": (6,),
-    "face_area": (6,), "face_share": (6,), "face_share_in_image": (6,), "R": (3, 3), "t": (3,), "boxes": (4,), "labels": (), "truncation": (),
-    "behind_camera": (), "keypoints": (26, 3), "masks": HW, "scale_known": (), "scale_m_per_unit": (),
+    "corners_3d": (8, 3), "center": (3,), "rotation": (3, 3), "size": (3,), "corners_2d": (8, 2),
+    "corner_in_front": (8,), "face_visible": (6,),
+    "face_area": (6,), "face_share": (6,), "face_share_in_image": (6,), "R": (3, 3), "t": (3,),
+    "boxes": (4,), "labels": (), "truncation": (),
+    "behind_camera": (), "keypoints": (26, 3), "masks": HW, "scale_known": (),
+    "scale_m_per_unit": (),
 }  # fmt: skip
 DTYPES = {
     "labels": torch.int64, "masks": torch.uint8,
-    **dict.fromkeys(("corner_in_front", "face_visible", "behind_camera", "scale_known"), torch.bool),
+    **dict.fromkeys(("corner_in_front", "face_visible", "behind_camera", "scale_known"),
+        torch.bool),
 }  # fmt: skip
 
 
@@ -65,7 +69,7 @@ def crowded(dataset: LabelDataset) -> int:
 
 
 # What comes out
-# ---------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_sample_is_an_image_and_a_target_of_the_documented_shapes(animals: Path) -> None:
@@ -206,7 +210,7 @@ def test_the_number_of_a_class_can_be_fixed(animals: Path) -> None:
 
 
 # What is left out
-# -------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def corrupt_image(folder: Path, dataset: LabelDataset, index: int) -> str:
@@ -345,7 +349,8 @@ def test_a_rejection_is_an_error_or_is_reported_with_its_reason(copied: Path) ->
 
 @pytest.mark.parametrize(
     "limits",
-    [{"min_mask_iou": 1.0}, {"min_inlier_share": 1.0}, {"max_reprojection_error_px": 0.0}, {"min_confidence": 1.0}, {"min_box_px": 1e4},
+    [{"min_mask_iou": 1.0}, {"min_inlier_share": 1.0}, {"max_reprojection_error_px": 0.0},
+        {"min_confidence": 1.0}, {"min_box_px": 1e4},
      {"max_truncation": 0.0}],
 )  # fmt: skip
 def test_a_filter_leaves_out_what_misses_it_and_says_so(
@@ -443,7 +448,8 @@ def test_the_report_can_be_kept(copied: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("options", "says"),
-    [({"on_bad": "ignore"}, "on_bad must be"), ({"partial": "drop"}, "partial must be"), ({"stored_cameras": "trust"}, "stored_cameras must be"),
+    [({"on_bad": "ignore"}, "on_bad must be"), ({"partial": "drop"}, "partial must be"),
+        ({"stored_cameras": "trust"}, "stored_cameras must be"),
      ({"classes": ("a", "a")}, "classes must differ")],
 )  # fmt: skip
 def test_wrong_options_say_what_they_can_be(
@@ -465,7 +471,7 @@ def test_an_index_out_of_range_ends_iteration(animals: Path, index: int) -> None
 
 
 # Cameras and metres
-# -----------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_photo_s_own_focal_length_beats_the_dataset_s(copied: Path) -> None:
@@ -608,8 +614,10 @@ def test_whole_numbers_of_any_type_are_indices(animals: Path) -> None:
 def test_skipped_samples_in_another_collate_say_which_to_take(copied: Path) -> None:
     dataset = small_dataset(copied, on_bad="skip")
     corrupt_image(copied, dataset, 0)
-    with pytest.raises(TypeError, match=r"give it as collate_fn"):
+    with pytest.raises(TypeError, match="give the DataLoader collate_fn=dataset.collate_fn"):
         default_collate([dataset[1], dataset[0]])
+    with pytest.raises(TypeError, match=r"was skipped .*collate_fn=dataset.collate_fn"):
+        default_collate([dataset[0], dataset[1]])
 
 
 def test_a_scale_that_is_a_number_is_refused_at_once(animals: Path, tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def expected(animals: Path) -> list[Any]:
 
 
 # The same bytes
-# ---------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.filterwarnings("ignore:This DataLoader will create 4 worker processes")
@@ -112,7 +112,7 @@ def test_forked_workers_do_not_hang_after_threads_in_the_parent(animals: Path) -
 
 
 # Orders
-# -----------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_an_epoch_can_be_resumed_in_its_middle(animals: Path) -> None:
@@ -178,7 +178,7 @@ def test_two_ranks_train_on_one_dataset_with_one_cache(animals: Path, tmp_path: 
 
 
 # Errors
-# -----------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -239,7 +239,7 @@ def test_skipped_samples_leave_smaller_batches_and_a_report(copied: Path) -> Non
 
 
 # Batches
-# ----------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_stacking_needs_one_size_and_says_which_image_differs(animals: Path) -> None:
@@ -313,7 +313,7 @@ def test_a_batch_crosses_processes_without_a_shared_file_a_tensor(animals: Path)
 
 
 # Memory
-# -----------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -339,7 +339,9 @@ def test_a_worker_grows_by_at_most_5_mb_over_20_000_records(
         Records(many), batch_size=None, num_workers=2, multiprocessing_context=context
     )
     gc.collect()
-    gc.freeze()  # what tests before this one left in the parent is not looked through, and so not copied, by a forked worker's collector
+    # What tests before this one left in the parent is not looked through, and so not copied, by a
+    # forked worker's collector.
+    gc.freeze()
     try:
         told = np.array([row for row in loader if row[2]])
     finally:

@@ -63,9 +63,7 @@ def test_the_side_and_viewpoint_are_the_animals_own(
     assert abs(label.azimuth_deg - azimuth) < 12 or abs(abs(label.azimuth_deg) - 180) < 12
 
 
-def test_the_left_of_an_animal_seen_from_its_left_faces_the_camera_with_its_nose_to_the_left_of_the_picture() -> (
-    None
-):
+def test_an_animal_seen_from_its_left_has_its_nose_to_the_left_of_the_picture() -> None:
     label = labelled(
         label_animal(
             IMAGE_HW, keypoints_3d=toy_landmarks(), vertices=MESH, K=K, pose=camera_round(90, 0)

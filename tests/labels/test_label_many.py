@@ -16,7 +16,8 @@ from animal3dbox.smal.parameters import posed_bodies
 SET = SyntheticSet(5, 8)
 STILL = np.eye(3), np.zeros(3)
 TENSORS = (
-    "corners_3d", "center", "rotation", "size", "corners_2d", "corner_in_front", "face_visible", "face_area", "face_share",
+    "corners_3d", "center", "rotation", "size", "corners_2d", "corner_in_front", "face_visible",
+    "face_area", "face_share",
     "face_share_in_image", "K", "R", "t", "box", "keypoints",
 )  # fmt: skip
 
@@ -29,8 +30,10 @@ def arguments() -> list[dict[str, Any]]:
     ).vertices
     return [
         {
-            "image_hw": record.image_hw, "keypoints_2d": record.keypoints_2d, "vertices": body, "faces": bodies.model.faces, "template": bodies.model,
-            "K": np.array(record.K), "pose": STILL, "vocabulary": record.vocabulary, "sample_id": record.sample_id,
+            "image_hw": record.image_hw, "keypoints_2d": record.keypoints_2d, "vertices": body,
+            "faces": bodies.model.faces, "template": bodies.model,
+            "K": np.array(record.K), "pose": STILL, "vocabulary": record.vocabulary,
+            "sample_id": record.sample_id,
         }
         for record, body in zip(records, vertices, strict=True)
     ]  # fmt: skip
@@ -106,7 +109,7 @@ def test_a_label_keeps_nothing_of_its_arguments_memory() -> None:
 
 
 @pytest.mark.parametrize("away", [0.0, 1000.0])
-def test_vertices_in_float32_move_the_sides_of_a_box_by_less_than_a_millionth_of_it_however_far_away(
+def test_vertices_in_float32_move_a_far_box_by_less_than_a_millionth_of_it(
     away: float,
 ) -> None:
     bodies = SET.bodies()

@@ -14,12 +14,15 @@ from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
 
 F64 = torch.float64
 _HALF = {
-    "eye": (0.78, 0.05, 0.72), "front_paw": (0.36, 0.12, 0.0), "back_paw": (-0.42, 0.12, 0.0), "front_elbow": (0.30, 0.13, 0.34),
-    "back_knee": (-0.32, 0.14, 0.36), "shoulder": (0.38, 0.15, 0.52), "front_wrist": (0.34, 0.12, 0.16), "back_hock": (-0.50, 0.12, 0.18),
+    "eye": (0.78, 0.05, 0.72), "front_paw": (0.36, 0.12, 0.0), "back_paw": (-0.42, 0.12, 0.0),
+    "front_elbow": (0.30, 0.13, 0.34),
+    "back_knee": (-0.32, 0.14, 0.36), "shoulder": (0.38, 0.15, 0.52), "front_wrist": (0.34, 0.12,
+        0.16), "back_hock": (-0.50, 0.12, 0.18),
     "ear": (0.66, 0.09, 0.80), "mouth": (0.86, 0.04, 0.62),
 }  # fmt: skip
 _MIDDLE = {
-    "chin": (0.84, 0, 0.58), "tail_base": (-0.48, 0, 0.60), "neck": (0.44, 0, 0.64), "tail_tip": (-0.95, 0, 0.45),
+    "chin": (0.84, 0, 0.58), "tail_base": (-0.48, 0, 0.60), "neck": (0.44, 0, 0.64),
+    "tail_tip": (-0.95, 0, 0.45),
     "nose": (0.95, 0, 0.66), "tail_middle": (-0.7, 0, 0.55),
 }  # fmt: skip
 

@@ -50,14 +50,16 @@ def annotation_of(
         int(lines[-1] - lines[0]) + 1,
     ]
     return {
-        "id": number, "image_id": image_id, "category_id": category_id, "keypoints": [value for row in rows for value in row],
-        "num_keypoints": sum(row[2] > 0 for row in rows), "iscrowd": 0, "bbox": box, "area": int(view.mask.sum()),
+        "id": number, "image_id": image_id, "category_id": category_id,
+        "keypoints": [value for row in rows for value in row],
+        "num_keypoints": sum(row[2] > 0 for row in rows), "iscrowd": 0, "bbox": box,
+        "area": int(view.mask.sum()),
         "segmentation": {"size": list(HW), "counts": encode_mask(view.mask)},
     }  # fmt: skip
 
 
 def coco_content(root: Path, names: Sequence[str] = AP10K_NAMES) -> Content:
-    """Three images, saved under root/images, of which the second has two animals and the last none."""
+    """Three images, saved under root/images: the second has two animals and the last none."""
     views = [ap10k_view(60), ap10k_view(110), ap10k_view(250)]
     files = ["a.jpg", "sub/b.jpg", "c.jpg"]
     for file, view in zip(files, views, strict=True):
@@ -158,48 +160,76 @@ def image_id_of_two(content: Content, root: Path) -> None:
 EMPTY = encode_mask(np.zeros(HW, dtype=bool))
 A, B = ("a.jpg",), ("sub/b.jpg",)
 COCO_FAULTS = {
-    "missing_image": CocoFault(A, "file_name", "there is no file", lambda content, root: (root / "images" / "a.jpg").unlink()),
-    "image_out_of_root": CocoFault(("../a.jpg",), "file_name", "leads out of", in_image(file_name="../a.jpg")),
-    "absolute_image": CocoFault(("/etc/hostname",), "file_name", "leads out of", in_image(file_name="/etc/hostname")),
+    "missing_image": CocoFault(A, "file_name", "there is no file",
+        lambda content, root: (root / "images" / "a.jpg").unlink()),
+    "image_out_of_root": CocoFault(("../a.jpg",), "file_name", "leads out of",
+        in_image(file_name="../a.jpg")),
+    "absolute_image": CocoFault(("/etc/hostname",), "file_name", "leads out of",
+        in_image(file_name="/etc/hostname")),
     "unreadable_image_of_unknown_size": CocoFault(
         A, "image", "cannot be decoded",
-        lambda content, root: (in_image(height=None)(content, root), (root / "images" / "a.jpg").write_text("<html>")),
+        lambda content, root: (in_image(height=None)(content, root),
+            (root / "images" / "a.jpg").write_text("<html>")),
     ),
     "negative_size": CocoFault(A, "width, height", "must be positive", in_image(height=-1)),
     "height_of_words": CocoFault(("a.jpg", "annotation 1"), "", "", in_image(height="120")),
-    "image_id_of_two": CocoFault(("c.jpg", "annotation 1"), "id", "10 is the id of", image_id_of_two),
-    "image_listed_twice": CocoFault(("sub/b.jpg", "annotation 0", "annotation 2"), "", "", in_image(file_name="sub/b.jpg")),
-    "unknown_image": CocoFault(("annotation 1",), "image_id", "there is no usable image of the id 99", in_annotation(image_id=99)),
-    "image_id_of_null": CocoFault(("annotation 1",), "image_id", "Expected `int | str`", in_annotation(image_id=None)),
-    "unknown_category": CocoFault(A, "category_id", "no category has the id 7 (annotation 1)", in_annotation(category_id=7)),
-    "unknown_keypoints_of_a_category": CocoFault(A, "keypoints", "'nse' (nearest: nose", other_category),
-    "doubled_id": CocoFault(("sub/b.jpg (annotation 2)",), "id", "1 is annotation 1 once more", doubled_id),
+    "image_id_of_two": CocoFault(("c.jpg", "annotation 1"), "id", "10 is the id of",
+        image_id_of_two),
+    "image_listed_twice": CocoFault(("sub/b.jpg", "annotation 0", "annotation 2"), "", "",
+        in_image(file_name="sub/b.jpg")),
+    "unknown_image": CocoFault(("annotation 1",), "image_id",
+        "there is no usable image of the id 99", in_annotation(image_id=99)),
+    "image_id_of_null": CocoFault(("annotation 1",), "image_id", "Expected `int | str`",
+        in_annotation(image_id=None)),
+    "unknown_category": CocoFault(A, "category_id", "no category has the id 7 (annotation 1)",
+        in_annotation(category_id=7)),
+    "unknown_keypoints_of_a_category": CocoFault(A, "keypoints", "'nse' (nearest: nose",
+        other_category),
+    "doubled_id": CocoFault(("sub/b.jpg (annotation 2)",), "id", "1 is annotation 1 once more",
+        doubled_id),
     "copied_annotation": CocoFault(
-        ("a.jpg (annotation 3)",), "id", "is annotation 1 once more", lambda content, root: content["annotations"].append(content["annotations"][1])
+        ("a.jpg (annotation 3)",), "id", "is annotation 1 once more",
+        lambda content, root: content["annotations"].append(content["annotations"][1])
     ),
     "copied_annotation_with_an_id_of_its_own": CocoFault(
         ("a.jpg (annotation 3)",), "entry", "is annotation 1 once more, but for the id",
-        lambda content, root: content["annotations"].append({**dict(reversed(content["annotations"][1].items())), "id": 7}),
+        lambda content, root: content["annotations"].append(
+            {**dict(reversed(content["annotations"][1].items())), "id": 7}
+        ),
     ),
-    "copied_annotation_without_ids": CocoFault(("a.jpg (annotation 3)",), "entry", "is annotation 1 once more", copy_without_ids),
+    "copied_annotation_without_ids": CocoFault(("a.jpg (annotation 3)",), "entry",
+        "is annotation 1 once more", copy_without_ids),
     "annotation_of_null": CocoFault(
-        ("annotation 3",), "entry", "Expected `object`", lambda content, root: content["annotations"].append(None)
+        ("annotation 3",), "entry", "Expected `object`",
+        lambda content, root: content["annotations"].append(None)
     ),
-    "too_few_keypoints": CocoFault(A, "keypoints", "for 17 keypoints, got 48 numbers", in_annotation(keypoints=[1.0] * 48)),
+    "too_few_keypoints": CocoFault(A, "keypoints", "for 17 keypoints, got 48 numbers",
+        in_annotation(keypoints=[1.0] * 48)),
     "keypoints_as_words": CocoFault(A, "keypoints", "Expected", keypoint(0, "12")),
     "visibility_of_3": CocoFault(A, "keypoints", "visibility must be 0, 1 or 2", keypoint(2, 3)),
     "scores_for_visibility": CocoFault(A, "keypoints", "are these scores?", keypoint(2, 0.93)),
-    "keypoints_of_another_image": CocoFault(A, "keypoints", "lie in or near bbox", in_annotation(bbox=[1, 1, 3, 3])),
+    "keypoints_of_another_image": CocoFault(A, "keypoints", "lie in or near bbox",
+        in_annotation(bbox=[1, 1, 3, 3])),
     "flat_box": CocoFault(A, "bbox", "positive area", in_annotation(bbox=[10, 10, 20, 0])),
     "short_box": CocoFault(A, "bbox", "[x, y, w, h]", in_annotation(bbox=[10, 10, 20])),
-    "box_outside": CocoFault(A, "bbox", "lies outside the image of 160 x 120", in_annotation(bbox=[200, 10, 20, 20])),
-    "mask_of_another_size": CocoFault(A, "segmentation", "mask of size [5, 5]", in_annotation(segmentation={"size": [5, 5], "counts": "0"})),
-    "mask_cut_off": CocoFault(A, "segmentation", "but the image has", in_annotation(segmentation={"size": list(HW), "counts": [5, 3]})),
-    "empty_mask": CocoFault(A, "segmentation", "is an empty mask", in_annotation(segmentation={"size": list(HW), "counts": EMPTY})),
-    "polygon_of_two_points": CocoFault(A, "segmentation", "at least three points", in_annotation(segmentation=[[1, 1, 9, 9]])),
-    "polygon_of_half_a_point": CocoFault(A, "segmentation", "at least three points", in_annotation(segmentation=[[1, 1, 9, 9, 9, 1, 5]])),
-    "polygon_outside": CocoFault(A, "segmentation", "hold no pixel", in_annotation(segmentation=[[200, 1, 220, 1, 220, 20]])),
-    "polygon_far_away": CocoFault(A, "segmentation", "ten image sizes", in_annotation(segmentation=[[2e4, 1, 3e4, 1, 3e4, 20]])),
-    "polygon_of_words": CocoFault(A, "segmentation", "must be lists of x, y", in_annotation(segmentation=["1 2 3 4 5 6"])),
-    "mask_is_a_number": CocoFault(A, "segmentation", "must be a run-length string", in_annotation(segmentation=7)),
+    "box_outside": CocoFault(A, "bbox", "lies outside the image of 160 x 120",
+        in_annotation(bbox=[200, 10, 20, 20])),
+    "mask_of_another_size": CocoFault(A, "segmentation", "mask of size [5, 5]",
+        in_annotation(segmentation={"size": [5, 5], "counts": "0"})),
+    "mask_cut_off": CocoFault(A, "segmentation", "but the image has",
+        in_annotation(segmentation={"size": list(HW), "counts": [5, 3]})),
+    "empty_mask": CocoFault(A, "segmentation", "is an empty mask",
+        in_annotation(segmentation={"size": list(HW), "counts": EMPTY})),
+    "polygon_of_two_points": CocoFault(A, "segmentation", "at least three points",
+        in_annotation(segmentation=[[1, 1, 9, 9]])),
+    "polygon_of_half_a_point": CocoFault(A, "segmentation", "at least three points",
+        in_annotation(segmentation=[[1, 1, 9, 9, 9, 1, 5]])),
+    "polygon_outside": CocoFault(A, "segmentation", "hold no pixel",
+        in_annotation(segmentation=[[200, 1, 220, 1, 220, 20]])),
+    "polygon_far_away": CocoFault(A, "segmentation", "ten image sizes",
+        in_annotation(segmentation=[[2e4, 1, 3e4, 1, 3e4, 20]])),
+    "polygon_of_words": CocoFault(A, "segmentation", "must be lists of x, y",
+        in_annotation(segmentation=["1 2 3 4 5 6"])),
+    "mask_is_a_number": CocoFault(A, "segmentation", "must be a run-length string",
+        in_annotation(segmentation=7)),
 }  # fmt: skip

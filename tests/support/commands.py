@@ -27,10 +27,11 @@ def ran(*arguments: str | Path) -> tuple[int, str]:
 
 
 def labels_of_one_animal(folder: Path) -> Path:
-    """A folder as ``label`` writes it, with the label of a synthetic animal and one animal without."""
+    """A folder as ``label`` writes it: the label of a synthetic animal, and one animal without."""
     animal = synthetic_animal(seed=0, index=2)
     label = label_animal(
-        image_hw=animal.image_hw, keypoints_2d=animal.keypoints_2d, vertices=animal.vertices, faces=animal.model.faces,
+        image_hw=animal.image_hw, keypoints_2d=animal.keypoints_2d, vertices=animal.vertices,
+        faces=animal.model.faces,
         template=animal.model, K=animal.K, mask=animal.mask, sample_id="a.jpg",
     )  # fmt: skip
     assert isinstance(label, CuboidLabel)

@@ -23,9 +23,12 @@ def simple_record(**changes: object) -> CuboidRecord:
         [[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]
     )  # forward = x right, left = z away from us, up = -y
     fields: dict[str, object] = {
-        "sample_id": "images/a.jpg", "image_id": "images/a.jpg", "image_path": Path("images/a.jpg"), "image_hw": HW, "category": "dog",
-        "K": np.array([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]]), "center": np.array([1.0, 0.5, 10]), "rotation": R,
-        "size": np.array([2.0, 1, 1.5]), "metric": True, "heading_known": True, "box": np.array([79.5, 55.5, 99.5, 71.5]), "truncation": 0.0,
+        "sample_id": "images/a.jpg", "image_id": "images/a.jpg", "image_path": Path("images/a.jpg"),
+        "image_hw": HW, "category": "dog",
+        "K": np.array([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]]),
+        "center": np.array([1.0, 0.5, 10]), "rotation": R,
+        "size": np.array([2.0, 1, 1.5]), "metric": True, "heading_known": True,
+        "box": np.array([79.5, 55.5, 99.5, 71.5]), "truncation": 0.0,
     }  # fmt: skip
     return CuboidRecord(**{**fields, **changes})  # type: ignore[arg-type]
 
@@ -60,8 +63,10 @@ def random_set(seed: int = 0, *, upright: bool = False, in_view: bool = False) -
             box = None if k == 3 else np.array([10.5, 12.25, 60.5, 80.0]) + k
             records.append(
                 simple_record(
-                    sample_id=f"{name}#{k}" if k else name, image_id=name, image_path=Path(name), image_hw=hw, K=K, center=center,
-                    rotation=rotation, size=rng.uniform(0.3, 2.5, 3), category=("dog", "brown bear")[k % 2], box=box,
+                    sample_id=f"{name}#{k}" if k else name, image_id=name,
+                    image_path=Path(name), image_hw=hw, K=K,
+                    center=center, rotation=rotation, size=rng.uniform(0.3, 2.5, 3),
+                    category=("dog", "brown bear")[k % 2], box=box,
                     truncation=None if k == 2 else k / 4, heading_known=k != 1,
                 )
             )  # fmt: skip

@@ -22,23 +22,32 @@ FLAG = ("hostile_target", "fire")
 """A function that the watching process defines: to call it, nothing need be imported."""
 
 COMMANDS = (
-    ("os", "system"), ("posix", "system"), ("nt", "system"), ("os", "popen"), ("subprocess", "getoutput"), ("subprocess", "check_call"),
+    ("os", "system"), ("posix", "system"), ("nt", "system"), ("os", "popen"), ("subprocess",
+        "getoutput"), ("subprocess", "check_call"),
     ("pty", "spawn"), ("commands", "getoutput"),
 )  # fmt: skip
 CODE = (
-    ("builtins", "eval"), ("builtins", "exec"), ("__builtin__", "eval"), ("__builtin__", "execfile"), ("timeit", "timeit"), ("cProfile", "run"),
-    ("pdb", "run"), ("code", "interact"), ("numpy.testing._private.utils", "runstring"), ("numpy.f2py.crackfortran", "myeval"),
+    ("builtins", "eval"), ("builtins", "exec"), ("__builtin__", "eval"), ("__builtin__",
+        "execfile"), ("timeit", "timeit"), ("cProfile", "run"),
+    ("pdb", "run"), ("code", "interact"), ("numpy.testing._private.utils", "runstring"),
+    ("numpy.f2py.crackfortran", "myeval"),
     ("torch._inductor.codecache", "compile_file"), ("trace", "run"),
 )  # fmt: skip
 FILES = (
-    ("builtins", "__import__"), ("importlib", "import_module"), ("runpy", "run_path"), ("pickle", "load"), ("pickle", "loads"), ("torch", "load"),
-    ("numpy", "load"), ("shutil", "rmtree"), ("os", "remove"), ("webbrowser", "open"), ("socket", "create_connection"), ("_io", "FileIO"),
+    ("builtins", "__import__"), ("importlib", "import_module"), ("runpy", "run_path"), ("pickle",
+        "load"), ("pickle", "loads"), ("torch", "load"),
+    ("numpy", "load"), ("shutil", "rmtree"), ("os", "remove"), ("webbrowser", "open"), ("socket",
+        "create_connection"), ("_io", "FileIO"),
 )  # fmt: skip
 NATIVE = (
-    ("numpy", "memmap"), ("numpy.core.memmap", "memmap"), ("numpy._core.memmap", "memmap"), ("numpy", "fromfile"), ("numpy", "save"),
-    ("ctypes", "CDLL"), ("ctypes", "PyDLL"), ("ctypes", "string_at"), ("_ctypes", "dlopen"), ("ctypes.util", "find_library"),
-    ("numpy.ctypeslib", "load_library"), ("numpy.f2py.diagnose", "run"), ("numpy.f2py", "compile"), ("numpy.f2py.capi_maps", "load_f2cmap_file"),
-    ("numpy.distutils.exec_command", "exec_command"), ("cffi", "FFI"), ("mmap", "mmap"), ("torch.ops", "load_library"),
+    ("numpy", "memmap"), ("numpy.core.memmap", "memmap"), ("numpy._core.memmap", "memmap"),
+    ("numpy", "fromfile"), ("numpy", "save"),
+    ("ctypes", "CDLL"), ("ctypes", "PyDLL"), ("ctypes", "string_at"), ("_ctypes", "dlopen"),
+    ("ctypes.util", "find_library"),
+    ("numpy.ctypeslib", "load_library"), ("numpy.f2py.diagnose", "run"), ("numpy.f2py", "compile"),
+    ("numpy.f2py.capi_maps", "load_f2cmap_file"),
+    ("numpy.distutils.exec_command", "exec_command"), ("cffi", "FFI"), ("mmap", "mmap"),
+    ("torch.ops", "load_library"),
     ("torch.storage", "_load_from_bytes"), ("scipy.io", "loadmat"),
 )  # fmt: skip
 PROTOCOLS = (0, 1, 2, 4, 5)
@@ -260,13 +269,17 @@ def native_names(marker: Path) -> list[bytes]:
 def recursive(marker: Path) -> list[bytes]:
     chumpy = named("chumpy.ch", "Ch") + b")\x81q\xc8"
     loops = [
-        b"]q\xc8h\xc8a", b"}q\xc8U\x01ah\xc8s", b"(]q\xc8h\xc8tq\xc9h\xc8h\xc9a0", b"]q\xc8]q\xc9h\xc8ah\xc9a", b"}q\xc8K\x01]h\xc8as",
-        chumpy + b"}U\x01xh\xc8sb", chumpy + b"h\xc8b", chumpy + b"}U\x01x]h\xc8asb", b"\x8fq\xc8(h\xc8\x90", named("a", "b") + b")Rq\xc8h\xc8b",
+        b"]q\xc8h\xc8a", b"}q\xc8U\x01ah\xc8s", b"(]q\xc8h\xc8tq\xc9h\xc8h\xc9a0",
+        b"]q\xc8]q\xc9h\xc8ah\xc9a", b"}q\xc8K\x01]h\xc8as",
+        chumpy + b"}U\x01xh\xc8sb", chumpy + b"h\xc8b", chumpy + b"}U\x01x]h\xc8asb",
+        b"\x8fq\xc8(h\xc8\x90", named("a", "b") + b")Rq\xc8h\xc8b",
     ]  # fmt: skip
     deep = [
-        b")" + b"\x85" * 100_000, b"(" * 15_000 + b"l" + b"l" * 14_999, b"]" * 15_000 + b"a" * 14_999, b"N" + b"\x85" * 150_000,
+        b")" + b"\x85" * 100_000, b"(" * 15_000 + b"l" + b"l" * 14_999,
+        b"]" * 15_000 + b"a" * 14_999, b"N" + b"\x85" * 150_000,
         b"(" * 15_000 + b"t" * 15_000,
-        b"}" + b"U\x01a}" * 6000 + b"s" * 6000, named("a", "b") + b")R" * 60_000, b")" + b"\x85" * 64, named("chumpy.ch", "Ch") + b")\x81}U\x01x" * 1,
+        b"}" + b"U\x01a}" * 6000 + b"s" * 6000, named("a", "b") + b")R" * 60_000,
+        b")" + b"\x85" * 64, named("chumpy.ch", "Ch") + b")\x81}U\x01x" * 1,
         (named("chumpy.ch", "Ch") + b")\x81}U\x01x") * 5000 + b"]" + b"sb" * 5000,
     ]  # fmt: skip
     return [make(snippet) for snippet in [*loops, *deep] for make in (alone, within)]
@@ -312,14 +325,18 @@ def memo_bombs(marker: Path) -> list[bytes]:
 def huge(marker: Path) -> list[bytes]:
     big4, big8 = b"\xff\xff\xff\x7f", b"\xff" * 7 + b"\x7f"
     lengths = [
-        b"T" + big4, b"T\xff\xff\xff\xff", b"U\xff", b"B\xff\xff\xff\xff", b"C\xff", b"\x8e" + big8, b"\x8e" + b"\xff" * 8, b"X\xff\xff\xff\xff",
-        b"\x8c\xff", b"\x8d" + big8, b"\x96" + big8, b"\x95" + big8 + b"N", b"\x8b" + big4, b"\x8b\xff\xff\xff\xff", b"\x8a\xff",
+        b"T" + big4, b"T\xff\xff\xff\xff", b"U\xff", b"B\xff\xff\xff\xff", b"C\xff", b"\x8e" + big8,
+        b"\x8e" + b"\xff" * 8, b"X\xff\xff\xff\xff",
+        b"\x8c\xff", b"\x8d" + big8, b"\x96" + big8, b"\x95" + big8 + b"N", b"\x8b" + big4,
+        b"\x8b\xff\xff\xff\xff", b"\x8a\xff",
         b"\x8a\x20" + b"\x7f" * 32,
-        b"I" + b"9" * 100_000 + b"\n", b"L" + b"9" * 1_000_000 + b"L\n", b"L99999999999999999999999L\n", b"F1e" + b"9" * 5000 + b"\n", b"I1_0\n",
+        b"I" + b"9" * 100_000 + b"\n", b"L" + b"9" * 1_000_000 + b"L\n",
+        b"L99999999999999999999999L\n", b"F1e" + b"9" * 5000 + b"\n", b"I1_0\n",
         b"I 1\n", b"\x80\xff",
     ]  # fmt: skip
     shapes = [
-        (2**31, 2**31), (2**62,), (-1,), (-2, -3), (True, 6), (2.0, 3.0), ("2", "3"), (None,), (2, 3, 2**32 - 1), (0, 2**31, 2**31),
+        (2**31, 2**31), (2**62,), (-1,), (-2, -3), (True, 6), (2.0, 3.0), ("2", "3"), (None,), (2,
+            3, 2**32 - 1), (0, 2**31, 2**31),
         (0, 2**32 - 1, 2**32 - 1, 2**32 - 1),
         (1,) * 40, (2**64 - 1, 2), (7, 3), (5,), [2, 3], 6, None, (), ((2,), 3),
     ]  # fmt: skip
@@ -392,17 +409,23 @@ def sparse_states() -> list[dict[str, object]]:
         for bad in (-1, 35, 2**31 - 1, -(2**31))
     ]
     return [
-        pointers(-5, *even[1:]), pointers(*even[:5], -1, *even[6:]), pointers(*even[:5], 99, *even[6:]), pointers(*even[:-1], total + 1),
+        pointers(-5, *even[1:]), pointers(*even[:5], -1, *even[6:]), pointers(*even[:5], 99,
+            *even[6:]), pointers(*even[:-1], total + 1),
         pointers(*even[:-1], 2**31 - 1),
-        pointers(*even, total), pointers(0), pointers(), pointers(1, *even[1:]), pointers(*even, dtype=np.float64),
+        pointers(*even, total), pointers(0), pointers(), pointers(1, *even[1:]), pointers(*even,
+            dtype=np.float64),
         {**honest, "indptr": np.zeros((1, 13), np.int32)},
         *({**honest, "indices": row} for row in rows), {**honest, "indices": matrix.indices[:-1]},
         {**honest, "indices": matrix.indices.astype(float)},
-        {**honest, "indices": np.full(total, 2**64 - 1, np.uint64)}, {**honest, "indptr": np.full(13, 2**64 - 1, np.uint64)},
-        {**honest, "data": matrix.data[:-1]}, {**honest, "data": matrix.data[None]}, {**honest, "_shape": (2**31, 2**31)},
+        {**honest, "indices": np.full(total, 2**64 - 1, np.uint64)}, {**honest,
+            "indptr": np.full(13, 2**64 - 1, np.uint64)},
+        {**honest, "data": matrix.data[:-1]}, {**honest, "data": matrix.data[None]}, {**honest,
+            "_shape": (2**31, 2**31)},
         {**honest, "_shape": (-35, 12)},
-        {**honest, "_shape": (35, 12, 1)}, {**honest, "_shape": (2**22, 12)}, {**honest, "_shape": (12, 35)}, {**honest, "_shape": None},
-        {k: v for k, v in honest.items() if k != "indptr"}, {k: v for k, v in honest.items() if k != "_shape"}, {},
+        {**honest, "_shape": (35, 12, 1)}, {**honest, "_shape": (2**22, 12)}, {**honest,
+            "_shape": (12, 35)}, {**honest, "_shape": None},
+        {k: v for k, v in honest.items() if k != "indptr"}, {k: v for k,
+            v in honest.items() if k != "_shape"}, {},
         {**honest, "data": np.full(total, np.inf)},
     ]  # fmt: skip
 
@@ -483,9 +506,12 @@ def misshapen(marker: Path) -> list[bytes]:
 
 
 CLASSES: dict[str, tuple[Callable[[Path], list[bytes]], int]] = {
-    "reduce": (reduced, 60), "build": (states, 25), "stack_global": (stack_globals, 30), "inst_obj": (instances, 100), "extension": (extensions, 20),
-    "getattr": (attribute_chains, 20), "native": (native_names, 40), "recursive": (recursive, 30), "memo_bomb": (memo_bombs, 40), "huge": (huge, 70),
-    "sparse": (sparse, 25), "truncated": (truncated, 60), "trailing": (trailing, 30), "misshapen": (misshapen, 35),
+    "reduce": (reduced, 60), "build": (states, 25), "stack_global": (stack_globals, 30),
+    "inst_obj": (instances, 100), "extension": (extensions, 20),
+    "getattr": (attribute_chains, 20), "native": (native_names, 40), "recursive": (recursive, 30),
+    "memo_bomb": (memo_bombs, 40), "huge": (huge, 70),
+    "sparse": (sparse, 25), "truncated": (truncated, 60), "trailing": (trailing, 30),
+    "misshapen": (misshapen, 35),
 }  # fmt: skip
 """Class -> its files, given the path that none of them may create, and how many there are at least.
 """

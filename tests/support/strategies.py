@@ -36,7 +36,7 @@ def cuboids_anywhere(draw: st.DrawFn) -> Cuboid:
 
 @st.composite
 def cameras(draw: st.DrawFn) -> tuple[Tensor, tuple[int, int]]:
-    """Intrinsics with an off-centre principal point and unequal focal lengths, and an image size."""
+    """Intrinsics with an off-centre principal point, unequal focal lengths; an image size."""
     height, width = draw(st.integers(20, 900)), draw(st.integers(20, 900))
     K = intrinsics((draw(st.floats(100, 3000)), draw(st.floats(100, 3000))), (height, width))
     K[0, 2] += draw(st.floats(-100, 100))

@@ -23,7 +23,7 @@ DAMPING_DOWN, DAMPING_UP = 0.1, 8
 """Factors of the damping after a step that helps, and after one that does not."""
 LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e8
 RIDGE = 1e-12
-"""Of the greatest curvature: added to every direction, so that one without any can be solved for."""
+"""Of the greatest curvature: added to every direction, so that one without can be solved for."""
 SETTLED = 1e-10
 """Relative gain in cost below which a pose counts as found."""
 

@@ -75,7 +75,7 @@ def answer(found: Inspection, start: str) -> str:
 
 
 # As it is
-# -------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_copy_as_written_is_counted_and_its_camera_found(home: Path) -> None:
@@ -125,7 +125,7 @@ def test_without_the_model_the_stored_points_tell_the_camera(home: Path) -> None
 
 
 # Altered
-# --------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_masks_of_another_range_are_told(home: Path, tmp_path: Path) -> None:

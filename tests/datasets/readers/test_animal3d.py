@@ -26,8 +26,10 @@ from animal3dbox.labels.types import CuboidLabel
 
 Entry = dict[str, Any]
 KEYS = {
-    "img_path": None, "mask_path": None, "rd_mask_path": None, "bbox": (4,), "keypoint_2d": (26, 3), "reproj_kp_2d": (26, 3), "joints_2d": (35, 2),
-    "keypoint_3d": (26, 3), "joints_3d": (35, 3), "pose": (105,), "shape": (20,), "shape_extra": (21,), "trans": (3,), "supercategory": (),
+    "img_path": None, "mask_path": None, "rd_mask_path": None, "bbox": (4,), "keypoint_2d": (26, 3),
+    "reproj_kp_2d": (26, 3), "joints_2d": (35, 2),
+    "keypoint_3d": (26, 3), "joints_3d": (35, 3), "pose": (105,), "shape": (20,),
+    "shape_extra": (21,), "trans": (3,), "supercategory": (),
     "category": (), "height": (), "width": (), "with_tail": (),
 }  # fmt: skip
 
@@ -169,7 +171,7 @@ def test_a_model_inside_the_folder_and_cameras_that_cannot_be_told_are_refused(
 
 
 # What is found out
-# ----------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_the_stored_camera_is_recognised_in_our_frame(read: Animal3D) -> None:
@@ -321,7 +323,7 @@ def test_parameters_that_are_all_wrong_are_told_from_none(home: Path, tmp_path: 
 
 
 # Faults
-# ---------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def spoil(**changes: Any) -> Callable[[Entry], None]:

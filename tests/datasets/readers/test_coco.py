@@ -30,7 +30,7 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.smal.keypoints.vocabulary import vocabulary_from_names
 
 # What is there
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_records_hold_what_the_file_says_those_of_an_image_together(tmp_path: Path) -> None:
@@ -167,10 +167,12 @@ def test_animalposes_own_json_is_read_with_corners_for_boxes(tmp_path: Path) -> 
     whole = {
         "images": {"1": "a.jpg"},
         "annotations": [
-            {"image_id": 1, "bbox": [x, y, x + width, y + height], "keypoints": [rows.get(back.get(name, name), [0, 0, 0]) for name in order],
+            {"image_id": 1, "bbox": [x, y, x + width, y + height],
+                "keypoints": [rows.get(back.get(name, name), [0, 0, 0]) for name in order],
              "num_keypoints": 20, "category_id": 1}
         ],
-        "categories": [{"supercategory": "animal", "id": 1, "name": "dog", "keypoints": order, "skeleton": []}],
+        "categories": [{"supercategory": "animal", "id": 1, "name": "dog", "keypoints": order,
+            "skeleton": []}],
     }  # fmt: skip
     path = write_coco(tmp_path, whole, "keypoints.json")
     assert recognised_format(tmp_path) == recognised_format(path) == "coco"
@@ -232,7 +234,7 @@ def test_the_users_vocabulary_is_used_by_name_or_for_a_file_without_names(tmp_pa
 
 
 # Masks
-# ----------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_polygon_along_pixel_edges_fills_just_its_pixels() -> None:
@@ -281,7 +283,7 @@ def test_masks_may_be_runs_polygons_or_none(tmp_path: Path) -> None:
 
 
 # Faults
-# ---------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", COCO_FAULTS)

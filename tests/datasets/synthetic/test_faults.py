@@ -65,7 +65,7 @@ def test_hidden_keypoints_are_marked_only_if_asked(animal: SyntheticAnimal) -> N
 
 
 # Keypoints
-# ------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_at_rest_nothing_changes(animal: SyntheticAnimal) -> None:
@@ -190,7 +190,7 @@ def test_swapped_animals_are_a_part_of_all_and_their_points_change_places(
 
 
 # Camera, body, mask
-# ---------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_wrong_focal_length_moves_the_body_in_depth_so_that_it_looks_the_same(

@@ -50,7 +50,7 @@ def plans() -> list[ScenePlan]:
 
 
 # Against rays
-# ---------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_the_picture_shows_what_rays_meet_first(crowded: list[SyntheticScene]) -> None:
@@ -130,7 +130,7 @@ def test_masks_are_parts_of_the_silhouettes_and_do_not_overlap(
 
 
 # The same again
-# -------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_scene_depends_on_its_seed_and_index_alone() -> None:
@@ -173,7 +173,7 @@ def test_seeds_and_indices_are_not_mixed_up_and_cannot_be_negative() -> None:
 
 
 # What is drawn
-# --------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def roll_deg(camera: PinholeCamera, target: torch.Tensor) -> float:

@@ -129,7 +129,7 @@ def test_the_default_axes_do_not_depend_on_what_the_image_shows_or_where_legs_an
 
 
 def errors_deg() -> dict[str, Tensor]:
-    """Angle to the true trunk of each rule over the embedded quadruped's presets and named poses."""
+    """Angle to the true trunk of each rule over the quadruped's presets and named poses."""
     model, presets = load_quadruped(), quadruped_names().presets
     groups = {**model.landmarks, **model.extra_landmarks}
     found: dict[str, list[float]] = {"torso": [], "trunk": [], "trunk of the 26": [], "pca": []}
