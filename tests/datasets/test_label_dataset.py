@@ -614,9 +614,9 @@ def test_whole_numbers_of_any_type_are_indices(animals: Path) -> None:
 def test_skipped_samples_in_another_collate_say_which_to_take(copied: Path) -> None:
     dataset = small_dataset(copied, on_bad="skip")
     corrupt_image(copied, dataset, 0)
-    with pytest.raises(TypeError, match="give the DataLoader collate_fn=dataset.collate_fn"):
+    with pytest.raises(TypeError, match=r"give the DataLoader collate_fn=dataset\.collate_fn"):
         default_collate([dataset[1], dataset[0]])
-    with pytest.raises(TypeError, match=r"was skipped .*collate_fn=dataset.collate_fn"):
+    with pytest.raises(TypeError, match=r"was skipped .*collate_fn=dataset\.collate_fn"):
         default_collate([dataset[0], dataset[1]])
 
 
