@@ -62,7 +62,7 @@ def collate(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple[list[Te
         >>> dataset = SyntheticDataset(2, image_hw=(60, 80))
         >>> images, targets = collate([dataset[0], dataset[1]])
         >>> len(images), targets[0]["corners_3d"].shape
-        (2, torch.Size([3, 8, 3]))
+        (2, torch.Size([1, 8, 3]))
     """
     used = [sample for sample in samples if not isinstance(sample, Skipped)]
     return [image for image, _ in used], Targets(

@@ -50,12 +50,13 @@ class AnnotatedDataset(LabelDataset):
 
     Example:
         >>> import tempfile, pathlib
-        >>> from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig, write_animal3d
+        >>> from animal3dbox.datasets.synthetic import (
+        ...     SyntheticSet, WorldConfig, animal3d_world, write_animal3d)
         >>> folder = pathlib.Path(tempfile.mkdtemp())
-        >>> small = WorldConfig(image_hw=(120, 160))
-        >>> _ = write_animal3d(SyntheticSet(0, 2, small), folder / "set", folder / "model.pkl")
+        >>> small = animal3d_world(WorldConfig(image_hw=(120, 160)))
+        >>> _ = write_animal3d(SyntheticSet(0, 4, small), folder / "set", folder / "model.pkl")
         >>> len(AnnotatedDataset(folder / "set", model=folder / "model.pkl"))
-        2
+        4
     """
 
     def __init__(
@@ -135,13 +136,14 @@ class Animal3DDataset(AnnotatedDataset):
 
     Example:
         >>> import tempfile, pathlib
-        >>> from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig, write_animal3d
+        >>> from animal3dbox.datasets.synthetic import (
+        ...     SyntheticSet, WorldConfig, animal3d_world, write_animal3d)
         >>> folder = pathlib.Path(tempfile.mkdtemp())
-        >>> small = WorldConfig(image_hw=(120, 160))
-        >>> _ = write_animal3d(SyntheticSet(0, 2, small), folder / "set", folder / "model.pkl")
+        >>> small = animal3d_world(WorldConfig(image_hw=(120, 160)))
+        >>> _ = write_animal3d(SyntheticSet(0, 4, small), folder / "set", folder / "model.pkl")
         >>> dataset = Animal3DDataset(folder / "set", folder / "model.pkl", split="train")
         >>> dataset[0][1]["corners_3d"].shape
-        torch.Size([3, 8, 3])
+        torch.Size([1, 8, 3])
     """
 
     def __init__(

@@ -87,7 +87,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         >>> dataset = SyntheticDataset(2, seed=0, image_hw=(120, 160))
         >>> image, target = dataset[0]
         >>> image.shape, target["corners_3d"].shape
-        (torch.Size([3, 120, 160]), torch.Size([3, 8, 3]))
+        (torch.Size([3, 120, 160]), torch.Size([1, 8, 3]))
     """
 
     collate_fn = staticmethod(collate)

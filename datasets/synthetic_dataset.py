@@ -28,7 +28,7 @@ class SyntheticDataset(LabelDataset):
         >>> dataset = SyntheticDataset(24, seed=0, image_hw=(120, 160))
         >>> image, target = dataset[0]
         >>> len(dataset), image.shape, target["face_visible"].shape
-        (24, torch.Size([3, 120, 160]), torch.Size([3, 6]))
+        (24, torch.Size([3, 120, 160]), torch.Size([1, 6]))
     """
 
     def __init__(

@@ -27,10 +27,14 @@ def package_of(path: Path) -> str:
 
 DOORS = {package_of(path): path for path in FILES}
 EXAMPLES = (
+    "animal3dbox",
     "animal3dbox.evaluate",
     "animal3dbox.geometry",
+    "animal3dbox.labels",
     "animal3dbox.report",
     "animal3dbox.smal",
+    "animal3dbox.training",
+    "animal3dbox.transforms",
 )
 """Doors whose every name shows a value."""
 

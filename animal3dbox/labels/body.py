@@ -25,6 +25,14 @@ class Body:
         landmark_sigma: (J,) how far each may be from where the body has it, in the body's unit, for
             a body that is not in the animal's own pose; None: the body is.
         template: what the vertices correspond to one to one; None if nothing is known of that.
+
+    Example:
+        >>> import numpy as np
+        >>> from animal3dbox.labels import Body
+        >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+        >>> body = Body(corners, faces=None, landmarks=None, landmark_sigma=None, template=None)
+        >>> body.vertices.shape
+        (4, 3)
     """
 
     vertices: ArrayLike

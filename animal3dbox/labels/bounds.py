@@ -89,6 +89,12 @@ def tight_cuboid(
     Returns:
         The box in world, in float64.
 
+    Example:
+        >>> import numpy as np
+        >>> from animal3dbox.labels import tight_cuboid
+        >>> points = np.array([[0.0, 0, 0], [4, 2, 1]])
+        >>> tight_cuboid(points, np.eye(3), margin=0.5).size
+        tensor([5., 3., 2.], dtype=torch.float64)
     """
     vertices, axes = (
         as_numpy(values).astype(np.float64, copy=False) for values in (vertices_world, R_box)

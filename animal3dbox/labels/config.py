@@ -66,6 +66,11 @@ class LabelConfig:
             dearest part of a label whose pose is known. False: None in the label.
         mask_iou: whether the overlap with the mask is measured, by drawing the mesh. False: None in
             the quality, and `confidence` rests on the keypoints alone.
+
+    Example:
+        >>> from animal3dbox.labels import LabelConfig
+        >>> LabelConfig(method="paper").method
+        'paper'
     """
 
     method: Method = "default"

@@ -76,6 +76,15 @@ def label_animal(
         SampleError: an argument is wrong; names the sample, the argument and the remedy.
         ConfigError: the vocabulary is not known.
 
+    Example:
+        >>> from animal3dbox import label_animal
+        >>> from animal3dbox.datasets.synthetic import synthetic_animal
+        >>> animal = synthetic_animal(seed=0, index=2)
+        >>> label = label_animal(
+        ...     animal.image_hw, animal.keypoints_2d, vertices=animal.vertices,
+        ...     template=animal.model, K=animal.K, mask=animal.mask)
+        >>> label.side, label.size.round(decimals=1)
+        ('right', tensor([1.2000, 0.3000, 0.8000], dtype=torch.float64))
     """
     body = Body(vertices, faces, keypoints_3d, landmark_sigma, template)
     config = config or LabelConfig()

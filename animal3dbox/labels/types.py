@@ -1,4 +1,11 @@
-"""What labelling an animal gives: a label, or a rejection with its reason."""
+"""What labelling an animal gives: a label, or a rejection with its reason.
+
+Example:
+    >>> REASONS["no_axes"]
+    'nothing tells which way the body points'
+    >>> VIEWPOINTS[2]
+    'left'
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -63,6 +70,16 @@ class Quality:
         K_source: "given", "exif" (the picture's header), "dataset" (one for all of its images) or
             "guessed".
         warnings: what a careful person should know, in whole sentences.
+
+    Example:
+        >>> from animal3dbox import label_animal
+        >>> from animal3dbox.datasets.synthetic import synthetic_animal
+        >>> animal = synthetic_animal(seed=0, index=2)
+        >>> label = label_animal(
+        ...     animal.image_hw, animal.keypoints_2d, vertices=animal.vertices,
+        ...     template=animal.model, K=animal.K)
+        >>> label.quality.pose_source, label.quality.K_source
+        ('estimated', 'given')
     """
 
     reprojection_error_px: float | None
@@ -106,7 +123,7 @@ class CuboidLabel:
         ...     image_hw=animal.image_hw, vertices=animal.vertices, template=animal.model,
         ...     K=animal.K, pose=(animal.R, animal.t))
         >>> label.side, label.viewpoint, label.corners_3d.shape
-        ('right', 'right', torch.Size([8, 3]))
+        ('right', 'front-right', torch.Size([8, 3]))
     """
 
     sample_id: str | None
@@ -314,6 +331,11 @@ class Rejection:
         sample_id: the caller's name for the sample.
         reason: one of REASONS.
         detail: what was found, in one sentence.
+
+    Example:
+        >>> from animal3dbox.labels import Rejection
+        >>> Rejection("dog.jpg", "too_few_keypoints", "3 visible, 6 needed").reason
+        'too_few_keypoints'
     """
 
     sample_id: str | None

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )
     from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSample as SyntheticSample
     from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet as SyntheticSet
+    from animal3dbox.datasets.synthetic.synthetic_set import animal3d_world as animal3d_world
     from animal3dbox.datasets.synthetic.world.config import WorldConfig as WorldConfig
 
 __getattr__, __dir__, __all__ = lazy_exports(
@@ -36,6 +37,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "synthetic_set": (
             "SyntheticSample",
             "SyntheticSet",
+            "animal3d_world",
         ),
         "world.config": ("WorldConfig",),
     },

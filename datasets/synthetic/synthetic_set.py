@@ -127,6 +127,10 @@ def animal3d_world(config: WorldConfig) -> WorldConfig:
     """The config with the only camera and keypoints that Animal3D's format can tell.
 
     1000 px, centred, its 26 points.
+
+    Example:
+        >>> animal3d_world(WorldConfig()).focal_px
+        (1000.0, 1000.0)
     """
     focal = (ANIMAL3D_FOCAL_PX, ANIMAL3D_FOCAL_PX)
     return replace(

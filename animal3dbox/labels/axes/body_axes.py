@@ -74,6 +74,14 @@ def torso_axes(vertices_world: Array, template: SmalModel) -> Array:
     Returns:
         R_world_box (3, 3), float64.
 
+    Example:
+        >>> from animal3dbox.labels import torso_axes
+        >>> from animal3dbox.smal import load_quadruped
+        >>> model = load_quadruped()
+        >>> torso_axes(model.v_template.numpy(), model).round(6) + 0.0
+        array([[1., 0., 0.],
+               [0., 1., 0.],
+               [0., 0., 1.]])
     """
     R_box: Array = _torsos_axes([as_numpy(vertices_world)], template)[0]
     return R_box
@@ -91,6 +99,18 @@ def trunk_axes(landmarks: Mapping[str, Array]) -> AxesAndRule | None:
     Returns:
         The axes and the landmarks used; None if those known do not span a plane.
 
+    Example:
+        >>> import numpy as np
+        >>> from animal3dbox.labels import trunk_axes
+        >>> from animal3dbox.smal import load_quadruped
+        >>> model = load_quadruped()
+        >>> known = "tail_base", "withers", "left_shoulder", "right_shoulder"
+        >>> vertices = model.v_template.numpy()
+        >>> groups = model.landmark_groups
+        >>> landmarks = {name: vertices[list(groups[name])].mean(axis=0) for name in known}
+        >>> R, rule = trunk_axes(landmarks)
+        >>> bool(np.degrees(np.arccos((np.trace(R) - 1) / 2)) < 15)
+        True
     """
     for pool in (TRUNK, NEAR_TRUNK):
         names = tuple(name for name in pool if name in landmarks)

@@ -55,6 +55,18 @@ def landmark_axes(
         R_world_box (3, 3), columns forward, left, up, and the rule that gave it, for the record;
         None if no rule applies or x and y are parallel.
 
+    Example:
+        >>> import numpy as np
+        >>> from animal3dbox.labels import landmark_axes
+        >>> places = {
+        ...     "left_shoulder": [1.0, 1, 0], "right_shoulder": [1.0, -1, 0],
+        ...     "tail_base": [-1.0, 0, 0]}
+        >>> landmarks = {name: np.array(place) for name, place in places.items()}
+        >>> axes, rule = landmark_axes(landmarks, dict.fromkeys(landmarks, True))
+        >>> axes.round(6)
+        array([[1., 0., 0.],
+               [0., 1., 0.],
+               [0., 0., 1.]])
     """
     visible_ones = {name: place for name, place in landmarks.items() if visible.get(name, False)}
     for pool, note in ((visible_ones, "visible"), (dict(landmarks), "hidden")):

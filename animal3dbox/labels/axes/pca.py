@@ -22,6 +22,14 @@ def pca_axes(vertices_world: Tensor | NDArray[np.float64]) -> NDArray[np.float64
     Returns:
         R_box (3, 3), columns by falling spread; det +1.
 
+    Example:
+        >>> import numpy as np
+        >>> from animal3dbox.labels import pca_axes
+        >>> ellipsoid = np.random.default_rng(0).normal(size=(1000, 3)) * [3.0, 1.0, 2.0]
+        >>> abs(pca_axes(ellipsoid)).round()
+        array([[1., 0., 0.],
+               [0., 0., 1.],
+               [0., 1., 0.]])
     """
     vertices = as_numpy(vertices_world)
     check_shape("vertices_world", vertices, "V 3")

@@ -41,6 +41,17 @@ def estimate_pose(
     Returns:
         The pose, or why there is none.
 
+    Example:
+        >>> import numpy as np
+        >>> from animal3dbox.labels import LabelConfig, PoseProblem, estimate_pose
+        >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1]])
+        >>> K = np.array([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]])
+        >>> pixels = 100 * points[:, :2] / (points[:, 2:] + 5) + K[:2, 2]
+        >>> problem = PoseProblem(
+        ...     points, pixels, sigma_px=np.ones(6), K=K, image_hw=(120, 160), R_box=np.eye(3),
+        ...     vertices_world=None, mask_box=None)
+        >>> estimate_pose(problem, LabelConfig()).t.round(3)
+        array([0., 0., 5.])
     """
     failure = degenerate_points(problem, config.min_keypoints)
     if failure is not None:

@@ -37,6 +37,18 @@ class PoseProblem:
         R_box: (3, 3) the body's axes, to look at it from named sides.
         vertices_world: (V, 3) the body's surface, or None.
         mask_box: (4,) xyxy px of the mask, pixels from min - 0.5 to max + 0.5, or None.
+
+    Example:
+        >>> import numpy as np
+        >>> from animal3dbox.labels import PoseProblem
+        >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1]])
+        >>> K = np.array([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]])
+        >>> pixels = 100 * points[:, :2] / (points[:, 2:] + 5) + K[:2, 2]
+        >>> problem = PoseProblem(
+        ...     points, pixels, sigma_px=np.ones(6), K=K, image_hw=(120, 160), R_box=np.eye(3),
+        ...     vertices_world=None, mask_box=None)
+        >>> problem.points_px[1]
+        array([99.5, 59.5])
     """
 
     points_world: Array
@@ -77,6 +89,12 @@ class PoseEstimate:
         R: (3, 3) R_cam_world.
         t: (3,) t_cam_world.
         hypothesis: the start it came from.
+
+    Example:
+        >>> import numpy as np
+        >>> from animal3dbox.labels import PoseEstimate
+        >>> PoseEstimate(R=np.eye(3), t=np.array([0.0, 0.0, 5.0]), hypothesis="given").t
+        array([0., 0., 5.])
     """
 
     R: Array
@@ -91,6 +109,11 @@ class PoseFailure:
     Attributes:
         reason: one of REASONS.
         detail: the evidence, in one sentence.
+
+    Example:
+        >>> from animal3dbox.labels import PoseFailure
+        >>> PoseFailure("too_few_keypoints", "3 of 26 keypoints are visible").reason
+        'too_few_keypoints'
     """
 
     reason: str

@@ -26,5 +26,16 @@ def superimposed_mask(
         pose: (R, t), X_cam = R X + t.
         image_hw: height and width.
 
+    Example:
+        >>> import torch
+        >>> from animal3dbox.labels import superimposed_mask
+        >>> triangle = torch.tensor([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]])
+        >>> K = torch.tensor([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]])
+        >>> pose = torch.eye(3), torch.tensor([0.0, 0, 1])
+        >>> faces = torch.tensor([[0, 1, 2]])
+        >>> superimposed_mask(triangle, faces, K=K, pose=pose, image_hw=(3, 5)).int()
+        tensor([[1, 1, 1, 1, 0],
+                [1, 1, 1, 0, 0],
+                [1, 1, 0, 0, 0]], dtype=torch.int32)
     """
     return silhouette(transform_points(rigid(*pose), vertices), faces, K, image_hw)

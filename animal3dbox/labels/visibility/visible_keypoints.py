@@ -33,6 +33,16 @@ def visible_keypoints(
         image_hw: height and width.
         body: first and last + 1 of the body's vertices in a scene; None: all are its.
 
+    Example:
+        >>> from animal3dbox.datasets.synthetic import synthetic_animal
+        >>> from animal3dbox.labels import visible_keypoints
+        >>> animal = synthetic_animal(seed=0, index=2)
+        >>> seen = visible_keypoints(
+        ...     animal.vocabulary, animal.model.landmark_groups, animal.vertices_cam,
+        ...     animal.model.faces, animal.K, animal.image_hw)
+        >>> names = animal.vocabulary.keypoints
+        >>> [name for name, is_seen in zip(names, seen, strict=True) if is_seen][:3]
+        ['left_eye', 'right_eye', 'left_front_paw']
     """
     first, stop = body or (0, len(vertices_cam))
     places = [
