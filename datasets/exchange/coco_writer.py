@@ -17,7 +17,7 @@ from animal3dbox.datasets.exchange.export import (
     images_with_boxes,
 )
 from animal3dbox.datasets.readers.cuboid_conventions import COCO, Floats
-from animal3dbox.datasets.readers.visible_boxes import SeenBoxes, seen_boxes
+from animal3dbox.datasets.readers.visible_boxes import VisibleBoxes, visible_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import SampleError
 from animal3dbox.files import write_whole
@@ -98,7 +98,7 @@ def write_coco(cuboids: CuboidSet, path: Path) -> Exported:
 def _annotations(
     records: Sequence[CuboidRecord], numbers: dict[str, int], ids: dict[str, int]
 ) -> tuple[list[dict[str, Any]], list[SampleError]]:
-    seen = seen_boxes(records)
+    seen = visible_boxes(records)
     annotations: list[dict[str, Any]] = []
     faults = []
     for index, record in enumerate(records):
@@ -129,7 +129,7 @@ def _annotations(
     return annotations, faults
 
 
-def corner_keypoints(record: CuboidRecord, seen: SeenBoxes, index: int) -> Floats:
+def corner_keypoints(record: CuboidRecord, seen: VisibleBoxes, index: int) -> Floats:
     """The keypoints (9, 3) x, y, v of one box in COCO's pixels."""
     height, width = record.image_hw
     near = seen.corners_3d[index]

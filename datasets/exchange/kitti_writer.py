@@ -23,10 +23,10 @@ from animal3dbox.datasets.readers.kitti.files import (
     image_line,
 )
 from animal3dbox.datasets.readers.visible_boxes import (
-    SeenBoxes,
-    seen_boxes,
+    VisibleBoxes,
     stacked_boxes,
     stated_truncation,
+    visible_boxes,
 )
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
@@ -64,7 +64,7 @@ def write_kitti(cuboids: CuboidSet, folder: Path, *, scale_free: bool = False) -
     members, faults = images_with_boxes(cuboids)
     written: list[CuboidRecord] = []
     for number, (image, records) in enumerate(members):
-        seen = seen_boxes(records)
+        seen = visible_boxes(records)
         lines = []
         for index, record in enumerate(records):
             box = seen.in_frame[index] if record.box is None else record.box
@@ -122,7 +122,7 @@ def yaw_only_iou(records: Sequence[CuboidRecord]) -> tuple[float, ...]:
     return tuple(box_iou(Cuboid(c, R, s), Cuboid(c, flat, s)).tolist())
 
 
-def _line(record: CuboidRecord, seen: SeenBoxes, index: int, box: Floats) -> KittiLine:
+def _line(record: CuboidRecord, seen: VisibleBoxes, index: int, box: Floats) -> KittiLine:
     location, turned, dimensions = KITTI.boxes_out(
         record.center, levelled(record.rotation), record.size
     )

@@ -24,7 +24,7 @@ from animal3dbox.datasets.readers.omni3d.schema import (
     Omni3DImage,
     Omni3DInfo,
 )
-from animal3dbox.datasets.readers.visible_boxes import seen_boxes, stated_truncation
+from animal3dbox.datasets.readers.visible_boxes import stated_truncation, visible_boxes
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.files import write_whole
 
@@ -129,7 +129,7 @@ def category_name(category: str) -> str:
 def _annotations(
     records: Sequence[CuboidRecord], numbers: dict[str, int], ids: dict[str, int], dataset_id: int
 ) -> list[Omni3DAnnotation]:
-    seen = seen_boxes(records)
+    seen = visible_boxes(records)
     annotations = []
     for index, record in enumerate(records):
         location, rotation, dimensions = OMNI3D.boxes_out(
