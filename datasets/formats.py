@@ -10,6 +10,7 @@ import msgspec
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.readers import stanfordextra
+from animal3dbox.datasets.readers.animal3d import entries as animal3d_entries
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 from animal3dbox.datasets.readers.coco import reader as coco
 from animal3dbox.datasets.readers.deeplabcut import h5 as deeplabcut_h5
@@ -75,13 +76,13 @@ class Peek:
 
 
 def _read_animal3d(path: Path, options: ReadOptions) -> Source:
-    _refuse_vocabulary(options, animal3d.VOCABULARY)
+    _refuse_vocabulary(options, animal3d_entries.VOCABULARY)
     read = animal3d.read_animal3d(path, options.model, options.images)
     if options.model is not None and read.bodies is None:
         wrong = [
             fault
             for fault in read.records.faults
-            if fault.field.partition(",")[0] in animal3d.PARAMETERS
+            if fault.field.partition(",")[0] in animal3d_entries.PARAMETERS
         ]
         remedy = (
             f"{len(wrong)} entries have wrong ones, the first: {wrong[0]}"
@@ -134,7 +135,7 @@ def _refuse_vocabulary(options: ReadOptions, own: Vocabulary) -> None:
 
 def _is_animal3d(peek: Peek) -> bool:
     if peek.path.is_dir():
-        return any((peek.path / name).is_file() for name in animal3d.SPLITS)
+        return any((peek.path / name).is_file() for name in animal3d_entries.SPLITS)
     return peek.keys is not None and "data" in peek.keys
 
 

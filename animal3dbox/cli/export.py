@@ -6,7 +6,7 @@ from pathlib import Path
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import ExportJob
 from animal3dbox.datasets.exchange.coco_writer import write_coco
-from animal3dbox.datasets.exchange.export import Exported, in_metres
+from animal3dbox.datasets.exchange.export import ExportSummary, in_metres
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.formats import peeked
@@ -91,7 +91,7 @@ def is_labels(path: Path) -> bool:
     )
 
 
-def _written(cuboids: CuboidSet, job: ExportJob) -> Exported:
+def _written(cuboids: CuboidSet, job: ExportJob) -> ExportSummary:
     if job.to == "kitti":
         if job.out.is_file():
             raise ConfigError(f"--out {job.out} is a file: KITTI is a folder")

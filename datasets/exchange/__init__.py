@@ -1,4 +1,5 @@
-"""Other people's formats for cuboids.
+"""Writers of cuboids in other tools' formats: Omni3D, COCO keypoints and KITTI.
 
-Read and written over one statement of what each format means.
+Each writes by the Convention by which its format is read (readers/cuboid_conventions.py); `export`
+has what they share.
 """

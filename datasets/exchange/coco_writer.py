@@ -1,7 +1,4 @@
-"""Cuboids written as COCO keypoints.
-
-The eight projected corners and the projected centre of each box.
-"""
+"""The writer of cuboids as COCO keypoints: the projected corners and centre of each box."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,12 +9,12 @@ import numpy as np
 
 from animal3dbox.datasets.exchange.export import (
     SUPERCATEGORY,
-    Exported,
+    ExportSummary,
     heading_note,
     images_with_boxes,
 )
 from animal3dbox.datasets.readers.cuboid_conventions import COCO, Floats
-from animal3dbox.datasets.readers.visible_boxes import SeenBoxes, seen_boxes
+from animal3dbox.datasets.readers.visible_boxes import VisibleBoxes, visible_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import SampleError
 from animal3dbox.files import write_whole
@@ -31,16 +28,19 @@ KEYPOINT_NAMES = (
     ),
     "center",
 )
+"""Names of a box's nine keypoints: its corners in our order, then its centre."""
 FLIP_PAIRS = tuple(
     (KEYPOINT_NAMES[a], KEYPOINT_NAMES[b]) for a, b in enumerate(MIRRORED_CORNERS) if a < b
 )
+"""Pairs of corners that a mirrored picture exchanges, by name."""
 SKELETON = [[a + 1, b + 1] for a, b in EDGES]
-"""COCO counts keypoints from 1 here."""
+"""Edges of the box as pairs of keypoints, which COCO counts from 1 here."""
 
-NOT_LABELLED, OUTSIDE, SEEN = 0, 1, 2
+NOT_LABELLED, OUTSIDE, IN_FRAME = 0, 1, 2
+"""COCO's visibility of a keypoint, as write_coco uses it."""
 
 
-def write_coco(cuboids: CuboidSet, path: Path) -> Exported:
+def write_coco(cuboids: CuboidSet, path: Path) -> ExportSummary:
     """Write cuboids as a COCO keypoint file.
 
     A keypoint has v = 2 if it lies in the frame and in front of the camera, 1 if in front but
@@ -53,16 +53,36 @@ def write_coco(cuboids: CuboidSet, path: Path) -> Exported:
         path: the JSON file; one that is there is replaced.
 
     Returns:
-        What was written; its faults are the boxes that were left out, those outside the frame among
+        The summary; its faults are the boxes that were left out, those outside the frame among
         them.
+
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets import CuboidRecord, CuboidSet
+        >>> K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
+        >>> dog = CuboidRecord(
+        ...     sample_id="a.jpg",
+        ...     image_id="a.jpg",
+        ...     image_path=None,
+        ...     image_hw=(480, 640),
+        ...     category="dog",
+        ...     K=K,
+        ...     center=np.array([0.0, 0.0, 4.0]),
+        ...     rotation=np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),
+        ...     size=np.array([0.9, 0.3, 0.6]),
+        ... )
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     summary = write_coco(CuboidSet("dogs", (dog,), ()), Path(folder) / "dogs.json")
+        >>> summary.images, summary.boxes, summary.faults
+        (1, 1, ())
 
     """
     members, faults = images_with_boxes(cuboids)
-    kept = [record for _, records in members for record in records]
-    names = sorted({record.category.strip() or "unknown" for record in kept})
+    records = [record for _, boxes in members for record in boxes]
+    names = sorted({record.category.strip() or "unknown" for record in records})
     ids = {name: number for number, name in enumerate(names, start=1)}
     numbers = {image.image_id: number for number, (image, _) in enumerate(members, start=1)}
-    annotations, outside = _annotations(kept, numbers, ids)
+    annotations, outside = _annotations(records, numbers, ids)
     file = {
         "info": {"description": "projected cuboids, written by animal3dbox", "version": "1"},
         "licenses": [],
@@ -72,37 +92,51 @@ def write_coco(cuboids: CuboidSet, path: Path) -> Exported:
                 "file_name": image.image_id,
                 "width": image.image_hw[1],
                 "height": image.image_hw[0],
+                "K": COCO.K_out(image.K).tolist(),
             }
-            | {"K": COCO.K_out(image.K).tolist()}
             for image, _ in members
         ],
-        "categories": [
-            {
-                "id": number,
-                "name": name,
-                "supercategory": SUPERCATEGORY,
-                "keypoints": KEYPOINT_NAMES,
-                "skeleton": SKELETON,
-            }
-            | {"flip_pairs": FLIP_PAIRS}
-            for name, number in ids.items()
-        ],
+        "categories": [_category(name, number) for name, number in ids.items()],
         "annotations": annotations,
     }
     write_whole(path, msgspec.json.encode(file))
-    return Exported(
-        (path,), len(members), len(annotations), (*faults, *outside), heading_note(kept)
+    return ExportSummary(
+        files=(path,),
+        images=len(members),
+        boxes=len(annotations),
+        faults=(*faults, *outside),
+        notes=heading_note(records),
     )
+
+
+def _category(name: str, number: int) -> dict[str, Any]:
+    """One element of "categories", all of which have the keypoints of a box."""
+    return {
+        "id": number,
+        "name": name,
+        "supercategory": SUPERCATEGORY,
+        "keypoints": KEYPOINT_NAMES,
+        "skeleton": SKELETON,
+        "flip_pairs": FLIP_PAIRS,
+    }
 
 
 def _annotations(
     records: Sequence[CuboidRecord], numbers: dict[str, int], ids: dict[str, int]
 ) -> tuple[list[dict[str, Any]], list[SampleError]]:
-    seen = seen_boxes(records)
+    """The annotations of the boxes that have a bbox, and an error for each other box.
+
+    Args:
+        records: the boxes.
+        numbers: image id -> number.
+        ids: category -> number.
+
+    """
+    visible = visible_boxes(records)
     annotations: list[dict[str, Any]] = []
     faults = []
     for index, record in enumerate(records):
-        box = seen.in_frame[index] if record.box is None else record.box
+        box = visible.in_frame[index] if record.box is None else record.box
         if np.isnan(box).any():
             faults.append(
                 SampleError(
@@ -113,7 +147,7 @@ def _annotations(
             )
             continue
         x1, y1, x2, y2 = COCO.boxes_2d_out(box).tolist()
-        keypoints = corner_keypoints(record, seen, index)
+        keypoints = corner_keypoints(record, visible, index)
         annotation = {
             "id": len(annotations) + 1,
             "image_id": numbers[record.image_id],
@@ -129,16 +163,21 @@ def _annotations(
     return annotations, faults
 
 
-def corner_keypoints(record: CuboidRecord, seen: SeenBoxes, index: int) -> Floats:
-    """The keypoints (9, 3) x, y, v of one box in COCO's pixels."""
+def corner_keypoints(record: CuboidRecord, visible: VisibleBoxes, index: int) -> Floats:
+    """The keypoints (9, 3) x, y, v of one box in COCO's pixels.
+
+    Args:
+        record: the box.
+        visible: of several boxes.
+        index: the record's place among them.
+
+    """
     height, width = record.image_hw
-    near = seen.corners_3d[index]
-    middle = project(record.K, record.center[None])[0]
-    middle_in_front = record.center[2] > 1e-2 * np.linalg.norm(near[6] - near[0])
-    px = np.concatenate((seen.corners_2d[index], middle))
-    in_front = np.append(seen.corner_in_front[index], middle_in_front)
+    corners = visible.corners_3d[index]
+    near_depth = 1e-2 * np.linalg.norm(corners[6] - corners[0])
+    px = np.concatenate((visible.corners_2d[index], project(record.K, record.center[None])[0]))
+    in_front = np.append(visible.corner_in_front[index], record.center[2] > near_depth)
     in_frame = ((px >= -0.5) & (px <= [width - 0.5, height - 0.5])).all(-1)
-    v = np.where(in_front, np.where(in_frame, SEEN, OUTSIDE), NOT_LABELLED)
-    return np.concatenate(
-        (np.where(in_front[:, None], COCO.keypoints_out(px), 0.0), v[:, None]), axis=-1
-    )
+    v = np.where(in_front, np.where(in_frame, IN_FRAME, OUTSIDE), NOT_LABELLED)
+    xy = np.where(in_front[:, None], COCO.keypoints_out(px), 0.0)
+    return np.concatenate((xy, v[:, None]), axis=-1)

@@ -1,6 +1,6 @@
-"""What every writer of cuboids asks before it writes.
+"""The checks that every writer of cuboids makes first, and the summary that it returns.
 
-Units, one K an image, boxes that have a name.
+Lengths must have a unit that the format allows, and the boxes of an image its one K.
 """
 
 from collections.abc import Sequence
@@ -14,20 +14,21 @@ from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
 
 SUPERCATEGORY = "object"
-"""Of every category that is written: a box does not know what kind of thing a dog is."""
+"""Supercategory of every category that is written, since a box does not know the kind of a dog."""
 
 
 @dataclass(frozen=True)
-class Exported:
-    """What a writer wrote.
+class ExportSummary:
+    """A summary of the files that a writer of cuboids wrote, for the person who asked for them.
 
     Attributes:
-        files: in the order of writing; of many alike only their folder.
-        images: how many, with or without boxes.
-        boxes: how many.
-        faults: the boxes that the format cannot hold, one each.
+        files: the files in the order of writing; of many alike only their folder.
+        images: number of images, with or without boxes.
+        boxes: number of boxes.
+        faults: one error a box that the format cannot hold.
         notes: what a careful person should know, in whole sentences.
-        iou: of what the format keeps of each box with the whole box; None where it keeps all.
+        iou: intersection over union of each box with what the format keeps of it; None where the
+            format keeps everything.
     """
 
     files: tuple[Path, ...]
@@ -39,7 +40,11 @@ class Exported:
 
 
 def in_metres(cuboids: CuboidSet, metres_per_unit: float) -> CuboidSet:
-    """The same boxes with those of unknown scale in metres.
+    """The same boxes, those of unknown scale brought to metres.
+
+    Args:
+        cuboids: boxes, some of them of unknown scale.
+        metres_per_unit: metres in a unit of these.
 
     Raises:
         ConfigError: the factor is not positive, or all boxes are in metres already.
@@ -49,28 +54,34 @@ def in_metres(cuboids: CuboidSet, metres_per_unit: float) -> CuboidSet:
         raise ConfigError(f"metres per unit must be positive, got {metres_per_unit}")
     if cuboids.records and all(record.metric for record in cuboids.records):
         raise ConfigError("all boxes are in metres already: leave out --metres-per-unit")
-    records = tuple(
-        (
-            record
-            if record.metric
-            else replace(
-                record,
-                center=record.center * metres_per_unit,
-                size=record.size * metres_per_unit,
-                metric=True,
-            )
-        )
-        for record in cuboids.records
+    return replace(
+        cuboids, records=tuple(_metric(record, metres_per_unit) for record in cuboids.records)
     )
-    return replace(cuboids, records=records)
+
+
+def _metric(record: CuboidRecord, metres_per_unit: float) -> CuboidRecord:
+    """The record in metres."""
+    if record.metric:
+        return record
+    return replace(
+        record,
+        center=record.center * metres_per_unit,
+        size=record.size * metres_per_unit,
+        metric=True,
+    )
 
 
 def checked_units(cuboids: CuboidSet, convention: Convention, *, scale_free: bool) -> str:
     """The unit of the lengths that will be written: "m", "unknown" or "mixed".
 
+    Args:
+        cuboids: the boxes.
+        convention: of the format.
+        scale_free: whether boxes of unknown scale may be written as they are.
+
     Raises:
-        ConfigError: a format of metres is asked for boxes of unknown scale, and nobody said that
-            this is meant.
+        ConfigError: the format is in metres, the scale of a box is not known, and scale_free is
+            false.
 
     """
     unknown = [record for record in cuboids.records if not record.metric]
@@ -88,9 +99,9 @@ def checked_units(cuboids: CuboidSet, convention: Convention, *, scale_free: boo
 def images_with_boxes(
     cuboids: CuboidSet,
 ) -> tuple[list[tuple[CuboidImage, list[CuboidRecord]]], list[SampleError]]:
-    """Every image with its boxes.
+    """Every image with its boxes, and an error for each box that is not for the image as it is.
 
-    Those whose K is not that of their image are faults, since formats hold one K an image.
+    Formats hold one K and one size an image, so a box of another K or size cannot be written.
     """
     members: dict[str, tuple[CuboidImage, list[CuboidRecord]]] = {
         image.image_id: (image, []) for image in cuboids.listed_images()
@@ -122,15 +133,11 @@ def images_with_boxes(
 
 
 def heading_note(records: Sequence[CuboidRecord]) -> tuple[str, ...]:
-    """A sentence if what is called forward and left has no meaning for some boxes."""
+    """A sentence on boxes whose forward and left mean nothing, if there are any."""
     unknown = sum(not record.heading_known for record in records)
+    if not unknown:
+        return ()
     return (
-        (
-            (
-                f"the heading of {unknown} of {len(records)} boxes is not known: which of their"
-                " sides is called front means nothing"
-            ),
-        )
-        if unknown
-        else ()
+        f"the heading of {unknown} of {len(records)} boxes is not known: which of their sides is"
+        " called front means nothing",
     )

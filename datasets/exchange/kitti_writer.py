@@ -1,6 +1,6 @@
-"""Cuboids written as KITTI's text files.
+"""The writer of cuboids as KITTI's text files.
 
-A KITTI box stands on the ground plane: what that costs is measured and said.
+A KITTI box stands on the ground plane; the loss is measured and noted.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from animal3dbox.datasets.exchange.export import (
-    Exported,
+    ExportSummary,
     checked_units,
     heading_note,
     images_with_boxes,
@@ -23,10 +23,10 @@ from animal3dbox.datasets.readers.kitti.files import (
     image_line,
 )
 from animal3dbox.datasets.readers.visible_boxes import (
-    SeenBoxes,
-    seen_boxes,
+    VisibleBoxes,
     stacked_boxes,
     stated_truncation,
+    visible_boxes,
 )
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
@@ -35,8 +35,11 @@ from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
 
 
-def write_kitti(cuboids: CuboidSet, folder: Path, *, scale_free: bool = False) -> Exported:
-    """Write FOLDER/label_2/000000.txt and so on, FOLDER/calib/000000.txt, and FOLDER/images.txt, which says whose they are.
+def write_kitti(cuboids: CuboidSet, folder: Path, *, scale_free: bool = False) -> ExportSummary:
+    """Write cuboids as a folder of KITTI's text files.
+
+    FOLDER/label_2/000000.txt and FOLDER/calib/000000.txt are the first image's, and so on;
+    FOLDER/images.txt says which image each number is.
 
     A box keeps its centre, its dimensions and the yaw of its forward axis; pitch and roll are lost.
     The intersection over union of each box with what is left of it is returned, and its median and
@@ -48,12 +51,34 @@ def write_kitti(cuboids: CuboidSet, folder: Path, *, scale_free: bool = False) -
         scale_free: write boxes of unknown scale as they are.
 
     Returns:
-        What was written; its faults are the boxes that were left out, those outside the frame among
+        The summary; its faults are the boxes that were left out, those outside the frame among
         them.
 
     Raises:
         ConfigError: the scale of a box is not known, and scale_free is false; or the folder holds
             label files.
+
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets import CuboidRecord, CuboidSet
+        >>> K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
+        >>> dog = CuboidRecord(
+        ...     sample_id="a.jpg",
+        ...     image_id="a.jpg",
+        ...     image_path=None,
+        ...     image_hw=(480, 640),
+        ...     category="dog",
+        ...     K=K,
+        ...     center=np.array([0.0, 0.0, 4.0]),
+        ...     rotation=np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),
+        ...     size=np.array([0.9, 0.3, 0.6]),
+        ... )
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     summary = write_kitti(CuboidSet("dogs", (dog,), ()), Path(folder))
+        ...     (Path(folder) / "label_2" / "000000.txt").read_text().split()[:3]
+        ['dog', '0.000000', '3']
+        >>> [round(iou, 6) for iou in summary.iou]
+        [1.0]
 
     """
     if any((folder / "label_2").glob("*.txt")):
@@ -62,75 +87,91 @@ def write_kitti(cuboids: CuboidSet, folder: Path, *, scale_free: bool = False) -
         )
     units = checked_units(cuboids, KITTI, scale_free=scale_free)
     members, faults = images_with_boxes(cuboids)
-    written: list[CuboidRecord] = []
-    for number, (image, records) in enumerate(members):
-        seen = seen_boxes(records)
-        lines = []
-        for index, record in enumerate(records):
-            box = seen.in_frame[index] if record.box is None else record.box
-            if np.isnan(box).any():
-                faults.append(
-                    SampleError(
-                        record.sample_id,
-                        "box",
-                        "nothing of it lies in the frame, so that there is no 2D box",
-                    )
-                )
-                continue
-            lines.append(_line(record, seen, index, box).text() + "\n")
-            written.append(record)
+    records: list[CuboidRecord] = []
+    for number, (image, boxes) in enumerate(members):
+        lines, with_box, outside = _lines(boxes)
+        records += with_box
+        faults += outside
+        calibration = calibration_text(KITTI.K_out(image.K))
         write_whole(folder / "label_2" / f"{number:06d}.txt", "".join(lines).encode())
-        write_whole(
-            folder / "calib" / f"{number:06d}.txt", calibration_text(KITTI.K_out(image.K)).encode()
-        )
+        write_whole(folder / "calib" / f"{number:06d}.txt", calibration.encode())
     write_whole(
         folder / "images.txt",
         "".join(image_line(number, image) for number, (image, _) in enumerate(members)).encode(),
     )
-    iou = yaw_only_iou(written)
-    notes = (
-        heading_note(written)
-        + _loss_note(iou)
-        + (() if units == "m" else (f"lengths are not all in metres ({units})",))
+    iou = yaw_only_iou(records)
+    unit_note = () if units == "m" else (f"lengths are not all in metres ({units})",)
+    return ExportSummary(
+        files=(folder / "label_2", folder / "calib", folder / "images.txt"),
+        images=len(members),
+        boxes=len(records),
+        faults=tuple(faults),
+        notes=(*heading_note(records), *_loss_note(iou), *unit_note),
+        iou=iou,
     )
-    files = (folder / "label_2", folder / "calib", folder / "images.txt")
-    return Exported(files, len(members), len(written), tuple(faults), notes, iou)
+
+
+def _lines(
+    records: Sequence[CuboidRecord],
+) -> tuple[list[str], list[CuboidRecord], list[SampleError]]:
+    """The lines of an image's boxes, the boxes that have one, and an error for each other box."""
+    visible = visible_boxes(records)
+    lines, with_box, faults = [], [], []
+    for index, record in enumerate(records):
+        box = visible.in_frame[index] if record.box is None else record.box
+        if np.isnan(box).any():
+            faults.append(
+                SampleError(
+                    record.sample_id,
+                    "box",
+                    "nothing of it lies in the frame, so that there is no 2D box",
+                )
+            )
+            continue
+        lines.append(_line(record, visible, index, box).text() + "\n")
+        with_box.append(record)
+    return lines, with_box, faults
 
 
 def levelled(rotation: Floats) -> Floats:
-    """Rotations (..., 3, 3) R_cam_box without pitch and roll.
+    """The rotations (..., 3, 3) R_cam_box without pitch and roll.
 
-    The camera's y axis points down the box.
+    The camera's y axis then points down the box, and the yaw of its forward axis is kept.
     """
     center = size = np.ones((*rotation.shape[:-2], 3))
-    location, turned, dimensions = KITTI.boxes_out(center, rotation, size)
-    return KITTI.boxes_in(location, yaw_rotation(yaw_of(turned)), dimensions)[1]
+    location, rotation_out, dimensions = KITTI.boxes_out(center, rotation, size)
+    return KITTI.boxes_in(location, yaw_rotation(yaw_of(rotation_out)), dimensions)[1]
 
 
 def yaw_only_iou(records: Sequence[CuboidRecord]) -> tuple[float, ...]:
-    """What KITTI keeps of boxes.
-
-    Their exact intersection over union with the yaw-only boxes that are written.
-    """
+    """Exact intersection over union of each box with the yaw-only box that KITTI keeps of it."""
     if not records:
         return ()
-    center, whole, size = stacked_boxes(records)
-    c, R, flat, s = (
-        torch.from_numpy(np.ascontiguousarray(part))
-        for part in (center, whole, levelled(whole), size)
-    )
-    return tuple(box_iou(Cuboid(c, R, s), Cuboid(c, flat, s)).tolist())
+    boxes = stacked_boxes(records)
+    center, rotation, size = (torch.from_numpy(np.ascontiguousarray(part)) for part in boxes)
+    yaw_only = torch.from_numpy(np.ascontiguousarray(levelled(boxes[1])))
+    iou = box_iou(Cuboid(center, rotation, size), Cuboid(center, yaw_only, size))
+    return tuple(iou.tolist())
 
 
-def _line(record: CuboidRecord, seen: SeenBoxes, index: int, box: Floats) -> KittiLine:
-    location, turned, dimensions = KITTI.boxes_out(
+def _line(record: CuboidRecord, visible: VisibleBoxes, index: int, box: Floats) -> KittiLine:
+    """The line of one box.
+
+    Args:
+        record: the box.
+        visible: of the image's boxes.
+        index: the record's place among them.
+        box: (4,) xyxy in our px.
+
+    """
+    location, rotation, dimensions = KITTI.boxes_out(
         record.center, levelled(record.rotation), record.size
     )
-    yaw = float(yaw_of(turned))
+    yaw = float(yaw_of(rotation))
     alpha = yaw - float(np.arctan2(location[0], location[2]))
     return KittiLine(
         kind="_".join(record.category.split()) or "unknown",
-        truncated=stated_truncation(record, seen, index),
+        truncated=stated_truncation(record, visible, index),
         occluded=OCCLUSION_UNKNOWN,
         alpha=(alpha + np.pi) % (2 * np.pi) - np.pi,
         box=KITTI.boxes_2d_out(box),
@@ -141,12 +182,11 @@ def _line(record: CuboidRecord, seen: SeenBoxes, index: int, box: Floats) -> Kit
 
 
 def _loss_note(iou: tuple[float, ...]) -> tuple[str, ...]:
+    """A sentence on the pitch and roll that are lost, if there is a box."""
     if not iou:
         return ()
     median, worst = float(np.median(iou)), min(iou)
     return (
-        (
-            f"KITTI boxes keep only yaw: IoU with the whole boxes is {median:.3f} in the median and"
-            f" {worst:.3f} at worst ({len(iou)} boxes)"
-        ),
+        f"KITTI boxes keep only yaw: IoU with the whole boxes is {median:.3f} in the median and"
+        f" {worst:.3f} at worst ({len(iou)} boxes)",
     )

@@ -1,5 +1,7 @@
-"""Cuboids written as Omni3D's JSON, with the category files and dimension statistics that its
-trainers want beside it."""
+"""The writer of cuboids as Omni3D's JSON, with the files that its trainers want beside it.
+
+These are the categories' numbers, and statistics of their boxes' dimensions.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +11,7 @@ import numpy as np
 
 from animal3dbox.datasets.exchange.export import (
     SUPERCATEGORY,
-    Exported,
+    ExportSummary,
     checked_units,
     heading_note,
     images_with_boxes,
@@ -24,11 +26,12 @@ from animal3dbox.datasets.readers.omni3d.schema import (
     Omni3DImage,
     Omni3DInfo,
 )
-from animal3dbox.datasets.readers.visible_boxes import seen_boxes, stated_truncation
+from animal3dbox.datasets.readers.visible_boxes import stated_truncation, visible_boxes
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.files import write_whole
 
 UNKNOWN_BOX = [-1.0, -1.0, -1.0, -1.0]
+"""Value of a 2D box that is not known."""
 
 
 def write_omni3d(
@@ -39,11 +42,11 @@ def write_omni3d(
     split: str = "train",
     dataset_id: int = 0,
     first_category_id: int = 0,
-) -> Exported:
-    """Write cuboids as X.json, X_category_meta.json and X_stats.json.
+) -> ExportSummary:
+    """Write cuboids in Omni3D's format as X.json, X_category_meta.json and X_stats.json.
 
     Category names are in lower case, as the trainer's priors look them up; ids follow their
-    alphabet. What is not known is -1, never 0, for which the trainer ignores a box.
+    alphabet. Values that are not known are -1, never 0, for which the trainer ignores a box.
 
     Args:
         cuboids: boxes in metres.
@@ -53,61 +56,97 @@ def write_omni3d(
         split: info.split.
         dataset_id: info.id, which images and annotations repeat; another one for each dataset that
             is trained together.
-        first_category_id: of the first category; 1000, for example, keeps clear of Omni3D's own.
+        first_category_id: id of the first category; 1000, for example, keeps clear of Omni3D's own.
+
+    Returns:
+        The summary; its faults are the boxes that were left out.
 
     Raises:
         ConfigError: the scale of a box is not known, and scale_free is false.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets import CuboidRecord, CuboidSet
+        >>> K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
+        >>> dog = CuboidRecord(
+        ...     sample_id="a.jpg",
+        ...     image_id="a.jpg",
+        ...     image_path=None,
+        ...     image_hw=(480, 640),
+        ...     category="dog",
+        ...     K=K,
+        ...     center=np.array([0.0, 0.0, 4.0]),
+        ...     rotation=np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),
+        ...     size=np.array([0.9, 0.3, 0.6]),
+        ... )
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     summary = write_omni3d(CuboidSet("dogs", (dog,), ()), Path(folder) / "dogs.json")
+        >>> [file.name for file in summary.files]
+        ['dogs.json', 'dogs_category_meta.json', 'dogs_stats.json']
+
     """
     units = checked_units(cuboids, OMNI3D, scale_free=scale_free)
     members, faults = images_with_boxes(cuboids)
-    kept = [record for _, records in members for record in records]
-    names = sorted({category_name(record.category) for record in kept})
+    records = [record for _, boxes in members for record in boxes]
+    names = sorted({category_name(record.category) for record in records})
     ids = {name: first_category_id + number for number, name in enumerate(names)}
     numbers = {image.image_id: number for number, (image, _) in enumerate(members)}
-    known: list[Key] = list(ids.values())
-    info = Omni3DInfo(
-        id=dataset_id,
-        split=split,
-        known_category_ids=known,
-        generator=GENERATOR,
-        units=units,
-        first_pixel=OMNI3D.first_pixel,
-    )
     file = Omni3DFile(
-        info=info,
+        info=_info(ids, split=split, dataset_id=dataset_id, units=units),
         images=_images(members, numbers, dataset_id),
         categories=[
             Omni3DCategory(id=number, name=name, supercategory=SUPERCATEGORY)
             for name, number in ids.items()
         ],
-        annotations=_annotations(kept, numbers, ids, dataset_id),
+        annotations=_annotations(records, numbers, ids, dataset_id),
     )
     meta, stats = (
         path.with_name(f"{path.stem}_{name}.json") for name in ("category_meta", "stats")
     )
-    contiguous = {str(number): k for k, number in enumerate(ids.values())}
     write_whole(path, msgspec.json.encode(file))
-    write_whole(
-        meta, _pretty({"thing_classes": names, "thing_dataset_id_to_contiguous_id": contiguous})
+    write_whole(meta, _pretty(_category_meta(ids)))
+    write_whole(stats, _pretty(dimension_stats(records, ids, len(members), units)))
+    return ExportSummary(
+        files=(path, meta, stats),
+        images=len(members),
+        boxes=len(records),
+        faults=tuple(faults),
+        notes=(*heading_note(records), *_unit_note(units)),
     )
-    write_whole(stats, _pretty(dimension_stats(kept, ids, len(members), units)))
-    notes = heading_note(kept) + (
-        ()
-        if units == "m"
-        else (
-            (
-                f"lengths are not all in metres (info.units {units!r}): do not train metric depth"
-                " on them"
-            ),
-        )
+
+
+def _info(ids: dict[str, int], *, split: str, dataset_id: int, units: str) -> Omni3DInfo:
+    """The head of the file; see write_omni3d."""
+    category_ids: list[Key] = list(ids.values())
+    return Omni3DInfo(
+        id=dataset_id,
+        split=split,
+        known_category_ids=category_ids,
+        generator=GENERATOR,
+        units=units,
+        first_pixel=OMNI3D.first_pixel,
     )
-    return Exported((path, meta, stats), len(members), len(kept), tuple(faults), notes)
+
+
+def _category_meta(ids: dict[str, int]) -> dict[str, object]:
+    """The content of X_category_meta.json: the categories, and their ids' places from 0 on."""
+    contiguous = {str(number): k for k, number in enumerate(ids.values())}
+    return {"thing_classes": list(ids), "thing_dataset_id_to_contiguous_id": contiguous}
+
+
+def _unit_note(units: str) -> tuple[str, ...]:
+    """A sentence on lengths that are not in metres, if there are any."""
+    if units == "m":
+        return ()
+    return (
+        f"lengths are not all in metres (info.units {units!r}): do not train metric depth on them",
+    )
 
 
 def _images(
     members: Sequence[tuple[CuboidImage, object]], numbers: dict[str, int], dataset_id: int
 ) -> list[Omni3DImage]:
+    """The elements of "images", numbered by image id."""
     return [
         Omni3DImage(
             id=numbers[image.image_id],
@@ -122,14 +161,23 @@ def _images(
 
 
 def category_name(category: str) -> str:
-    """A category as the trainer's priors look it up: in lower case."""
+    """A category's name as the trainer's priors look it up: in lower case."""
     return category.strip().lower() or "unknown"
 
 
 def _annotations(
     records: Sequence[CuboidRecord], numbers: dict[str, int], ids: dict[str, int], dataset_id: int
 ) -> list[Omni3DAnnotation]:
-    seen = seen_boxes(records)
+    """The elements of "annotations".
+
+    Args:
+        records: the boxes.
+        numbers: image id -> number.
+        ids: category name -> id.
+        dataset_id: repeated in each.
+
+    """
+    visible = visible_boxes(records)
     annotations = []
     for index, record in enumerate(records):
         location, rotation, dimensions = OMNI3D.boxes_out(
@@ -144,15 +192,15 @@ def _annotations(
             category_name=name,
             valid3D=True,
             bbox2D_tight=_box(record.box),
-            bbox2D_proj=_box(seen.projected[index]),
-            bbox2D_trunc=_box(seen.in_frame[index]),
+            bbox2D_proj=_box(visible.projected[index]),
+            bbox2D_trunc=_box(visible.in_frame[index]),
             bbox3D_cam=OMNI3D.corners_out(record.center, record.rotation, record.size).tolist(),
             center_cam=location.tolist(),
             dimensions=dimensions.tolist(),
             R_cam=rotation.tolist(),
-            behind_camera=bool(seen.behind_camera[index]),
+            behind_camera=bool(visible.behind_camera[index]),
             visibility=-1,
-            truncation=stated_truncation(record, seen, index),
+            truncation=stated_truncation(record, visible, index),
             segmentation_pts=-1,
             lidar_pts=-1,
             depth_error=-1,
@@ -164,26 +212,27 @@ def _annotations(
 
 
 def _box(box: Floats | None) -> list[float]:
-    return (
-        UNKNOWN_BOX
-        if box is None or np.isnan(box).any()
-        else [float(value) for value in OMNI3D.boxes_2d_out(box)]
-    )
+    """A 2D box (4,) in Omni3D's pixels; UNKNOWN_BOX of None or NaN."""
+    if box is None or np.isnan(box).any():
+        return UNKNOWN_BOX
+    return [float(value) for value in OMNI3D.boxes_2d_out(box)]
 
 
 def dimension_stats(
     records: Sequence[CuboidRecord], ids: dict[str, int], images: int, units: str
 ) -> dict[str, object]:
-    """Counts, and mean and standard deviation (of a sample) of [W, H, L] a category, as priors of a trainer.
+    """The content of X_stats.json: priors of a trainer for the dimensions of each category.
+
+    They are the mean and the standard deviation (of a sample) of [W, H, L].
 
     Args:
         records: every box.
-        ids: category ids by name.
-        images: how many there are.
-        units: of the lengths.
+        ids: category name -> id.
+        images: number of images.
+        units: unit of the lengths.
 
     Returns:
-        What stats.json holds; a standard deviation is None where there is one box only.
+        The content; a standard deviation is None where there is one box only.
 
     """
     rows = []
@@ -215,4 +264,5 @@ def dimension_stats(
 
 
 def _pretty(content: dict[str, object]) -> bytes:
+    """Content as JSON that a person can read."""
     return msgspec.json.format(msgspec.json.encode(content), indent=1)

@@ -15,7 +15,7 @@ from animal3dbox.datasets.inspection.fits import Subject, camera_fits, picture_f
 from animal3dbox.datasets.inspection.measures import spread
 from animal3dbox.datasets.inspection.result import Animal3DFacts
 from animal3dbox.datasets.inspection.stored_points import ANIMALS, side_facts, stored_points
-from animal3dbox.datasets.readers.animal3d.reader import VOCABULARY
+from animal3dbox.datasets.readers.animal3d.entries import VOCABULARY
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
 

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.readers.animal3d.reader import SplitFile, find_splits, numbered_id
+from animal3dbox.datasets.readers.animal3d.entries import SplitFile, find_splits, numbered_id
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 

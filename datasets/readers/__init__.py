@@ -1,4 +1,7 @@
-"""Readers of annotation files.
+"""Readers of annotation files: one format a file or folder.
 
-One format a file or folder, each giving a RecordSet or a CuboidSet.
+Readers of annotated animals give a RecordSet (`animal3d`, `coco`, `deeplabcut`, `mesh_folder`,
+`stanfordextra`), readers of boxes a CuboidSet (`omni3d`, `kitti`). `elements` has the checks that
+several share; `cuboid_conventions` and `visible_boxes` are shared with the writers of boxes. A new
+format is a new file or folder here, and a line in formats.py.
 """

@@ -1,6 +1,6 @@
-"""What each exchange format means by a camera, a box, a corner and a pixel.
+"""The meaning of a camera, a box, a corner and a pixel in each exchange format of cuboids.
 
-Reading and writing use the same statement.
+Reading and writing use the same statement, a Convention.
 
 Facts, and how sure they are: Omni3D's axes, corners and dimensions are those of its DATA.md and of
 the code that trains on it. That code flips x to W - x and scales K with the image, so (0, 0) is the
@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
 
 Floats = NDArray[np.float64]
+"""An array of float64."""
 Axes = tuple[tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
+"""Three axes as a matrix (3, 3), row by row."""
 
 OPENCV: Axes = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 FORWARD_LEFT_UP: Axes = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
@@ -27,32 +29,32 @@ FORWARD_DOWN_LEFT: Axes = ((1, 0, 0), (0, 0, 1), (0, -1, 0))
 """Row by row; the columns are the format's box axes x, y, z in our forward, left, up."""
 
 LOOP = CORNER_SIGNS
-"""Round one side, then round the opposite one.
+"""Corner signs (8, 3): round one side of the box, then round the opposite one.
 
-Our signs, which Omni3D and PyTorch3D apply to their own axes.
+They are ours, and Omni3D and PyTorch3D apply them to their own axes.
 """
 
 
 @dataclass(frozen=True)
 class Convention:
-    """One format's meaning of a cuboid in an image.
+    """The meaning that one format gives to a cuboid in an image.
 
     Attributes:
-        name: the format.
+        name: the format's name.
         camera_axes: (3, 3) R_format_cam, row by row; ours are x right, y down, z forward.
         box_axes: (3, 3) R_box_format, row by row: its columns are the format's own box axes in our
             forward, left, up.
         corner_signs: (8, 3) along the format's own box axes, in its order.
-        dimensions: along which of the format's own box axes its first, second and third dimension
-            lies.
-        location: which point of the box it gives, in half sizes along its own box axes from the
+        dimensions: the numbers of the format's own box axes along which its first, second and third
+            dimension lie.
+        location: the point of the box that it gives, in half sizes along its own box axes from the
             centre.
-        first_pixel: what it calls the centre of the top-left pixel in K and in 2D boxes: 0.5 where
+        first_pixel: the coordinate of the top-left pixel's centre in K and in 2D boxes: 0.5 where
             (0, 0) is the image's corner.
-        first_keypoint_pixel: likewise for keypoints.
+        first_keypoint_pixel: the same coordinate for keypoints.
         unit: "metres", or "none" for a format of the image plane alone.
         yaw_only: whether its boxes stand on the ground plane, so that pitch and roll are lost.
-        decimals: of numbers in text files; None where numbers are written whole.
+        decimals: digits after the point in text files; None where numbers are written whole.
     """
 
     name: str
@@ -76,10 +78,11 @@ class Convention:
         return self._shifted(K, -self.first_pixel)
 
     @staticmethod
-    def _shifted(K: Floats, by: float) -> Floats:
-        shifted = np.array(K, dtype=np.float64)
-        shifted[..., :2, 2] += by * shifted[..., 2:, 2]
-        return shifted
+    def _shifted(K: Floats, pixels: float) -> Floats:
+        """Intrinsics (..., 3, 3) whose principal point lies so many pixels further."""
+        K_out = np.array(K, dtype=np.float64)
+        K_out[..., :2, 2] += pixels * K_out[..., 2:, 2]  # cx, cy += pixels * K[2, 2]
+        return K_out
 
     def boxes_2d_out(self, px: Floats) -> Floats:
         """Our pixel coordinates of 2D boxes, of any shape, as the format's."""
@@ -96,7 +99,7 @@ class Convention:
     def boxes_out(
         self, center: Floats, rotation: Floats, size: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """Our boxes as the format says them.
+        """Our boxes in the format's frames and orders.
 
         Args:
             center: (..., 3) in our camera frame.
@@ -108,44 +111,46 @@ class Convention:
             being the format's box axes.
 
         """
-        turned, own = self._axes()
-        rotation_out = turned @ rotation @ own
-        size_out = size @ np.abs(own)
-        location = (
-            center @ turned.T + (rotation_out @ (size_out * self.location / 2)[..., None])[..., 0]
-        )
+        R_format_cam, R_box_format = self._axes()
+        rotation_out = R_format_cam @ rotation @ R_box_format
+        size_out = size @ np.abs(R_box_format)
+        offset = (rotation_out @ (size_out * self.location / 2)[..., None])[..., 0]
+        location = center @ R_format_cam.T + offset
         return location, rotation_out, size_out[..., list(self.dimensions)]
 
     def boxes_in(
         self, location: Floats, rotation: Floats, dimensions: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """The format's boxes as ours: center, rotation, size; the inverse of boxes_out."""
-        turned, own = self._axes()
+        """The format's boxes as our center, rotation and size; the inverse of boxes_out."""
+        R_format_cam, R_box_format = self._axes()
         size_out = np.empty_like(np.asarray(dimensions, dtype=np.float64))
         size_out[..., list(self.dimensions)] = dimensions
         center = location - (rotation @ (size_out * self.location / 2)[..., None])[..., 0]
-        return center @ turned, turned.T @ rotation @ own.T, size_out @ np.abs(own).T
+        return (
+            center @ R_format_cam,
+            R_format_cam.T @ rotation @ R_box_format.T,
+            size_out @ np.abs(R_box_format).T,
+        )
 
     def corners_out(self, center: Floats, rotation: Floats, size: Floats) -> Floats:
-        """Corners (..., 8, 3) of our boxes in the format's order and camera axes."""
-        turned, own = self._axes()
-        half = (size @ np.abs(own))[..., None, :] / 2
+        """The corners (..., 8, 3) of our boxes in the format's order and camera axes."""
+        R_format_cam, R_box_format = self._axes()
+        half = (size @ np.abs(R_box_format))[..., None, :] / 2
         offsets = np.array(self.corner_signs) * half
-        return (center @ turned.T)[..., None, :] + offsets @ (turned @ rotation @ own).swapaxes(
-            -1, -2
-        )
+        rotation_out = R_format_cam @ rotation @ R_box_format
+        return (center @ R_format_cam.T)[..., None, :] + offsets @ rotation_out.swapaxes(-1, -2)
 
     def _axes(self) -> tuple[Floats, Floats]:
-        return np.array(self.camera_axes, dtype=np.float64), np.array(
-            self.box_axes, dtype=np.float64
-        )
+        """R_format_cam and R_box_format, (3, 3) each."""
+        camera_axes = np.array(self.camera_axes, dtype=np.float64)
+        return camera_axes, np.array(self.box_axes, dtype=np.float64)
 
 
 OMNI3D = Convention("omni3d", box_axes=FORWARD_DOWN_LEFT, dimensions=(2, 1, 0), first_pixel=0.5)
-"""Dimensions [W, H, L] along its own z, y, x; R_cam's columns are forward, down and left."""
+"""Omni3D: dimensions [W, H, L] along its z, y, x; R_cam's columns are forward, down and left."""
 
 COCO = Convention("coco", first_pixel=0.5, unit="none")
-"""Boxes from the image's corner, keypoints as pixel indices.
+"""COCO: boxes count from the image's corner, keypoints are pixel indices.
 
 The eight corners are keypoints in our own order.
 """
@@ -158,19 +163,19 @@ KITTI = Convention(
     yaw_only=True,
     decimals=6,
 )
-"""Dimensions height, width, length; the location is the middle of the bottom.
+"""KITTI: dimensions height, width, length; the location is the middle of the bottom.
 
-Rotation_y = 0 faces along the camera's x.
+A rotation_y of 0 faces along the camera's x.
 """
 
 CONVENTIONS = {convention.name: convention for convention in (OMNI3D, COCO, KITTI)}
-"""Every format that is written."""
+"""Every format of cuboids that is written, by name."""
 
 
 def yaw_rotation(rotation_y: Floats) -> Floats:
-    """Rotations (..., 3, 3) about the camera's y axis of KITTI's angle (...,).
+    """The rotations (..., 3, 3) about the camera's y axis that KITTI's angles (...,) stand for.
 
-    0 faces along x, pi / 2 towards the camera (-z).
+    An angle of 0 faces along x, one of pi / 2 towards the camera (-z).
     """
     cosine, sine = np.cos(rotation_y), np.sin(rotation_y)
     zero, one = np.zeros_like(cosine), np.ones_like(cosine)
@@ -179,9 +184,13 @@ def yaw_rotation(rotation_y: Floats) -> Floats:
 
 
 def yaw_of(rotation: Floats) -> Floats:
-    """KITTI's rotation_y (...,), -pi to pi, of format rotations (..., 3, 3) with the columns forward, down, left.
+    """KITTI's rotation_y (...,), from -pi to pi, of rotations (..., 3, 3).
 
     Of an animal that looks straight up or down, the axis to its left decides.
+
+    Args:
+        rotation: with the format's columns: forward, down, left.
+
     """
     forward, left = rotation[..., :, 0], rotation[..., :, 2]
     level = np.hypot(forward[..., 0], forward[..., 2]) > np.hypot(left[..., 0], left[..., 2]) * 1e-3

@@ -1,6 +1,6 @@
-"""Elements of annotation files, checked one by one.
+"""Checks of single elements of annotation files, for all readers of JSON.
 
-A bad one is an error that names its sample and field.
+A bad element is an error that names its sample and its field, and spoils no other element.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,10 @@ _Entry = TypeVar("_Entry", bound=msgspec.Struct)
 
 
 def decoded(raw: msgspec.Raw, kind: type[_Entry], sample_id: str) -> _Entry:
-    """One element as a struct."""
+    """One element of a file as a struct of a kind.
+
+    Raises SampleError, naming the field, if it does not have the struct's form.
+    """
     try:
         return msgspec.json.decode(raw, type=kind)
     except msgspec.ValidationError as error:
@@ -29,15 +32,26 @@ def decoded(raw: msgspec.Raw, kind: type[_Entry], sample_id: str) -> _Entry:
 def _field_and_problem(error: msgspec.ValidationError) -> tuple[str, str]:
     """The field that msgspec names at the end of its message, and the message."""
     text = str(error)
-    where = text.rpartition("$")[2].strip(" .`") if "$" in text else ""
-    missing = text.partition("field `")[2].partition("`")[0]
-    return (where or missing or "entry"), text
+    path = text.rpartition("$")[2].strip(" .`") if "$" in text else ""
+    missing_field = text.partition("field `")[2].partition("`")[0]
+    return (path or missing_field or "entry"), text
 
 
 def image_size(
     height: int, width: int, sample_id: str, fields: str = "height, width"
 ) -> tuple[int, int]:
-    """(height, width), positive and not of more than MAX_PIXELS."""
+    """The size (height, width) that a file states for an image, checked.
+
+    Args:
+        height: in pixels.
+        width: in pixels.
+        sample_id: named in the error.
+        fields: the file's keys, named in the error.
+
+    Raises:
+        SampleError: a side is not positive, or there are more than MAX_PIXELS.
+
+    """
     if height <= 0 or width <= 0 or height * width > MAX_PIXELS:
         raise SampleError(
             sample_id,
@@ -50,7 +64,20 @@ def image_size(
 def read_rows(
     rows: list[list[float | None]], count: int, sample_id: str, field: str
 ) -> NDArray[np.float64]:
-    """Keypoints (count, 3) of x, y, visibility; one with a null counts as missing."""
+    """The keypoints (count, 3) of a file's rows of x, y, visibility.
+
+    A row with a null counts as missing and becomes zeros.
+
+    Args:
+        rows: as the file has them.
+        count: number of keypoints that there must be.
+        sample_id: named in the error.
+        field: the file's key, named in the error.
+
+    Raises:
+        SampleError: other than count rows of three numbers.
+
+    """
     if len(rows) != count or any(len(row) != 3 for row in rows):
         lengths = sorted({len(row) for row in rows})
         raise SampleError(
@@ -64,13 +91,16 @@ def read_rows(
 def read_box(
     numbers: Sequence[float], sample_id: str, field: str, form: str = "x, y, w, h"
 ) -> NDArray[np.float64]:
-    """A box (4,) xyxy px in our pixels, whose centres are whole numbers.
+    """The upright box (4,) of four numbers, xyxy in our pixels, whose centres are whole numbers.
 
     Args:
         numbers: as the file has them: a pixel goes from its whole number to the next.
-        sample_id: named in every error.
-        field: likewise.
+        sample_id: named in the error.
+        field: the file's key, named in the error.
         form: "x, y, w, h", or "xmin, ymin, xmax, ymax".
+
+    Raises:
+        SampleError: not four finite numbers of a positive area.
 
     """
     box = np.array(numbers, dtype=np.float64)
@@ -89,25 +119,26 @@ def check_in_box(
     sample_id: str,
     fields: tuple[str, str],
 ) -> None:
-    """Raise if most visible keypoints (J, 3) miss the animal's box, grown by a tenth.
+    """Raise a SampleError if most visible keypoints miss the animal's box, grown by a tenth.
 
-    They are not pixels of this image, or not of this animal.
+    Such keypoints are pixels of another image, or of another animal.
 
     Args:
-        keypoints: x, y, visibility; (0, 0) counts as missing.
+        keypoints: (J, 3) x, y, visibility; (0, 0) counts as missing.
         box: (4,) xyxy px.
         sample_id: named in the error.
-        fields: of the keypoints and of the box, likewise.
+        fields: the file's keys of the keypoints and of the box, named in the error.
 
     """
-    seen = keypoints[(keypoints[:, 2] > 0) & keypoints[:, :2].any(axis=1), :2]
-    size = box[2:] - box[:2]
-    inside = int(((seen > box[:2] - 0.1 * size) & (seen < box[2:] + 0.1 * size)).all(axis=1).sum())
-    if 2 * inside < len(seen):
-        said = [float(v) for v in box + 0.5]
+    visible = keypoints[(keypoints[:, 2] > 0) & keypoints[:, :2].any(axis=1), :2]
+    margin = 0.1 * (box[2:] - box[:2])
+    in_box = (visible > box[:2] - margin) & (visible < box[2:] + margin)
+    inside = int(in_box.all(axis=1).sum())
+    if 2 * inside < len(visible):
+        corners = [float(v) for v in box + 0.5]
         raise SampleError(
             sample_id,
             fields[0],
-            f"only {inside} of {len(seen)} visible ones lie in or near {fields[1]} (from {said[:2]}"
-            f" to {said[2:]}): are they pixels of this image?",
+            f"only {inside} of {len(visible)} visible ones lie in or near {fields[1]} (from"
+            f" {corners[:2]} to {corners[2:]}): are they pixels of this image?",
         )

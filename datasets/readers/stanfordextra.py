@@ -1,4 +1,4 @@
-"""StanfordExtra: photographs of dogs with 24 keypoints and run-length masks."""
+"""The reader of StanfordExtra: photographs of dogs with 24 keypoints and run-length masks."""
 
 from pathlib import Path
 
@@ -19,18 +19,21 @@ from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleE
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 
 FORMAT = "stanfordextra"
+"""The format's name in reports and for --format."""
 CATEGORY = "dog"
+"""The category of every animal."""
 VOCABULARY = VOCABULARIES["stanfordextra24"]
+"""The keypoints of every animal."""
 
 
-class _Named(msgspec.Struct):
-    """What names a sample, readable even where the rest is not."""
+class _ImageName(msgspec.Struct):
+    """The part of an entry that names its sample, readable even where the rest is not."""
 
     img_path: str
 
 
-class StanfordExtraEntry(_Named):
-    """One element of the json's list; other keys are left alone."""
+class StanfordExtraEntry(_ImageName):
+    """One element of the json's list, by the keys that we use; others are left alone."""
 
     img_width: int
     img_height: int
@@ -41,7 +44,7 @@ class StanfordExtraEntry(_Named):
 
 
 def find_annotations(path: Path) -> Path:
-    """The json of a dataset given by its root or by its annotation file.
+    """The annotation file of a dataset given by its root or by that file.
 
     Raises:
         DatasetNotFoundError: there is none, or more than one.
@@ -51,18 +54,18 @@ def find_annotations(path: Path) -> Path:
         return path
     if not path.is_dir():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
-    found = sorted(
+    candidates = sorted(
         p
         for p in path.glob("*.json")
         if p.stem == "annotations" or p.stem.lower().startswith("stanfordextra")
     )
-    if len(found) != 1:
-        seen = ", ".join(p.name for p in found) or "none"
+    if len(candidates) != 1:
+        names = ", ".join(p.name for p in candidates) or "none"
         raise DatasetNotFoundError(
-            f"{path} must hold one annotations.json or StanfordExtra*.json, found {seen}: give the"
+            f"{path} must hold one annotations.json or StanfordExtra*.json, found {names}: give the"
             " file itself"
         )
-    return found[0]
+    return candidates[0]
 
 
 def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
@@ -91,14 +94,14 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
         raise DatasetNotFoundError(f"there is no folder of images {root}")
     records: list[AnimalRecord] = []
     faults: list[SampleError] = []
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     copies: dict[bytes, int] = {}
     entries = read_json_list(annotations)
     if not entries:
         raise DatasetFormatError(f"{annotations} is a list without an entry")
     for i, raw in enumerate(entries):
         try:
-            record = _record(raw, i, root, seen)
+            record = _record(raw, i, root, counts)
             if (first := copies.setdefault(bytes(raw), i)) != i:
                 raise SampleError(
                     record.sample_id,
@@ -111,11 +114,19 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
     return RecordSet(FORMAT, tuple(records), tuple(faults), categories=(CATEGORY,))
 
 
-def _record(raw: msgspec.Raw, index: int, root: Path, seen: dict[str, int]) -> AnimalRecord:
-    """One record, checked."""
-    image = decoded(raw, _Named, f"entry {index}").img_path
-    count = seen.get(image, 0)
-    seen[image] = count + 1
+def _record(raw: msgspec.Raw, index: int, root: Path, counts: dict[str, int]) -> AnimalRecord:
+    """The record of one entry, checked; raises SampleError.
+
+    Args:
+        raw: the entry.
+        index: its place in the file.
+        root: the folder that img_path is relative to.
+        counts: image -> entries so far, to which this one is added.
+
+    """
+    image = decoded(raw, _ImageName, f"entry {index}").img_path
+    count = counts.get(image, 0)
+    counts[image] = count + 1
     sample_id = image if count == 0 else f"{image}#{count}"
     entry = decoded(raw, StanfordExtraEntry, sample_id)
     image_hw = image_size(entry.img_height, entry.img_width, sample_id, "img_width, img_height")

@@ -12,7 +12,7 @@ from PIL import Image
 from torch import Tensor
 from tqdm import tqdm
 
-from animal3dbox.datasets.readers.animal3d.reader import SHAPE
+from animal3dbox.datasets.readers.animal3d.entries import SHAPE
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSample, SyntheticSet
 from animal3dbox.datasets.synthetic.truth_file import truth_of, write_truth
 from animal3dbox.errors import ConfigError

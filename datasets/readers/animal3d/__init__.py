@@ -1,1 +1,5 @@
-"""Animal3D and what is written like it."""
+"""Animal3D and datasets written like it.
+
+`entries` checks the elements of its files, `camera` finds the frame that its bodies stand in,
+`reader` makes the records and the bodies.
+"""

@@ -1,5 +1,8 @@
-"""Which camera an Animal3D copy's bodies were fitted for, found out by projecting them, and what
-else they tell."""
+"""The camera that an Animal3D copy's bodies were fitted for, found by projecting the bodies.
+
+The files do not say in which camera frame the bodies stand. Each frame in use is tried on a sample
+of animals, and the one whose projections meet the keypoints is believed.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,6 +14,7 @@ from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
 
 Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""R (3, 3) and t (3,) of X_cam = R X + t."""
 
 FRAMES = {
     "x right, y down, z forward": (1.0, 1.0, 1.0),
@@ -19,13 +23,17 @@ FRAMES = {
 }
 """Camera frames in use (OpenCV, PyTorch3D, OpenGL), and the signs that turn their axes to ours."""
 SAMPLES = 60
-"""So many animals are asked."""
+"""Number of animals on which the frames are tried."""
 CLOSE = 0.15
-"""A frame is believed if the median animal's keypoints lie within so much of their own extent of
-the projected body."""
+"""Greatest distance of the median animal's keypoints from the projected body, by their extent.
+
+A frame with a greater one is not believed.
+"""
 SAME = 0.01
-"""Stored 3D keypoints differ from the body's if they are off by more than this part of their
-extent, up to a translation."""
+"""Greatest distance of stored 3D keypoints from the body's own, by their extent.
+
+Those that are farther off, up to a translation, differ.
+"""
 
 NO_FOCAL = "the dataset's own camera is not used: there is no focal length to project by"
 NO_FRAME = (
@@ -40,7 +48,9 @@ def stored_camera(
     bodies: ParametersBody,
     keypoints_3d: Mapping[str, NDArray[np.float64]],
 ) -> tuple[Pose | None, tuple[str, ...]]:
-    """The pose X_cam = R X + t of the dataset's own camera, X a vertex of its bodies, trans included.
+    """The pose of the dataset's own camera, X_cam = R X + t with X a vertex of its bodies.
+
+    The bodies' trans is part of X.
 
     Args:
         records: with K, or there is nothing to project by.
@@ -48,28 +58,29 @@ def stored_camera(
         keypoints_3d: sample id -> (26, 3) as stored, to compare with the bodies' own.
 
     Returns:
-        The pose, None if no frame agrees with the keypoints, and what was found, in whole
+        The pose, None if no frame agrees with the keypoints, and notes for the report, in whole
         sentences.
 
     """
-    off: dict[str, list[float]] = {name: [] for name in FRAMES}
-    wrong = compared = 0
-    fitted = [record for record in records if record.sample_id in bodies.parameters]
-    for record in fitted[:: max(1, len(fitted) // SAMPLES)]:
+    misfits: dict[str, list[float]] = {name: [] for name in FRAMES}
+    different = compared = 0
+    with_body = [record for record in records if record.sample_id in bodies.parameters]
+    for record in with_body[:: max(1, len(with_body) // SAMPLES)]:
         try:
             landmarks = bodies.body(record).landmarks
         except SampleError:
             continue  # it is reported when the animal is labelled
         if record.sample_id in keypoints_3d:
             compared += 1
-            wrong += _differs(keypoints_3d[record.sample_id], landmarks)
+            different += _differs(keypoints_3d[record.sample_id], landmarks)
         for name, signs in FRAMES.items():
-            off[name].append(_misfit(landmarks * signs, record))
-    medians = {name: float(np.median(values)) for name, values in off.items() if values}
-    notes = [_about_keypoints(wrong, compared)] if wrong else []
+            misfits[name].append(_misfit(landmarks * signs, record))
+    medians = {name: float(np.median(values)) for name, values in misfits.items() if values}
+    notes = [_keypoint_note(different, compared)] if different else []
     best = min(medians, key=lambda name: medians[name], default=None)
     if best is None or not medians[best] < CLOSE:
-        return None, (*notes, NO_FOCAL if all(record.K is None for record in fitted) else NO_FRAME)
+        no_focal = all(record.K is None for record in with_body)
+        return None, (*notes, NO_FOCAL if no_focal else NO_FRAME)
     notes.append(
         f"the bodies' camera frame is {best}: projected, they are off by {100 * medians[best]:.1f}"
         " % of the keypoints' extent (median)"
@@ -77,33 +88,34 @@ def stored_camera(
     return (np.diag(FRAMES[best]), np.zeros(3)), tuple(notes)
 
 
-def _about_keypoints(wrong: int, compared: int) -> str:
+def _keypoint_note(different: int, compared: int) -> str:
+    """A sentence on stored 3D keypoints that are not the bodies' own."""
     return (
-        f"keypoint_3d differs from the posed body in {wrong} of {compared} animals compared; the"
-        " body's own are used"
+        f"keypoint_3d differs from the posed body in {different} of {compared} animals compared;"
+        " the body's own are used"
     )
 
 
 def _misfit(landmarks_cam: NDArray[np.float64], record: AnimalRecord) -> float:
-    """Median distance of projected landmarks (J, 3) from the marked keypoints by their extent.
+    """Median distance of projected landmarks (J, 3) from the marked keypoints, by their extent.
 
-    Inf behind the camera or without any.
+    Infinite if a landmark lies behind the camera, or too few keypoints are marked.
     """
     marked = (record.keypoints_2d[:, 2] > 0) & np.isfinite(landmarks_cam).all(axis=1)
     if record.K is None or marked.sum() < 4 or not (landmarks_cam[marked, 2] > 0).all():
         return float("inf")
     points = landmarks_cam[marked] @ record.K.T
-    px, said = points[:, :2] / points[:, 2:], record.keypoints_2d[marked, :2]
-    extent = float(np.ptp(said, axis=0).max())
-    return (
-        float(np.median(np.linalg.norm(px - said, axis=1))) / extent if extent > 0 else float("inf")
-    )
+    px, keypoints = points[:, :2] / points[:, 2:], record.keypoints_2d[marked, :2]
+    extent = float(np.ptp(keypoints, axis=0).max())
+    if extent <= 0:
+        return float("inf")
+    return float(np.median(np.linalg.norm(px - keypoints, axis=1))) / extent
 
 
-def _differs(stored: NDArray[np.float64], own: NDArray[np.float64]) -> bool:
-    """Whether stored landmarks (26, 3) are not the body's own, wherever both stand."""
-    if stored.shape != own.shape or not np.isfinite(stored).all():
+def _differs(file_points: NDArray[np.float64], own: NDArray[np.float64]) -> bool:
+    """Whether a file's landmarks (26, 3) have another form than the body's own, up to a shift."""
+    if file_points.shape != own.shape or not np.isfinite(file_points).all():
         return True
-    known = np.isfinite(own).all(axis=1)
-    a, b = (points[known] - points[known].mean(axis=0) for points in (stored, own))
+    on_body = np.isfinite(own).all(axis=1)
+    a, b = (points[on_body] - points[on_body].mean(axis=0) for points in (file_points, own))
     return bool(np.abs(a - b).max() > SAME * np.ptp(b, axis=0).max())

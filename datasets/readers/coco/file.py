@@ -1,6 +1,6 @@
-"""A COCO keypoints file taken apart.
+"""A COCO keypoints file taken apart: the annotations of each image, the keypoints of each species.
 
-Which annotations belong to which image, and what its keypoint names are.
+Images or annotations that cannot be told apart are faults here, before any record is made.
 """
 
 from collections import Counter
@@ -18,7 +18,7 @@ from animal3dbox.smal.keypoints.vocabulary_match import NameMatch, match_by_name
 
 
 class _Category(msgspec.Struct):
-    """A species, or whatever the dataset tells apart."""
+    """One element of "categories": a species, or whatever else the dataset distinguishes."""
 
     id: int | str
     name: str = "animal"
@@ -26,29 +26,32 @@ class _Category(msgspec.Struct):
 
 
 class CocoFile(msgspec.Struct):
-    """COCO's file, or AnimalPose's, whose images are a dictionary of id and name."""
+    """COCO's file, or AnimalPose's, whose images are a dictionary of id and name.
+
+    Images and annotations are still undecoded, so that one bad element spoils no other.
+    """
 
     images: list[msgspec.Raw] | dict[str, str]
     annotations: list[msgspec.Raw]
     categories: list[_Category] = []
 
 
-class _Named(msgspec.Struct):
-    """What names an image, readable even where the rest is not."""
+class _ImageName(msgspec.Struct):
+    """The part of an image's element that names it, readable even where the rest is not."""
 
     file_name: str
 
 
-class _Image(_Named):
-    """An element of "images"."""
+class _Image(_ImageName):
+    """One element of "images", by the keys that we use."""
 
     id: int | str
     height: int | None = None
     width: int | None = None
 
 
-class _Belongs(msgspec.Struct):
-    """What names an annotation, readable even where the rest is not."""
+class _AnnotationIds(msgspec.Struct):
+    """The ids of an annotation and of its image, readable even where the rest is not."""
 
     image_id: int | str
     id: int | str | None = None
@@ -57,12 +60,12 @@ class _Belongs(msgspec.Struct):
 
 @dataclass(frozen=True)
 class CocoImage:
-    """One image and its annotations.
+    """One image of a file with the annotations that belong to it.
 
     Attributes:
-        name: its file, as the dataset names it.
-        image_hw: as the file says; None if it does not.
-        annotations: place in the file and content, crowds left out.
+        name: the image's file, as the dataset names it.
+        image_hw: height and width, each None if the file does not say it.
+        annotations: place in the file and content of each annotation, without crowds.
     """
 
     name: str
@@ -72,12 +75,12 @@ class CocoImage:
 
 @dataclass(frozen=True)
 class CocoParts:
-    """A file taken apart.
+    """A COCO file as images with their annotations.
 
     Attributes:
-        images: in the file's order.
-        faults: of images, and of annotations that belong to none.
-        crowds: so many annotations are of groups.
+        images: the usable images in the file's order.
+        faults: one error an unusable image, or annotation that belongs to no image.
+        crowds: number of annotations of groups, which are left out.
         is_animalpose: whether images are a dictionary, as in AnimalPose's json.
     """
 
@@ -88,7 +91,7 @@ class CocoParts:
 
 
 def read_coco_file(path: Path) -> CocoFile:
-    """The file, its images and annotations undecoded; raises DatasetFormatError if it has none."""
+    """The content of a COCO file; raises DatasetFormatError if it has no annotation."""
     file: CocoFile = decode_json(path, CocoFile)
     if not file.annotations:
         raise DatasetFormatError(f"{path} has an empty list of annotations")
@@ -96,15 +99,15 @@ def read_coco_file(path: Path) -> CocoFile:
 
 
 def take_apart(file: CocoFile) -> CocoParts:
-    """Its annotations by image."""
+    """The annotations of a file by image, and an error for each that belongs to none."""
     images, faults = _images(file.images)
     by_id = {key: image for key, image in images if image is not None}
     ambiguous = {key for key, image in images if image is None}
-    crowds, seen, copies = 0, dict[str, int](), dict[bytes, int]()
+    crowds, first_of_id, copies = 0, dict[str, int](), dict[bytes, int]()
     for i, raw in enumerate(file.annotations):
         try:
-            belongs = decoded(raw, _Belongs, f"annotation {i}")
-            name, key = f"annotation {i}", str(belongs.image_id)
+            ids = decoded(raw, _AnnotationIds, f"annotation {i}")
+            name, key = f"annotation {i}", str(ids.image_id)
             if key in ambiguous:
                 raise SampleError(
                     name, "image_id", f"{key} is the id of several images: give each its own"
@@ -112,14 +115,14 @@ def take_apart(file: CocoFile) -> CocoParts:
             if key not in by_id:
                 raise SampleError(name, "image_id", f"there is no usable image of the id {key}")
             name = f"{by_id[key].name} (annotation {i})"
-            if belongs.id is not None and (first := seen.setdefault(str(belongs.id), i)) != i:
+            if ids.id is not None and (first := first_of_id.setdefault(str(ids.id), i)) != i:
                 raise SampleError(
                     name,
                     "id",
-                    f"{belongs.id} is annotation {first} once more; remove one or give it its own"
+                    f"{ids.id} is annotation {first} once more; remove one or give it its own"
                     " id, or it counts twice",
                 )
-            if belongs.iscrowd:
+            if ids.iscrowd:
                 crowds += 1
                 continue
             if (first := copies.setdefault(_without_id(raw), i)) != i:
@@ -136,7 +139,7 @@ def take_apart(file: CocoFile) -> CocoParts:
 
 
 def _without_id(raw: msgspec.Raw) -> bytes:
-    """What an annotation says, whatever the order of its keys."""
+    """The content of an annotation but for its id, the same whatever the order of its keys."""
     return msgspec.json.encode(
         {key: value for key, value in msgspec.json.decode(raw).items() if key != "id"},
         order="sorted",
@@ -146,14 +149,14 @@ def _without_id(raw: msgspec.Raw) -> bytes:
 def _images(
     entries: Sequence[msgspec.Raw] | dict[str, str],
 ) -> tuple[list[tuple[str, CocoImage | None]], list[SampleError]]:
-    """Id and image, None for an id that several have; and the faults."""
+    """Ids and images, None for an id that several images have; and an error a faulty image."""
     if isinstance(entries, dict):
         return [(key, CocoImage(name, (None, None), [])) for key, name in entries.items()], []
-    found: dict[str, CocoImage | None] = {}
+    by_id: dict[str, CocoImage | None] = {}
     faults, names = [], Counter[str]()
     for i, raw in enumerate(entries):
         try:
-            name = decoded(raw, _Named, f"image {i}").file_name
+            name = decoded(raw, _ImageName, f"image {i}").file_name
             image = decoded(raw, _Image, name)
             names[name] += 1
             key = str(image.id)
@@ -163,26 +166,26 @@ def _images(
                     "file_name",
                     f"is listed {names[name]} times, under other ids: keep one image for each file",
                 )
-            if key in found:
-                found[key] = None
+            if key in by_id:
+                by_id[key] = None
                 raise SampleError(
                     name, "id", f"{key} is the id of another image, too: give each its own"
                 )
-            found[key] = CocoImage(name, (image.height, image.width), [])
+            by_id[key] = CocoImage(name, (image.height, image.width), [])
         except SampleError as error:
             faults.append(error)
-    return list(found.items()), faults
+    return list(by_id.items()), faults
 
 
 @dataclass(frozen=True)
 class Species:
-    """A category: its name, and what its keypoints are.
+    """A category with its keypoints, matched with a vocabulary.
 
     Attributes:
-        name: as the dataset calls it.
-        keypoints: how many rows its annotations have.
-        match: of its names with a vocabulary; None if there is none, which problem explains.
-        problem: why.
+        name: the category, as the dataset calls it.
+        keypoints: number of keypoints that its annotations have.
+        match: its keypoints' names matched with a vocabulary; None if no vocabulary has them.
+        problem: why there is no match; "" with one.
     """
 
     name: str
@@ -192,35 +195,37 @@ class Species:
 
 
 def species_by_id(file: CocoFile, own: Vocabulary | None) -> dict[str, Species]:
-    """Category id -> what it is.
+    """Category id -> species, for all categories of a file.
 
     Args:
-        file: with categories, which may have keypoint names each of their own.
-        own: the user's vocabulary; also what a file without any names has, in this order.
+        file: a file with categories, each of which may name keypoints of its own.
+        own: the user's vocabulary, which a file without names is taken to have in this order;
+            None: the one that the names fit.
 
     Raises:
         ConfigError: not one category has keypoints that are known.
         DatasetFormatError: two categories have one id.
 
     """
-    found: dict[str, Species] = {}
+    by_id: dict[str, Species] = {}
     for category in file.categories:
-        if str(category.id) in found:
+        if str(category.id) in by_id:
             raise DatasetFormatError(
-                f"the categories {found[str(category.id)].name} and {category.name} have one id,"
+                f"the categories {by_id[str(category.id)].name} and {category.name} have one id,"
                 f" {category.id}"
             )
-        found[str(category.id)] = _species(category, own)
-    if not any(species.match for species in found.values()):
-        problems = list(dict.fromkeys(species.problem for species in found.values()))
+        by_id[str(category.id)] = _species(category, own)
+    if not any(species.match for species in by_id.values()):
+        problems = list(dict.fromkeys(species.problem for species in by_id.values()))
         raise ConfigError(
             "no category has known keypoints:"
             f" {problems[0] if problems else 'the file has no categories'}"
         )
-    return found
+    return by_id
 
 
 def _species(category: _Category, own: Vocabulary | None) -> Species:
+    """The species of one category; see species_by_id."""
     if not category.keypoints:
         if own is None:
             return Species(

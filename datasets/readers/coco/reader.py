@@ -1,6 +1,6 @@
-"""COCO keypoints: images of animals with named keypoints, boxes and masks.
+"""The reader of COCO keypoints: images of animals with named keypoints, boxes and masks.
 
-AP-10K, AnimalPose and what is converted to them.
+AP-10K, AnimalPose and what is converted to them are read alike.
 """
 
 from collections.abc import Sequence
@@ -34,17 +34,18 @@ from animal3dbox.errors import DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 FORMAT = "coco"
+"""The format's name in reports and for --format."""
 FILES = ("annotations.json", "keypoints.json")
-"""What the file is called in a folder given as the dataset; keypoints.json is AnimalPose's."""
+"""Names of the file in a folder that is given as the dataset; keypoints.json is AnimalPose's."""
 HIDDEN_CONFIDENCE = 0.4
-"""Of a keypoint that is labelled but hidden (v = 1).
+"""Confidence of a keypoint that is labelled but hidden (v = 1).
 
-Below LabelConfig.occluded_below, so that it weighs less than a visible one.
+It is below LabelConfig.occluded_below, so that the keypoint weighs less than a visible one.
 """
 
 
 class CocoEntry(msgspec.Struct):
-    """One element of "annotations"; other keys are left alone."""
+    """One element of "annotations", by the keys that we use; others are left alone."""
 
     category_id: int | str
     keypoints: list[float | list[float | None] | None] | None = None
@@ -55,26 +56,31 @@ class CocoEntry(msgspec.Struct):
 
 @dataclass(frozen=True)
 class _Animal:
-    """A record whose third column is still COCO's 0, 1, 2, and what else was seen of it."""
+    """A record whose keypoints still have COCO's visibility 0, 1, 2.
+
+    Attributes:
+        record: of the animal.
+        miscounted: whether num_keypoints is not the number of marked keypoints.
+    """
 
     record: AnimalRecord
     miscounted: bool
 
 
 def find_coco(path: Path) -> Path:
-    """The file of a dataset given by its folder or its file.
+    """The annotation file of a dataset given by its folder or by that file.
 
     Raises DatasetNotFoundError if there is none.
     """
     if path.is_file():
         return path
-    found = [path / name for name in FILES if (path / name).is_file()]
-    if len(found) != 1:
+    candidates = [path / name for name in FILES if (path / name).is_file()]
+    if len(candidates) != 1:
         raise DatasetNotFoundError(
             f"{path} must hold one of {', '.join(FILES)}: give the file itself (one of"
             " annotations/*.json in AP-10K)"
         )
-    return found[0]
+    return candidates[0]
 
 
 def read_coco(
@@ -116,8 +122,8 @@ def read_coco(
                         sample_id,
                         image,
                         root,
-                        species,
-                        parts.is_animalpose,
+                        species=species,
+                        has_corners=parts.is_animalpose,
                     )
                 )
             except SampleError as error:
@@ -127,20 +133,23 @@ def read_coco(
     graded = any(bool((animal.record.keypoints_2d[:, 2] > 1).any()) for animal in animals)
     records = tuple(_with_confidence(animal.record, graded) for animal in animals)
     return RecordSet(
-        FORMAT,
-        records,
-        tuple(faults),
-        _notes(animals, parts, species, graded),
-        tuple(kind.name for kind in species.values()),
+        name=FORMAT,
+        records=records,
+        faults=tuple(faults),
+        notes=_notes(animals, parts, species, graded),
+        categories=tuple(kind.name for kind in species.values()),
     )
 
 
 def _images_root(annotations: Path, images: Sequence[CocoImage]) -> Path:
-    """Where the first image lies, of the places where datasets have them."""
+    """The folder of images: the first of the usual ones that holds the first image.
+
+    Without such a folder it is images/ beside the annotations, or else their own folder.
+    """
     home = annotations.parent
-    places = (home / "images", home, home.parent / "images", home.parent / "data", home.parent)
-    there = (place for place in places if images and is_file(place / images[0].name))
-    return next(there, places[0] if places[0].is_dir() else home)
+    folders = (home / "images", home, home.parent / "images", home.parent / "data", home.parent)
+    with_image = (folder for folder in folders if images and is_file(folder / images[0].name))
+    return next(with_image, folders[0] if folders[0].is_dir() else home)
 
 
 def _animal(
@@ -148,10 +157,21 @@ def _animal(
     sample_id: str,
     image: CocoImage,
     root: Path,
+    *,
     species: dict[str, Species],
-    corners: bool,
+    has_corners: bool,
 ) -> _Animal:
-    """One record, checked; corners: whether bbox holds two corners."""
+    """The record of one annotation, checked; raises SampleError.
+
+    Args:
+        entry: the annotation.
+        sample_id: named in every error.
+        image: the annotation's image.
+        root: the folder of images.
+        species: category id -> species.
+        has_corners: whether bbox holds two corners, as AnimalPose's do.
+
+    """
     kind = species.get(str(entry.category_id))
     if kind is None:
         raise SampleError(sample_id, "category_id", f"no category has the id {entry.category_id}")
@@ -166,7 +186,7 @@ def _animal(
     )
     marked = _keypoints(entry, kind.keypoints, sample_id)
     keypoints = kind.match.rows(marked)
-    form = "xmin, ymin, xmax, ymax" if corners else "x, y, w, h"
+    form = "xmin, ymin, xmax, ymax" if has_corners else "x, y, w, h"
     box = None if entry.bbox is None else read_box(entry.bbox, sample_id, "bbox", form)
     if box is not None:
         _check_box_in_image(box, image_hw, sample_id)
@@ -186,19 +206,20 @@ def _animal(
 
 
 def _keypoints(entry: CocoEntry, count: int, sample_id: str) -> NDArray[np.float64]:
-    """(N, 3) x, y and COCO's visibility, in the category's order; zeros if there are none."""
-    said = entry.keypoints or [0.0] * (3 * count)
+    """The keypoints (N, 3) of an annotation: x, y and COCO's visibility, in the category's order.
+
+    They are zeros if there are none. AnimalPose nests them, three numbers a list.
+    """
+    items = entry.keypoints or [0.0] * (3 * count)
     flat: list[float | None] = []
-    for item in said:
+    for item in items:
         flat += item if isinstance(item, list) else [item]
-    nested = isinstance(said[0], list)
-    if (
-        any(
-            isinstance(item, list) is not nested or (isinstance(item, list) and len(item) != 3)
-            for item in said
-        )
-        or len(flat) != 3 * count
-    ):
+    nested = isinstance(items[0], list)
+    odd = any(
+        isinstance(item, list) is not nested or (isinstance(item, list) and len(item) != 3)
+        for item in items
+    )
+    if odd or len(flat) != 3 * count:
         raise SampleError(
             sample_id,
             "keypoints",
@@ -221,6 +242,7 @@ def _keypoints(entry: CocoEntry, count: int, sample_id: str) -> NDArray[np.float
 def _check_box_in_image(
     box: NDArray[np.float64], image_hw: tuple[int, int], sample_id: str
 ) -> None:
+    """Raise a SampleError for a box (4,) that lies outside its image."""
     height, width = image_hw
     if not (box[0] < width and box[1] < height and box[2] > 0 and box[3] > 0):
         raise SampleError(
@@ -231,7 +253,11 @@ def _check_box_in_image(
 
 
 def _with_confidence(record: AnimalRecord, graded: bool) -> AnimalRecord:
-    """Visible keypoints get 1, hidden ones less; if the file never says 2, its 1 means visible."""
+    """The record with confidences in the place of COCO's visibility.
+
+    Visible keypoints get 1, hidden ones less. In a file that is not graded, which never says 2,
+    a visibility of 1 means visible.
+    """
     rows = record.keypoints_2d
     hidden = HIDDEN_CONFIDENCE if graded else 1.0
     confidence = np.select([rows[:, 2] >= 2, rows[:, 2] >= 1], [1.0, hidden], 0.0)
@@ -241,7 +267,7 @@ def _with_confidence(record: AnimalRecord, graded: bool) -> AnimalRecord:
 def _notes(
     animals: Sequence[_Animal], parts: CocoParts, species: dict[str, Species], graded: bool
 ) -> tuple[str, ...]:
-    """What was found out, in whole sentences."""
+    """Notes for the report on what a careful person should know, in whole sentences."""
     notes = []
     bare = sum(not image.annotations for image in parts.images)
     empty = sum(not animal.record.keypoints_2d.any() for animal in animals)

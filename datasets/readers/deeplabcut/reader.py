@@ -1,15 +1,16 @@
-"""DeepLabCut.
+"""The reader of DeepLabCut: images with a table of the bodyparts of one animal or several.
 
-Images with a table of bodyparts, labelled by hand or found by a network, of one animal or several.
+The bodyparts are labelled by hand or found by a network, in images or in a video's frames.
 """
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES, is_file, resolve_inside, stored_size
 from animal3dbox.datasets.readers.deeplabcut.h5 import SUFFIXES, read_h5_table
@@ -20,49 +21,45 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.keypoints.vocabulary_match import NameMatch, match_by_name
 
 FORMAT = "deeplabcut"
+"""The format's name in reports and for --format."""
 LEAST_LIKELIHOOD = 0.6
-"""A bodypart that the network is less sure of counts as missing.
+"""Likelihood under which a bodypart counts as missing.
 
-DeepLabCut's own default for plots and filters.
+It is DeepLabCut's own default for plots and filters.
 """
 UNIQUE = "single"
-"""The individual to which DeepLabCut gives bodyparts that belong to no animal, such as a cage's
-corners."""
+"""The individual to which DeepLabCut gives bodyparts of no animal, such as a cage's corners."""
 _NUMBER = re.compile(r"\d+")
 
 
 def label_files(folder: Path) -> list[Path]:
     """The tables in a folder; of a csv and an h5 of one name the csv, which needs no extra."""
     tables = {path.stem: path for suffix in SUFFIXES for path in sorted(folder.glob(f"*{suffix}"))}
-    return sorted(
-        (
-            tables
-            | {path.stem: path for path in sorted(folder.glob("*.csv")) if is_csv_table(path)}
-        ).values()
-    )
+    tables |= {path.stem: path for path in sorted(folder.glob("*.csv")) if is_csv_table(path)}
+    return sorted(tables.values())
 
 
 def find_labels(path: Path) -> Path:
-    """The table of a dataset given by its folder or its file.
+    """The table of a dataset given by its folder or by that file.
 
     Raises DatasetNotFoundError if there is none, or more than one.
     """
     if path.is_file():
         return path
-    found = label_files(path) if path.is_dir() else []
-    if len(found) != 1:
-        seen = ", ".join(file.name for file in found) or "none"
+    tables = label_files(path) if path.is_dir() else []
+    if len(tables) != 1:
+        names = ", ".join(file.name for file in tables) or "none"
         raise DatasetNotFoundError(
-            f"{path} must hold one table of DeepLabCut (csv or h5), found {seen}: give the file"
+            f"{path} must hold one table of DeepLabCut (csv or h5), found {names}: give the file"
             " itself"
         )
-    return found[0]
+    return tables[0]
 
 
 def read_deeplabcut(
     path: Path, images: Path | None = None, vocabulary: Vocabulary | None = None
 ) -> RecordSet:
-    """The animals of a DeepLabCut table.
+    """The animals of a table of DeepLabCut's.
 
     Args:
         path: the csv or h5, or the folder it lies in.
@@ -86,18 +83,20 @@ def read_deeplabcut(
         name for name in table.individuals if name != UNIQUE or len(table.individuals) == 1
     )
     matches = {name: match_by_name(table.bodyparts(name), vocabulary) for name in animals}
-    pictures = (
-        _frames(table, images or file.parent)
-        if isinstance(table.index[0], int)
-        else _named(table, file, images)
-    )
+    if isinstance(table.index[0], int):
+        pictures = _frame_pictures(table, images or file.parent)
+    else:
+        pictures = _path_pictures(table, file, images)
     records: list[AnimalRecord] = []
     faults: list[SampleError] = []
     empty = 0
     for row, picture in pictures:
         for k, name in enumerate(animals):
             try:
-                record = _record(table, row, picture, k, (name, matches[name]))
+                sample_id = f"{picture.name}#{k}" if k else picture.name
+                _check_row(table, row, picture, sample_id)
+                points = _points(table, row, name, sample_id)
+                record = _record(points, picture, matches[name], sample_id)
             except SampleError as error:
                 faults.append(error)
                 continue
@@ -110,9 +109,13 @@ def read_deeplabcut(
 
 @dataclass(frozen=True)
 class _Picture:
-    """A row's image: its name, the folder it is looked for in and its path there.
+    """The image of a row.
 
-    First: the row that has the image already, or None.
+    Attributes:
+        name: the image, as the table names it.
+        root: the folder in which it is looked for.
+        relative: its path in that folder.
+        first: an earlier row of the same image; None if this is the first.
     """
 
     name: str
@@ -121,31 +124,23 @@ class _Picture:
     first: int | None
 
 
-def _named(table: DlcTable, file: Path, images: Path | None) -> list[tuple[int, _Picture]]:
-    """The images that rows name, under the folder in which the first that is there lies."""
+def _path_pictures(table: DlcTable, file: Path, images: Path | None) -> list[tuple[int, _Picture]]:
+    """The rows with the images that they name, in the folder where the first of them lies."""
     names = [str(name).replace("\\", "/") for name in table.index]
-    root, drop = _where(
-        names, [images] if images else [file.parent, file.parent.parent, file.parent.parent.parent]
-    )
+    root, drop = _image_root(names, [images] if images else list(file.parents)[:3])
     firsts: dict[str, int] = {}
-    found = []
+    pictures = []
     for row, name in enumerate(names):
         first = firsts.setdefault(name, row)
-        found.append(
-            (
-                row,
-                _Picture(
-                    name, root, "/".join(name.split("/")[drop:]), None if first == row else first
-                ),
-            )
-        )
-    return found
+        relative = "/".join(name.split("/")[drop:])
+        pictures.append((row, _Picture(name, root, relative, None if first == row else first)))
+    return pictures
 
 
-def _where(names: Sequence[str], roots: Sequence[Path]) -> tuple[Path, int]:
-    """A folder, and how many leading parts of the paths to leave out, so that an image is found.
+def _image_root(names: Sequence[str], roots: Sequence[Path]) -> tuple[Path, int]:
+    """The folder that images are found in, and how many leading parts of their paths to leave out.
 
-    Labels are often moved without their project.
+    Tables are often moved without their project, so their paths begin with folders that are gone.
     """
     for name in names[:100]:
         parts = name.split("/")
@@ -157,9 +152,11 @@ def _where(names: Sequence[str], roots: Sequence[Path]) -> tuple[Path, int]:
     return roots[0], 0
 
 
-def _frames(table: DlcTable, root: Path) -> list[tuple[int, _Picture]]:
-    """The rows of a video's frames of which there are images, told by the last number in the
-    images' names."""
+def _frame_pictures(table: DlcTable, root: Path) -> list[tuple[int, _Picture]]:
+    """The rows of a video's frames that have an image.
+
+    The last number in an image's name is its frame's.
+    """
     files: dict[int, str] = {}
     for path in sorted(root.iterdir()):
         digits = _NUMBER.findall(path.stem)
@@ -184,12 +181,8 @@ def _frames(table: DlcTable, root: Path) -> list[tuple[int, _Picture]]:
     return [(row, _Picture(name, root, name, None)) for row, name in rows]
 
 
-def _record(
-    table: DlcTable, row: int, picture: _Picture, k: int, animal: tuple[str, NameMatch]
-) -> AnimalRecord | None:
-    """One record, checked; None if the animal is not in the image."""
-    sample_id = f"{picture.name}#{k}" if k else picture.name
-    individual, match = animal
+def _check_row(table: DlcTable, row: int, picture: _Picture, sample_id: str) -> None:
+    """Raise a SampleError for a second row of an image, and for one of too few or many cells."""
     if picture.first is not None:
         raise SampleError(
             sample_id,
@@ -202,7 +195,23 @@ def _record(
             f"row {row}",
             f"has {len(table.rows[row])} cells, but the header has {len(table.columns)}",
         )
-    points = np.array(list(_points(table, row, individual, sample_id)), dtype=np.float64)
+
+
+def _record(
+    points: NDArray[np.float64], picture: _Picture, match: NameMatch, sample_id: str
+) -> AnimalRecord | None:
+    """The record of one animal in one image; None if the animal is not in the image.
+
+    Args:
+        points: (P, 3) x, y, confidence of its bodyparts.
+        picture: the image.
+        match: of the bodyparts with a vocabulary.
+        sample_id: named in every error.
+
+    Raises:
+        SampleError: there is no such image, or it cannot be read.
+
+    """
     if not points[:, 2].any():
         return None
     image = resolve_inside(picture.root, picture.relative, sample_id, "image")
@@ -218,14 +227,12 @@ def _record(
     )
 
 
-def _points(
-    table: DlcTable, row: int, individual: str, sample_id: str
-) -> Iterator[tuple[float, float, float]]:
-    """x, y, confidence of each bodypart.
+def _points(table: DlcTable, row: int, individual: str, sample_id: str) -> NDArray[np.float64]:
+    """The bodyparts (P, 3) of an individual in a row: x, y, confidence; raises SampleError.
 
-    Zeros where it is missing, or the network is not sure of it.
+    They are zeros where a bodypart is missing, or the network is not sure of it.
     """
-    cells = table.rows[row]
+    cells, points = table.rows[row], list[tuple[float, float, float]]()
     for part, (x_at, y_at, likelihood_at) in zip(
         table.bodyparts(individual), table.places(individual), strict=True
     ):
@@ -244,13 +251,14 @@ def _points(
                 f"must have a finite place and a likelihood from 0 to 1, got {x}, {y},"
                 f" {confidence}",
             )
-        known = not (math.isnan(x) or math.isnan(y) or math.isnan(confidence))
-        sure = known and (likelihood_at is None or confidence >= LEAST_LIKELIHOOD)
-        yield (x, y, min(confidence, 1.0)) if sure else (0.0, 0.0, 0.0)
+        empty = math.isnan(x) or math.isnan(y) or math.isnan(confidence)
+        sure = not empty and (likelihood_at is None or confidence >= LEAST_LIKELIHOOD)
+        points.append((x, y, min(confidence, 1.0)) if sure else (0.0, 0.0, 0.0))
+    return np.array(points, dtype=np.float64)
 
 
 def _number(cell: str | float, sample_id: str, field: str) -> float:
-    """A cell's number; an empty one is NaN."""
+    """The number of a cell, NaN if it is empty; raises SampleError if it is no number."""
     try:
         return float(cell) if cell != "" else math.nan
     except ValueError as error:
@@ -258,13 +266,22 @@ def _number(cell: str | float, sample_id: str, field: str) -> float:
 
 
 def _notes(
-    table: DlcTable, used: int, matches: dict[str, NameMatch], empty: int
+    table: DlcTable, with_image: int, matches: dict[str, NameMatch], empty: int
 ) -> tuple[str, ...]:
-    """What was found out, in whole sentences."""
+    """Notes for the report, in whole sentences.
+
+    Args:
+        table: as it was read.
+        with_image: number of rows with an image.
+        matches: animal -> its bodyparts' match with a vocabulary.
+        empty: how often an animal is not in an image.
+
+    """
     notes = []
-    if used < len(table.index):
+    if with_image < len(table.index):
         notes.append(
-            f"{len(table.index) - used} of {len(table.index)} rows are frames without an image"
+            f"{len(table.index) - with_image} of {len(table.index)} rows are frames without an"
+            " image"
         )
     if empty:
         notes.append(

@@ -1,6 +1,6 @@
-"""DeepLabCut's tables: keypoints of animals by image, as csv.
+"""DeepLabCut's tables: their form, and the reading of csv.
 
-What an h5 file holds is brought into the same form (deeplabcut_h5.py).
+A table of an h5 file is brought into the same form (h5.py).
 """
 
 import csv
@@ -12,17 +12,18 @@ from pathlib import Path
 from animal3dbox.errors import DatasetFormatError
 
 COORDS = ("x", "y", "likelihood")
+"""Names of a bodypart's columns; tables labelled by hand have no likelihood."""
 LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
-"""The header's rows, of one animal an image and of several."""
+"""Names of the header's rows, of a table of one animal an image and of several."""
 
 
 @dataclass(frozen=True)
 class DlcTable:
-    """A table of keypoints.
+    """A table of the bodyparts of animals, a row an image.
 
     Attributes:
-        path: its file.
-        columns: individual ("" of single-animal tables), bodypart, coordinate of each column.
+        path: the table's file.
+        columns: individual ("" in tables of one animal), bodypart and coordinate of each column.
         index: the image of each row, or the number of a video's frame.
         rows: the cells of each row, numbers or their text.
     """
@@ -34,15 +35,15 @@ class DlcTable:
 
     @property
     def individuals(self) -> tuple[str, ...]:
-        """In the order of the columns."""
+        """Names of the individuals, in the order of the columns."""
         return tuple(dict.fromkeys(individual for individual, _, _ in self.columns))
 
     def bodyparts(self, individual: str) -> tuple[str, ...]:
-        """Of an individual, in the order of the columns."""
+        """Names of an individual's bodyparts, in the order of the columns."""
         return tuple(dict.fromkeys(part for one, part, _ in self.columns if one == individual))
 
     def places(self, individual: str) -> list[tuple[int, int, int | None]]:
-        """The columns of x, y and likelihood (None without) of each of its bodyparts."""
+        """Numbers of the columns of x, y and likelihood (None without) of each bodypart."""
         at = {column: i for i, column in enumerate(self.columns)}
         keys = [(individual, part) for part in self.bodyparts(individual)]
         return [(at[(*key, "x")], at[(*key, "y")], at.get((*key, "likelihood"))) for key in keys]
@@ -54,13 +55,13 @@ def table_of(
     index: Sequence[str | int],
     rows: Sequence[Sequence[str | float]],
 ) -> DlcTable:
-    """A table, its header checked.
+    """The table of a header and rows, its header checked.
 
     Args:
-        path: named in errors.
+        path: the table's file, named in errors.
         header: for each column its scorer, perhaps its individual, its bodypart and its coordinate.
-        index: of the rows.
-        rows: the cells.
+        index: the image of each row, or the number of a video's frame.
+        rows: the cells of each row, numbers or their text.
 
     Raises:
         DatasetFormatError: the header is not DeepLabCut's, or there is no row.
@@ -89,7 +90,7 @@ def table_of(
             f" {', '.join(COORDS)}"
         )
     for individual, part, _ in columns:
-        if any((individual, part, needed) not in columns for needed in ("x", "y")):
+        if any((individual, part, coord) not in columns for coord in ("x", "y")):
             raise DatasetFormatError(
                 f"{path} has no x and y of {part}{f' of {individual}' if individual else ''}"
             )
@@ -99,7 +100,7 @@ def table_of(
 
 
 def is_csv_table(path: Path) -> bool:
-    """Whether a csv begins as DeepLabCut's do."""
+    """Whether a csv file begins as DeepLabCut's do."""
     try:
         with path.open("rb") as file:
             return file.read(16).lstrip(b"\xef\xbb\xbf").startswith(b"scorer,")
@@ -108,7 +109,7 @@ def is_csv_table(path: Path) -> bool:
 
 
 def read_csv_table(path: Path) -> DlcTable:
-    """The table of a csv; raises DatasetFormatError if it is none."""
+    """The table of a csv file; raises DatasetFormatError if it is not DeepLabCut's."""
     try:
         lines = [
             line
@@ -120,28 +121,27 @@ def read_csv_table(path: Path) -> DlcTable:
     depth = next((i + 1 for i, line in enumerate(lines[:6]) if line[0] == "coords"), 0)
     names = tuple(line[0] for line in lines[:depth])
     if names not in LEVELS:
-        said = ", ".join(line[0] for line in lines[:4]) or "nothing"
+        first_cells = ", ".join(line[0] for line in lines[:4]) or "nothing"
         raise DatasetFormatError(
             f"{path} must begin with rows of {', '.join(LEVELS[1])} (individuals only with several"
-            f" animals), got {said}"
+            f" animals), got {first_cells}"
         )
-    before = 1 + len(
-        list(takewhile(lambda cell: cell not in COORDS, lines[depth - 1][1:]))
-    )  # one column of paths, or three of their parts
+    # The index is one column of paths, or three of their parts.
+    index_width = 1 + len(list(takewhile(lambda cell: cell not in COORDS, lines[depth - 1][1:])))
     short = next((line for line in lines[:depth] if len(line) != len(lines[0])), None)
     if short is not None:
         raise DatasetFormatError(
             f"{path}: the header's rows have {len(lines[0])} and {len(short)} cells"
         )
-    header = list(zip(*(line[before:] for line in lines[:depth]), strict=True))
+    header = list(zip(*(line[index_width:] for line in lines[:depth]), strict=True))
     return table_of(
         path,
         header,
-        [_image(line[:before]) for line in lines[depth:]],
-        [line[before:] for line in lines[depth:]],
+        [_image(line[:index_width]) for line in lines[depth:]],
+        [line[index_width:] for line in lines[depth:]],
     )
 
 
 def _image(cells: Sequence[str]) -> str | int:
-    """The image's path of one cell or of its parts, or a frame's number."""
+    """The path of a row's image, of one cell or of its parts, or the number of its frame."""
     return int(cells[0]) if len(cells) == 1 and cells[0].isdecimal() else "/".join(cells)

@@ -1,1 +1,1 @@
-"""Cuboids of KITTI: the text files and their reader."""
+"""Cuboids of KITTI: `files` has the lines of its text files, `reader` makes the records."""

@@ -1,4 +1,7 @@
-"""KITTI's text files: one line a box, one file an image, one file of calibration an image."""
+"""KITTI's text files, read and written: for each image a file of boxes and a calibration.
+
+images.txt is this package's own file, which keeps the images' paths and sizes.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,20 +13,22 @@ from animal3dbox.datasets.records import CuboidImage
 from animal3dbox.errors import SampleError
 
 FIELDS = 15
+"""Number of fields of a line without a score."""
 OCCLUSION_UNKNOWN = 3
+"""Value of occluded that KITTI writes where it is not known."""
 NO_LOCATION = -1000.0
-"""What KITTI writes for a box without a 3D location."""
+"""Value of a coordinate that KITTI writes for a box without a 3D location."""
 
 
 @dataclass(frozen=True)
 class KittiLine:
-    """One line, in KITTI's own frames and pixels; lengths in metres, angles in radians.
+    """One line of a label file, in KITTI's own frames and pixels, in metres and radians.
 
     Attributes:
         kind: the category, one word.
-        truncated: 0 to 1, or -1.
+        truncated: part outside the image, 0 to 1, or -1 if unknown.
         occluded: 0 to 3; 3 is unknown.
-        alpha: rotation_y seen from the line of sight.
+        alpha: rotation_y about the line of sight.
         box: (4,) left, top, right, bottom.
         dimensions: (3,) height, width, length.
         location: (3,) of the middle of the bottom.
@@ -40,7 +45,7 @@ class KittiLine:
     rotation_y: float
 
     def text(self) -> str:
-        """The line."""
+        """The line as it stands in a file, without its end."""
         numbers = [
             self.alpha,
             *self.box.tolist(),
@@ -54,19 +59,22 @@ class KittiLine:
 
 
 def parsed_lines(text: str, sample_id: str) -> Iterator[KittiLine | SampleError]:
-    """The lines of a label file; results with a sixteenth number, the score, are taken too."""
+    """The lines of a label file, or an error in the place of a faulty line.
+
+    Results with a sixteenth number, the score, are taken, too.
+    """
     for number, line in enumerate(line for line in text.splitlines() if line.strip()):
-        words = line.split()
+        fields = line.split()
         name = f"{sample_id}#{number}" if number else sample_id
-        if len(words) not in (FIELDS, FIELDS + 1):
+        if len(fields) not in (FIELDS, FIELDS + 1):
             yield SampleError(
                 name,
                 "line",
-                f"must have {FIELDS} fields, or {FIELDS + 1} with a score, got {len(words)}",
+                f"must have {FIELDS} fields, or {FIELDS + 1} with a score, got {len(fields)}",
             )
             continue
         try:
-            values = np.array([float(word) for word in words[1:FIELDS]])
+            values = np.array([float(field) for field in fields[1:FIELDS]])
         except ValueError as error:
             yield SampleError(name, "line", f"holds a field that is no number: {error}")
             continue
@@ -74,20 +82,22 @@ def parsed_lines(text: str, sample_id: str) -> Iterator[KittiLine | SampleError]
             yield SampleError(name, "line", "holds a number that is not finite")
             continue
         yield KittiLine(
-            words[0],
-            float(values[0]),
-            int(values[1]),
-            float(values[2]),
-            values[3:7],
-            values[7:10],
-            values[10:13],
-            float(values[13]),
+            kind=fields[0],
+            truncated=float(values[0]),
+            occluded=int(values[1]),
+            alpha=float(values[2]),
+            box=values[3:7],
+            dimensions=values[7:10],
+            location=values[10:13],
+            rotation_y=float(values[13]),
         )
 
 
 def calibration_text(K: Floats) -> str:
-    """A calibration file whose four cameras are one, with K (3, 3), and whose laser stands in the
-    camera."""
+    """The calibration file of an image with intrinsics K (3, 3).
+
+    Its four cameras are one, and its laser scanner stands in the camera.
+    """
     P = " ".join(f"{value:.12e}" for value in np.concatenate((K, np.zeros((3, 1))), axis=1).ravel())
     identity = " ".join(f"{value:.1f}" for value in np.eye(3).ravel())
     still = " ".join(f"{value:.1f}" for value in np.eye(4)[:3].ravel())
@@ -102,10 +112,10 @@ def calibration_text(K: Floats) -> str:
 
 
 def parsed_calibration(text: str, sample_id: str) -> Floats:
-    """P2 (3, 4) of a calibration file."""
+    """The projection matrix P2 (3, 4) of a calibration file; raises SampleError."""
     rows = dict(line.split(":", 1) for line in text.splitlines() if ":" in line)
     try:
-        values = np.array([float(word) for word in rows["P2"].split()])
+        values = np.array([float(field) for field in rows["P2"].split()])
     except KeyError as error:
         raise SampleError(sample_id, "P2", "is missing in the calibration file") from error
     except ValueError as error:
@@ -116,23 +126,24 @@ def parsed_calibration(text: str, sample_id: str) -> Floats:
 
 
 def image_line(number: int, image: CuboidImage) -> str:
-    """The line of images.txt, this package's own file: number, width, height, path."""
+    """The line of one image in images.txt: number, width, height, path."""
     return f"{number:06d} {image.image_hw[1]} {image.image_hw[0]} {image.image_id}\n"
 
 
 def parsed_images(text: str) -> dict[str, tuple[tuple[int, int], str]]:
-    """Size (height, width) and path of each number in images.txt.
+    """The images of images.txt: number -> size (height, width) and path.
 
     Raises:
         SampleError: a line is not number, width, height, path.
 
     """
-    found: dict[str, tuple[tuple[int, int], str]] = {}
+    images: dict[str, tuple[tuple[int, int], str]] = {}
     for line in text.splitlines():
-        words = line.split(" ", 3)
-        if len(words) != 4 or not (words[1].isdecimal() and words[2].isdecimal()):
+        fields = line.split(" ", 3)
+        if len(fields) != 4 or not (fields[1].isdecimal() and fields[2].isdecimal()):
             raise SampleError(
                 "images.txt", "line", f"must be number, width, height, path, got {line!r}"
             )
-        found[words[0]] = ((int(words[2]), int(words[1])), words[3])
-    return found
+        number, width, height, path = fields
+        images[number] = ((int(height), int(width)), path)
+    return images

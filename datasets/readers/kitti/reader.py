@@ -1,4 +1,4 @@
-"""Cuboids of KITTI's text files."""
+"""The reader of cuboids in KITTI's text files."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -20,6 +20,7 @@ from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleE
 from animal3dbox.geometry.checks import check_intrinsics
 
 FORMAT = "kitti"
+"""The format's name in reports."""
 
 
 def read_kitti(folder: Path, *, heading_known: bool = True) -> CuboidSet:
@@ -37,15 +38,35 @@ def read_kitti(folder: Path, *, heading_known: bool = True) -> CuboidSet:
         DatasetNotFoundError: no label_2/ with text files.
         DatasetFormatError: images.txt is there and damaged.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets import CuboidRecord, CuboidSet, write_kitti
+        >>> K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
+        >>> car = CuboidRecord(
+        ...     sample_id="a.jpg",
+        ...     image_id="a.jpg",
+        ...     image_path=None,
+        ...     image_hw=(480, 640),
+        ...     category="Car",
+        ...     K=K,
+        ...     center=np.array([1.0, 0.5, 20.0]),
+        ...     rotation=np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),
+        ...     size=np.array([4.0, 1.6, 1.5]),
+        ... )
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     _ = write_kitti(CuboidSet("cars", (car,), ()), Path(folder))
+        ...     boxes = read_kitti(Path(folder))
+        >>> boxes.records[0].category, boxes.records[0].center.round(6).tolist()
+        ('Car', [1.0, 0.5, 20.0])
+
     """
     labels = sorted((folder / "label_2").glob("*.txt"))
     if not labels:
         raise DatasetNotFoundError(f"{folder} has no label_2/*.txt")
     try:
-        listed = (
-            parsed_images((folder / "images.txt").read_text(errors="replace"))
-            if (folder / "images.txt").is_file()
-            else None
+        index = folder / "images.txt"
+        sizes_and_paths = (
+            parsed_images(index.read_text(errors="replace")) if index.is_file() else None
         )
     except SampleError as error:
         raise DatasetFormatError(f"{folder}: {error}") from error
@@ -55,38 +76,47 @@ def read_kitti(folder: Path, *, heading_known: bool = True) -> CuboidSet:
     counts: Counter[str] = Counter()
     for label in labels:
         try:
-            image, moved = _image(folder, label.stem, listed)
+            image, offset = _image(folder, label.stem, sizes_and_paths)
         except SampleError as error:
             faults.append(error)
             continue
         images.append(image)
-        for found in _boxes(label, image, moved, counts, heading_known=heading_known):
-            if isinstance(found, SampleError):
-                faults.append(found)
+        for box in _boxes(label, image, offset, counts, heading_known=heading_known):
+            if isinstance(box, SampleError):
+                faults.append(box)
             else:
-                records.append(found)
-    notes = tuple(f"{count} {what} were left out" for what, count in counts.items())
-    return CuboidSet(FORMAT, tuple(records), tuple(faults), notes, tuple(images))
+                records.append(box)
+    return CuboidSet(
+        name=FORMAT,
+        records=tuple(records),
+        faults=tuple(faults),
+        notes=tuple(f"{count} {kind} were left out" for kind, count in counts.items()),
+        images=tuple(images),
+    )
 
 
 def _image(
-    folder: Path, stem: str, listed: dict[str, tuple[tuple[int, int], str]] | None
+    folder: Path, stem: str, sizes_and_paths: dict[str, tuple[tuple[int, int], str]] | None
 ) -> tuple[CuboidImage, Floats]:
-    """An image, and where the first camera stands in its frame, (3,)."""
-    if listed is not None:
-        if stem not in listed:
+    """The image of a label file, and the place (3,) of the first camera in the image's frame.
+
+    Args:
+        folder: with calib/ and image_2/.
+        stem: the number that the files of an image share.
+        sizes_and_paths: of images.txt; None without, whereupon the image itself is read.
+
+    Raises:
+        SampleError: the image or its calibration is missing or damaged.
+
+    """
+    if sizes_and_paths is not None:
+        if stem not in sizes_and_paths:
             raise SampleError(stem, "images.txt", "does not list it")
-        image_hw, name = listed[stem]
+        image_hw, name = sizes_and_paths[stem]
         path = folder / name
     else:
-        path = next(
-            (
-                p
-                for ending in ("png", "jpg")
-                if (p := folder / "image_2" / f"{stem}.{ending}").is_file()
-            ),
-            folder / "image_2" / f"{stem}.png",
-        )
+        pictures = [folder / "image_2" / f"{stem}.{suffix}" for suffix in ("png", "jpg")]
+        path = next((picture for picture in pictures if picture.is_file()), pictures[0])
         name = f"image_2/{path.name}"
         height, width = read_image(path, stem).shape[:2]
         image_hw = (height, width)
@@ -98,14 +128,15 @@ def _image(
         raise SampleError(name, "calib", f"cannot be read: {error}") from error
     except ShapeError as error:
         raise SampleError(name, "P2", str(error)) from error
-    return CuboidImage(name, path, image_hw, K), np.asarray(
-        np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64
-    )
+    # P [X; 1] = K (X + o), so the first camera's frame is moved by o = K⁻¹ P[:, 3] into camera 2's.
+    offset = np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
+    return CuboidImage(name, path, image_hw, K), offset
 
 
 def _boxes(
-    label: Path, image: CuboidImage, moved: Floats, counts: Counter[str], *, heading_known: bool
+    label: Path, image: CuboidImage, offset: Floats, counts: Counter[str], *, heading_known: bool
 ) -> Iterator[CuboidRecord | SampleError]:
+    """The boxes of a label file, an error in the place of a faulty one; others are counted."""
     number = 0
     for line in parsed_lines(label.read_text(errors="replace"), image.image_id):
         if isinstance(line, SampleError):
@@ -115,19 +146,15 @@ def _boxes(
         elif (line.location == NO_LOCATION).any() or (line.dimensions == -1).all():
             counts["boxes without a 3D location"] += 1
         else:
-            yield _record(
-                line,
-                f"{image.image_id}#{number}" if number else image.image_id,
-                image,
-                moved,
-                heading_known=heading_known,
-            )
+            sample_id = f"{image.image_id}#{number}" if number else image.image_id
+            yield _record(line, sample_id, image, offset, heading_known=heading_known)
             number += 1
 
 
 def _record(
-    line: KittiLine, sample_id: str, image: CuboidImage, moved: Floats, *, heading_known: bool
+    line: KittiLine, sample_id: str, image: CuboidImage, offset: Floats, *, heading_known: bool
 ) -> CuboidRecord | SampleError:
+    """The record of a line, or an error if its dimensions are not positive."""
     if line.dimensions.min() <= 0:
         return SampleError(
             sample_id, "dimensions", f"must be positive, got {line.dimensions.tolist()}"
@@ -142,7 +169,7 @@ def _record(
         image_hw=image.image_hw,
         category=line.kind,
         K=image.K,
-        center=center + moved,
+        center=center + offset,
         rotation=rotation,
         size=size,
         heading_known=heading_known,

@@ -1,4 +1,4 @@
-"""A camera in a JSON file: intrinsics, lens, and where it stands to a mesh."""
+"""Cameras in JSON files: intrinsics, lens, and the camera's pose relative to a mesh."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ from animal3dbox.geometry.distortion import check_distortion
 
 
 class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
-    """The file's keys; all may be left out."""
+    """The keys of a camera's file, all of which may be left out; see docs/formats.md."""
 
     K: list[list[float]] | None = None
     focal_px: float | None = None
@@ -31,14 +31,14 @@ class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera for an image of a size, checked.
+    """The camera of one image, checked.
 
     Attributes:
-        K: (3, 3) in px; None if it is not known.
+        K: (3, 3) intrinsics in px; None if they are not known.
         pose: (R, t), X_cam = R X + t with X a vertex of the mesh; None if it is not known.
         exact: whether the pose is known, not a guess.
         distortion: coefficients of OpenCV's lens; None of a pinhole.
-        metres_per_unit: of the mesh's unit; None if it is not known.
+        metres_per_unit: metres in a unit of the mesh; None if it is not known.
     """
 
     K: NDArray[np.float64] | None = None
@@ -49,66 +49,76 @@ class Camera:
 
 
 def load_camera(path: Path, image_hw: tuple[int, int]) -> Camera:
-    """The camera of a file.
+    """The camera of a file, for an image of a size.
 
     Args:
         path: JSON, see CameraFile and docs/formats.md.
-        image_hw: of the image that it took.
+        image_hw: height and width of the image that the camera took.
 
     Raises:
         DatasetFormatError: no such file, or not a camera; names the file and the key.
 
     """
-    said: CameraFile = decode_json(path, CameraFile)
-    if said.image_hw is not None and said.image_hw != image_hw:
+    camera: CameraFile = decode_json(path, CameraFile)
+    if camera.image_hw is not None and camera.image_hw != image_hw:
         raise DatasetFormatError(
-            f"{path}: image_hw is {list(said.image_hw)}, but the image is {list(image_hw)} (height,"
-            " width)"
+            f"{path}: image_hw is {list(camera.image_hw)}, but the image is {list(image_hw)}"
+            " (height, width)"
         )
     try:
-        K, pose = _intrinsics(said, image_hw), _pose(said)
-        lens = None if said.distortion is None else np.array(said.distortion, dtype=np.float64)
+        K, pose = _intrinsics(camera, image_hw), _pose(camera)
+        lens = None if camera.distortion is None else np.array(camera.distortion, dtype=np.float64)
         if lens is not None:
             check_distortion("distortion", lens)
     except (ShapeError, ValueError) as error:  # ValueError: rows of different lengths
         raise DatasetFormatError(f"{path}: {error}") from error
-    if said.unit_m is not None and not (np.isfinite(said.unit_m) and said.unit_m > 0):
+    if camera.unit_m is not None and not (np.isfinite(camera.unit_m) and camera.unit_m > 0):
         raise DatasetFormatError(
-            f"{path}: unit_m must be the metres of a unit, above 0, got {said.unit_m}"
+            f"{path}: unit_m must be the metres of a unit, above 0, got {camera.unit_m}"
         )
     if K is None and (pose is not None or lens is not None):
         raise DatasetFormatError(
             f"{path}: R, t and distortion mean nothing without K (or focal_px, or focal_over_side)"
         )
-    return Camera(K, pose, said.exact, lens, said.unit_m)
-
-
-def _intrinsics(said: CameraFile, image_hw: tuple[int, int]) -> NDArray[np.float64] | None:
-    """K as it stands, or of a focal length with a centred principal point."""
-    told = [
-        name for name in ("K", "focal_px", "focal_over_side") if getattr(said, name) is not None
-    ]
-    if len(told) > 1:
-        raise ShapeError(f"give one of {' and '.join(told)}")
-    if said.K is not None:
-        K = np.array(said.K, dtype=np.float64)
-        check_intrinsics("K", K)
-        return K
-    focal = said.focal_px if said.focal_over_side is None else said.focal_over_side * max(image_hw)
-    if focal is not None and not (np.isfinite(focal) and focal > 0):
-        raise ShapeError(f"{told[0]} must be above 0")
-    return (
-        None if focal is None else np.asarray(intrinsics(focal, image_hw).numpy(), dtype=np.float64)
+    return Camera(
+        K=K, pose=pose, exact=camera.exact, distortion=lens, metres_per_unit=camera.unit_m
     )
 
 
-def _pose(said: CameraFile) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    if said.R is None and said.t is None:
+def _intrinsics(camera: CameraFile, image_hw: tuple[int, int]) -> NDArray[np.float64] | None:
+    """K (3, 3) as it stands, or of a focal length with a centred principal point.
+
+    None if the file has neither. Raises ShapeError.
+    """
+    keys = [
+        name for name in ("K", "focal_px", "focal_over_side") if getattr(camera, name) is not None
+    ]
+    if len(keys) > 1:
+        raise ShapeError(f"give one of {' and '.join(keys)}")
+    if camera.K is not None:
+        K = np.array(camera.K, dtype=np.float64)
+        check_intrinsics("K", K)
+        return K
+    focal = (
+        camera.focal_px
+        if camera.focal_over_side is None
+        else camera.focal_over_side * max(image_hw)
+    )
+    if focal is not None and not (np.isfinite(focal) and focal > 0):
+        raise ShapeError(f"{keys[0]} must be above 0")
+    if focal is None:
         return None
-    if said.R is None or said.t is None:
+    return np.asarray(intrinsics(focal, image_hw).numpy(), dtype=np.float64)
+
+
+def _pose(camera: CameraFile) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """R (3, 3) and t (3,) of a file, None if it has neither; raises ShapeError."""
+    if camera.R is None and camera.t is None:
+        return None
+    if camera.R is None or camera.t is None:
         raise ShapeError("give both R and t, or neither: X_cam = R X + t")
-    R, t = np.array(said.R, dtype=np.float64), np.array(said.t, dtype=np.float64)
+    R, t = np.array(camera.R, dtype=np.float64), np.array(camera.t, dtype=np.float64)
     check_rotation("R", torch.from_numpy(R))
     if t.shape != (3,) or not np.isfinite(t).all():
-        raise ShapeError(f"t must be 3 finite numbers, got {said.t}")
+        raise ShapeError(f"t must be 3 finite numbers, got {camera.t}")
     return R, t

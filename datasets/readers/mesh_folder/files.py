@@ -1,4 +1,8 @@
-"""Which files of a mesh folder belong together, told by their names."""
+"""The files of a mesh folder that belong together, as their names tell.
+
+The naming rules are those of docs/formats.md: a mesh has its image's name, perhaps with a number
+for each of several animals, or is shared by the images of several cameras' folders.
+"""
 
 import re
 from collections.abc import Iterable
@@ -10,23 +14,23 @@ from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 
 COMMON_CAMERA = "camera.json"
+"""The camera of all images that have none of their own."""
 EXTRAS = {"keypoints": ".json", "masks": ".png", "cameras": ".json"}
-"""The folders of what an animal or image may have besides its mesh, and what their files' names end
-with."""
+"""Folders of further files of an animal or image, and the suffix of the files in each."""
 _NUMBERED = re.compile(r"(?P<name>.+)(?P<number>[._]\d+)")
 
 
 @dataclass(frozen=True)
 class AnimalFiles:
-    """The files of one animal in one image, relative to the folder, or None where it has none.
+    """The paths of the files of one animal in one image.
 
     Attributes:
         sample_id: the image, and "#k" for the animals after the first.
         image: relative to the folder of images.
-        mesh: relative to the folder, like the others.
-        camera: of the image.
-        keypoints: of the animal.
-        mask: of the animal.
+        mesh: relative to the mesh folder, like the following.
+        camera: the image's camera; None without.
+        keypoints: the animal's keypoints; None without.
+        mask: the animal's mask; None without.
     """
 
     sample_id: str
@@ -39,12 +43,12 @@ class AnimalFiles:
 
 @dataclass
 class Listing:
-    """What was found.
+    """The animals of a mesh folder by the names of its files.
 
     Attributes:
         animals: those of an image together, images in the order of their names.
-        faults: meshes without an image, and files that have one name.
-        notes: what nothing was made of, counted, in whole sentences.
+        faults: one error a mesh without an image, and a file whose name another one has.
+        notes: numbers of files that are not used, in whole sentences.
     """
 
     animals: list[AnimalFiles] = field(default_factory=list)
@@ -54,13 +58,13 @@ class Listing:
 
 @dataclass(frozen=True)
 class _Files:
-    """The files by name: path without suffix -> path, each relative to its own folder.
+    """The files of a mesh folder by name, which is the path without suffix in their own folder.
 
     Attributes:
-        images: of the folder of images.
-        meshes: of meshes/.
+        images: name -> path in the folder of images.
+        meshes: name -> path in meshes/.
         numbered: name -> meshes NAME_0, NAME_1, ... with their numbers.
-        extras: likewise of keypoints/, masks/ and cameras/.
+        extras: folder -> name -> path, of keypoints/, masks/ and cameras/.
         has_common_camera: whether there is a camera.json.
     """
 
@@ -71,22 +75,24 @@ class _Files:
     has_common_camera: bool
 
     def of_image(self, name: str) -> list[AnimalFiles]:
-        """The animals of an image.
-
-        Its own meshes, or those that its camera's folder shares with others.
-        """
-        ends = (self._meshes(end) for end in _ends(name))
-        found = next((meshes for meshes in ends if meshes), [])
-        return [self._animal(name, k, *mesh, alone=len(found) == 1) for k, mesh in enumerate(found)]
+        """The animals of an image, by its own meshes or those that several cameras share."""
+        candidates = (self._meshes(end) for end in _ends(name))
+        meshes = next((group for group in candidates if group), [])
+        return [
+            self._animal(name, k, mesh, alone=len(meshes) == 1) for k, mesh in enumerate(meshes)
+        ]
 
     def _meshes(self, name: str) -> list[tuple[str, str]]:
-        """The meshes of a name, with "" or their number."""
+        """The meshes of a name, each with "" or its number."""
         return ([(name, "")] if name in self.meshes else []) + self.numbered.get(name, [])
 
-    def _animal(self, name: str, k: int, mesh: str, number: str, alone: bool) -> AnimalFiles:
-        own = (
-            (name + number, name) if alone else (name + number,)
-        )  # the only animal's files may have the image's name
+    def _animal(
+        self, name: str, k: int, numbered_mesh: tuple[str, str], *, alone: bool
+    ) -> AnimalFiles:
+        """The files of an image's animal k, which may be the only one in it."""
+        mesh, number = numbered_mesh
+        # The files of an only animal may have the image's name, without its number.
+        own = (name + number, name) if alone else (name + number,)
         return AnimalFiles(
             sample_id=self.images[name] + (f"#{k}" if k else ""),
             image=self.images[name],
@@ -98,7 +104,7 @@ class _Files:
         )
 
     def _extra(self, kind: str, names: Iterable[str]) -> str | None:
-        """The first of these names that there is."""
+        """The first file of these names in a folder of EXTRAS; None if there is none."""
         files = self.extras[kind]
         return next((f"{kind}/{files[name]}" for name in names if name in files), None)
 
@@ -117,64 +123,76 @@ def list_mesh_folder(root: Path, images: Path) -> Listing:
                 f"there is no folder {folder}: a mesh folder has images/ and meshes/ (see"
                 " docs/formats.md)"
             )
-    found = Listing()
-    files = _list_files(root, images, found)
+    listing = Listing()
+    files = _list_files(root, images, listing)
     if not files.meshes:
         raise DatasetFormatError(
             f"{root / 'meshes'} holds no mesh ({', '.join((*MESH_SUFFIXES, '.npz'))})"
         )
     for name in sorted(files.images):
-        found.animals += files.of_image(name)
-    with_mesh = {animal.image for animal in found.animals}
+        listing.animals += files.of_image(name)
+    with_mesh = {animal.image for animal in listing.animals}
     bare = len(files.images) - len(with_mesh)
     if bare:
-        found.notes.append(f"{bare} of {len(files.images)} images have no mesh")
-    used = {
+        listing.notes.append(f"{bare} of {len(files.images)} images have no mesh")
+    _note_unused(root, images, files, listing)
+    return listing
+
+
+def _note_unused(root: Path, images: Path, files: _Files, listing: Listing) -> None:
+    """Add a fault for each mesh, and notes on other files, that belong to no animal."""
+    paths = {
         path
-        for animal in found.animals
+        for animal in listing.animals
         for path in (animal.mesh, animal.camera, animal.keypoints, animal.mask)
     }
     for name, path in sorted(files.meshes.items()):
-        if f"meshes/{path}" not in used:
-            found.faults.append(
+        if f"meshes/{path}" not in paths:
+            listing.faults.append(
                 SampleError(
                     f"meshes/{path}",
                     "image",
                     f"there is no image {name}.* in {images} that it is of",
                 )
             )
-    for kind, there in files.extras.items():
-        found.notes += _counted(
-            sorted(path for path in there.values() if f"{kind}/{path}" not in used),
+    for kind, by_name in files.extras.items():
+        listing.notes += _unused_note(
+            sorted(path for path in by_name.values() if f"{kind}/{path}" not in paths),
             f"in {kind}/ belong to no animal",
         )
-        found.notes += _counted(
+        listing.notes += _unused_note(
             _of_other_kind(root / kind, EXTRAS[kind]), f"in {kind}/ are no {EXTRAS[kind]}"
         )
-    return found
 
 
-def _list_files(root: Path, images: Path, found: Listing) -> _Files:
-    pictures = _by_name(images, IMAGE_SUFFIXES, "image", found)
-    meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", found)
+def _list_files(root: Path, images: Path, listing: Listing) -> _Files:
+    """The files of a mesh folder by name; those of a name that another has are faults."""
+    pictures = _by_name(images, IMAGE_SUFFIXES, "image", listing)
+    meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", listing)
     extras = {
-        kind: _by_name(root / kind, (suffix,), kind, found) for kind, suffix in EXTRAS.items()
+        kind: _by_name(root / kind, (suffix,), kind, listing) for kind, suffix in EXTRAS.items()
     }
     numbered = _numbered(meshes, {end for name in pictures for end in _ends(name)})
-    return _Files(pictures, meshes, numbered, extras, (root / COMMON_CAMERA).is_file())
+    return _Files(
+        images=pictures,
+        meshes=meshes,
+        numbered=numbered,
+        extras=extras,
+        has_common_camera=(root / COMMON_CAMERA).is_file(),
+    )
 
 
-def _counted(files: list[str], what: str) -> Iterable[str]:
-    """A sentence on files that nothing was made of."""
+def _unused_note(files: list[str], reason: str) -> Iterable[str]:
+    """A sentence on files that are not used, if there are any."""
     if files:
         yield (
-            f"{len(files)} files {what} and are not used:"
+            f"{len(files)} files {reason} and are not used:"
             f" {', '.join(files[:3])}{', ...' if len(files) > 3 else ''}"
         )
 
 
 def _of_other_kind(folder: Path, suffix: str) -> list[str]:
-    """The files of a folder, which may be missing, that do not end so; hidden ones are nobody's."""
+    """The files of a folder, which may be missing, of other suffixes; hidden ones do not count."""
     files = (
         (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
         if folder.is_dir()
@@ -186,11 +204,11 @@ def _of_other_kind(folder: Path, suffix: str) -> list[str]:
 
 
 def _by_name(
-    folder: Path, suffixes: tuple[str, ...], field_name: str, found: Listing
+    folder: Path, suffixes: tuple[str, ...], field_name: str, listing: Listing
 ) -> dict[str, str]:
     """Path without suffix -> path, both relative to the folder, which may be missing.
 
-    Of two of one name the first.
+    Of two files of one name it is the first; the second is a fault of the listing.
     """
     names: dict[str, str] = {}
     for path in sorted(folder.rglob("*")) if folder.is_dir() else []:
@@ -199,7 +217,7 @@ def _by_name(
         relative = path.relative_to(folder)
         name = relative.with_suffix("").as_posix()
         if name in names:
-            found.faults.append(
+            listing.faults.append(
                 SampleError(
                     relative.as_posix(),
                     field_name,
@@ -212,24 +230,24 @@ def _by_name(
 
 
 def _ends(name: str) -> list[str]:
-    """A name, and what is left of it without its first folders.
+    """A name, and the same without its first folder, its first two, and so on.
 
-    Cameras that see one mesh have folders of their own.
+    Cameras that see one mesh have folders of images of their own, so the mesh has a shorter name.
     """
     parts = name.split("/")
     return ["/".join(parts[i:]) for i in range(len(parts))]
 
 
 def _camera_places(name: str) -> list[str]:
-    """The image's own camera, then those of its folders, the innermost first."""
+    """Names of an image's own camera, then of its folders' cameras, the innermost first."""
     parts = name.split("/")
     return ["/".join(parts[:i]) for i in range(len(parts), 0, -1)]
 
 
 def _numbered(meshes: Iterable[str], images: set[str]) -> dict[str, list[tuple[str, str]]]:
-    """Name -> meshes NAME_0, NAME_1, ... or NAME.0, ...
+    """Name -> meshes NAME_0, NAME_1, ... or NAME.0, ... with their numbers, in order.
 
-    With their numbers, in order; what is an image's own name is not taken apart.
+    A mesh that has the name of an image is not taken apart.
     """
     groups: dict[str, list[tuple[str, str]]] = {}
     for mesh in meshes:

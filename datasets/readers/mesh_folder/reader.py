@@ -1,6 +1,6 @@
-"""A folder of images with a fitted mesh for each animal, and cameras or keypoints.
+"""The reader of mesh folders: images with a fitted mesh for each animal, and cameras or keypoints.
 
-Captures, mocap, outputs of mesh regressors.
+Captures, motion capture and the outputs of mesh regressors come in this form.
 """
 
 from collections.abc import Callable
@@ -26,12 +26,15 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.keypoints.vocabulary_match import match_by_name
 
 FORMAT = "mesh_folder"
+"""The format's name in reports and for --format."""
 MANIFEST = "mesh_folder.json"
+"""The file that says what holds for all animals; it may be missing."""
 LANDMARKS = "landmarks.json"
+"""The file of vertex ids that hold for every mesh; it may be missing."""
 
 
 class Manifest(msgspec.Struct, forbid_unknown_fields=True):
-    """What may be said of all animals at once."""
+    """The keys of mesh_folder.json, which hold for all animals."""
 
     vocabulary: str = "animal3d26"
     category: str = "animal"
@@ -40,11 +43,11 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class MeshFolder:
-    """A dataset and the meshes of its animals.
+    """The animals of a mesh folder and the source of their meshes.
 
     Attributes:
-        records: images in the order of their names.
-        bodies: their meshes, read when they are asked for.
+        records: the animals, images in the order of their names.
+        bodies: the animals' meshes, each read when it is needed.
     """
 
     records: RecordSet
@@ -52,9 +55,9 @@ class MeshFolder:
 
 
 def is_mesh_folder(path: Path) -> bool:
-    """Whether a path is such a folder: it says so, or has the two folders that must be there.
+    """Whether a path is a mesh folder, or its mesh_folder.json.
 
-    Or the file that says so.
+    A folder is one if it has that file, or the two folders images/ and meshes/.
     """
     return (
         path.name == MANIFEST
@@ -69,13 +72,15 @@ def read_mesh_folder(
     model: Path | None = None,
     vocabulary: Vocabulary | None = None,
 ) -> MeshFolder:
-    """The animals of a folder with images/, meshes/ and perhaps cameras/, keypoints/ and masks/, see docs/formats.md.
+    """The animals of a folder with images/ and meshes/, see docs/formats.md.
+
+    There may be cameras/, keypoints/ and masks/ beside them.
 
     Args:
         root: the folder, or its mesh_folder.json.
         images: the folder of images; None: images/.
         model: the SMAL file whose vertices all meshes have.
-        vocabulary: of the keypoints; None: as mesh_folder.json says, else animal3d26.
+        vocabulary: the keypoints; None: as mesh_folder.json says, else animal3d26.
 
     Raises:
         DatasetNotFoundError: no such folders.
@@ -86,13 +91,13 @@ def read_mesh_folder(
     home = root.parent if root.is_file() else root
     if not home.is_dir():
         raise DatasetNotFoundError(f"there is no folder {home}")
-    said = _manifest(home)
-    reader = _Reader(
-        home,
-        images or home / "images",
-        vocabulary or _vocabulary(said, home),
-        said,
-        lru_cache(maxsize=None)(load_camera),
+    manifest = _manifest(home)
+    reader = _RecordReader(
+        home=home,
+        images=images or home / "images",
+        vocabulary=vocabulary or _vocabulary(manifest, home),
+        manifest=manifest,
+        load_camera=lru_cache(maxsize=None)(load_camera),
     )
     listing = list_mesh_folder(home, reader.images)
     records, faults, meshes = [], list(listing.faults), {}
@@ -114,28 +119,28 @@ def read_mesh_folder(
 
 
 def _manifest(home: Path) -> Manifest:
-    said: Manifest = (
-        decode_json(home / MANIFEST, Manifest) if (home / MANIFEST).is_file() else Manifest()
-    )
-    if said.unit_m is not None and not (np.isfinite(said.unit_m) and said.unit_m > 0):
+    """The manifest of a folder, the defaults without one; raises DatasetFormatError."""
+    path = home / MANIFEST
+    manifest: Manifest = decode_json(path, Manifest) if path.is_file() else Manifest()
+    unit_m = manifest.unit_m
+    if unit_m is not None and not (np.isfinite(unit_m) and unit_m > 0):
         raise DatasetFormatError(
-            f"{home / MANIFEST}: unit_m must be the metres of a unit, above 0, got {said.unit_m}"
+            f"{path}: unit_m must be the metres of a unit, above 0, got {unit_m}"
         )
-    return said
+    return manifest
 
 
-def _vocabulary(said: Manifest, home: Path) -> Vocabulary:
-    """The manifest's, a file of which lies beside it."""
+def _vocabulary(manifest: Manifest, home: Path) -> Vocabulary:
+    """The vocabulary that a manifest names; a .toml file lies beside the manifest."""
+    name = manifest.vocabulary
     try:
-        return vocabulary_of_option(
-            str(home / said.vocabulary) if said.vocabulary.endswith(".toml") else said.vocabulary
-        )
+        return vocabulary_of_option(str(home / name) if name.endswith(".toml") else name)
     except ConfigError as error:
         raise DatasetFormatError(f"{home / MANIFEST}: {error}") from error
 
 
 def _landmarks(path: Path) -> dict[str, Place]:
-    """Vertex ids that hold for every mesh; none without a file."""
+    """Landmark name -> vertex ids that hold for every mesh; empty without a file."""
     places = read_landmarks(path) if path.is_file() else {}
     for name, place in places.items():
         if isinstance(place, dict):
@@ -146,25 +151,28 @@ def _landmarks(path: Path) -> dict[str, Place]:
 
 
 @dataclass(frozen=True)
-class _Reader:
-    """Makes records of listed files.
+class _RecordReader:
+    """Makes the records of the animals that a folder lists.
 
     Attributes:
-        home: the folder.
+        home: the mesh folder.
         images: the folder of images.
-        vocabulary: of the keypoints.
-        said: of all animals.
-        load_camera: with a memory: cameras take many images.
+        vocabulary: the keypoints.
+        manifest: what holds for all animals.
+        load_camera: reads a camera once for the many images that it took.
     """
 
     home: Path
     images: Path
     vocabulary: Vocabulary
-    said: Manifest
+    manifest: Manifest
     load_camera: Callable[[Path, tuple[int, int]], Camera]
 
     def record(self, files: AnimalFiles) -> tuple[AnimalRecord, Path]:
-        """One record and its mesh's file, checked as far as it goes without reading the mesh."""
+        """The record of an animal and its mesh's file, checked but for the mesh's content.
+
+        Raises SampleError.
+        """
         sample_id = files.sample_id
         image = resolve_inside(self.images, files.image, sample_id, "image")
         mesh = resolve_inside(self.home, files.mesh, sample_id, "mesh")
@@ -181,7 +189,7 @@ class _Reader:
             vocabulary=self.vocabulary,
             keypoints_2d=keypoints,
             mask_runs=None,
-            category=self.said.category,
+            category=self.manifest.category,
             mask_path=(
                 None
                 if files.mask is None
@@ -192,12 +200,13 @@ class _Reader:
             pose=camera.pose if camera.exact else None,
             distortion=camera.distortion,
             metres_per_unit=(
-                self.said.unit_m if camera.metres_per_unit is None else camera.metres_per_unit
+                self.manifest.unit_m if camera.metres_per_unit is None else camera.metres_per_unit
             ),
         )
         return record, mesh
 
     def _camera(self, files: AnimalFiles, image_hw: tuple[int, int]) -> Camera:
+        """The camera of an animal's image, one of which nothing is known without a file."""
         if files.camera is None:
             return Camera()
         path = resolve_inside(self.home, files.camera, files.sample_id, "camera")
@@ -207,19 +216,19 @@ class _Reader:
             raise SampleError(files.sample_id, "camera", str(error)) from error
 
     def _keypoints(self, files: AnimalFiles) -> NDArray[np.float64]:
-        """(J, 3) of a file that names them; zeros without one."""
+        """The animal's keypoints (J, 3) by a file that names them; zeros without a file."""
         rows = np.zeros((len(self.vocabulary), 3))
         if files.keypoints is None:
             return rows
         path = resolve_inside(self.home, files.keypoints, files.sample_id, "keypoints")
         try:
-            said: dict[str, list[float] | None] = decode_json(path, dict[str, list[float] | None])
-            columns = match_by_name(list(said), self.vocabulary).columns
+            points: dict[str, list[float] | None] = decode_json(path, dict[str, list[float] | None])
+            columns = match_by_name(list(points), self.vocabulary).columns
         except (DatasetFormatError, ConfigError) as error:
             raise SampleError(
                 files.sample_id, "keypoints", f"{files.keypoints}: {error}"
             ) from error
-        values = list(said.values())
+        values = list(points.values())
         for row, column in enumerate(columns):
             if column is not None and (point := values[column]) is not None:
                 rows[row] = _point(point, files, self.vocabulary.keypoints[row])
@@ -227,7 +236,7 @@ class _Reader:
 
 
 def _point(numbers: list[float], files: AnimalFiles, name: str) -> list[float]:
-    """x, y, confidence; 1 if it is left out."""
+    """x, y and confidence of one keypoint; the confidence is 1 if it is left out."""
     point = [*numbers, 1.0] if len(numbers) == 2 else numbers
     if len(point) != 3 or not np.isfinite(point).all() or not 0 <= point[2] <= 1:
         raise SampleError(
@@ -240,6 +249,7 @@ def _point(numbers: list[float], files: AnimalFiles, name: str) -> list[float]:
 
 
 def _nothing_tells(files: AnimalFiles) -> str:
+    """The problem of an animal without camera pose and keypoints, and its remedy."""
     has = f"{files.camera} has no R and t" if files.camera else "there is no camera"
     marks = f"{files.keypoints} marks nothing" if files.keypoints else "there are no keypoints"
     name = Path(files.image).with_suffix("").as_posix()

@@ -1,4 +1,4 @@
-"""The elements of an Omni3D file, each checked by itself; -1 becomes None."""
+"""The elements of an Omni3D file, each checked by itself; a -1 becomes None or NaN."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,23 +21,24 @@ from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.checks import check_intrinsics
 
 ROTATION_TOLERANCE = 1e-3
+"""Greatest entry of R Rᵀ - I of a rotation that is only rounded."""
 
 
 @dataclass(frozen=True)
 class StatedBox:
-    """One annotation: what it says of a box, of the right shapes; NaN where a field is missing.
+    """The box that one annotation states, in arrays of the right shapes.
 
     Attributes:
-        sample_id: its image, and "#k" after the first box of it.
-        image: its image.
-        category: its category's name.
+        sample_id: the image, and "#k" for the boxes after its first.
+        image: the box's image.
+        category: the category's name.
         annotation: the annotation itself.
-        corners: (8, 3).
-        center: (3,).
-        dimensions: (3,).
-        rotation: (3, 3), a rotation.
+        corners: (8, 3) camera frame, in the file's order; NaN if missing.
+        center: (3,) camera frame.
+        dimensions: (3,) in the file's order.
+        rotation: (3, 3), a rotation; NaN if missing.
         box: (4,) xyxy in our px; None if it is not known.
-        truncation: None if it is not known.
+        truncation: 0 to 1; None if it is not known.
     """
 
     sample_id: str
@@ -53,9 +54,16 @@ class StatedBox:
 
 
 def cuboid_image(
-    raw: msgspec.Raw, number: int, annotations: Path, root: Path | None, convention: Convention
+    raw: msgspec.Raw, number: int, *, annotations: Path, root: Path | None, convention: Convention
 ) -> tuple[Key, CuboidImage]:
-    """The id and the image of an element of images.
+    """The id and the image of an element of "images".
+
+    Args:
+        raw: the element.
+        number: its place in the list.
+        annotations: the annotation file.
+        root: the folder that file_path is relative to; None if it is not known.
+        convention: of the file.
 
     Raises:
         SampleError: naming the field that is missing or wrong.
@@ -63,7 +71,7 @@ def cuboid_image(
     """
     element = decoded(raw, Omni3DImage, f"image {number}")
     name = element.file_path or f"image {element.id}"
-    hw = image_size(element.height, element.width, name)
+    image_hw = image_size(element.height, element.width, name)
     K = numbers(element.K, (3, 3), name, "K")
     if K is None:
         raise SampleError(name, "K", "is missing; cuboids need the intrinsics of their image")
@@ -72,13 +80,12 @@ def cuboid_image(
         check_intrinsics("K", K)
     except ShapeError as error:
         raise SampleError(name, "K", str(error)) from error
-    return element.id, CuboidImage(
-        name, image_path(root, annotations, element.file_path, name), hw, K
-    )
+    path = image_path(root, annotations, element.file_path, name)
+    return element.id, CuboidImage(name, path, image_hw, K)
 
 
 def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[SampleError]]:
-    """Names by id, and what is wrong with the rest."""
+    """Names of the categories by id, and an error for each that is faulty."""
     names: dict[Key, str] = {}
     faults = []
     for number, raw in enumerate(raws):
@@ -98,16 +105,55 @@ def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[Sa
 def stated_box(
     annotation: Omni3DAnnotation,
     sample_id: str,
+    *,
     image: CuboidImage,
     categories: dict[Key, str],
     convention: Convention,
 ) -> StatedBox:
-    """An annotation checked for form.
+    """The box that an annotation states, checked for form.
+
+    Args:
+        annotation: with valid3D true.
+        sample_id: named in every error.
+        image: the annotation's.
+        categories: names by id.
+        convention: of the file.
 
     Raises:
         SampleError: naming the field that is missing or wrong.
 
     """
+    category = _category(annotation, sample_id, categories)
+    center = _needed(
+        numbers(annotation.center_cam, (3,), sample_id, "center_cam"), sample_id, "center_cam"
+    )
+    dimensions = _needed(
+        numbers(annotation.dimensions, (3,), sample_id, "dimensions"), sample_id, "dimensions"
+    )
+    if dimensions.min() <= 0:
+        raise SampleError(sample_id, "dimensions", f"must be positive, got {dimensions.tolist()}")
+    corners, rotation = _corners_and_rotation(annotation, sample_id)
+    truncation = annotation.truncation
+    if truncation is not None and truncation != -1 and not 0 <= truncation <= 1:
+        raise SampleError(
+            sample_id, "truncation", f"must lie in 0 to 1, or be -1 if unknown, got {truncation}"
+        )
+    return StatedBox(
+        sample_id=sample_id,
+        image=image,
+        category=category,
+        annotation=annotation,
+        corners=corners,
+        center=center,
+        dimensions=dimensions,
+        rotation=rotation,
+        box=box_2d(annotation.bbox2D_tight, sample_id, "bbox2D_tight", convention),
+        truncation=None if truncation in (None, -1) else truncation,
+    )
+
+
+def _category(annotation: Omni3DAnnotation, sample_id: str, categories: dict[Key, str]) -> str:
+    """The name of an annotation's category; raises SampleError."""
     category = categories.get(annotation.category_id)
     if category is None:
         raise SampleError(
@@ -123,14 +169,11 @@ def stated_box(
             f"is {annotation.category_name!r}, but category {annotation.category_id} is"
             f" {category!r}",
         )
-    center = _needed(
-        numbers(annotation.center_cam, (3,), sample_id, "center_cam"), sample_id, "center_cam"
-    )
-    dimensions = _needed(
-        numbers(annotation.dimensions, (3,), sample_id, "dimensions"), sample_id, "dimensions"
-    )
-    if dimensions.min() <= 0:
-        raise SampleError(sample_id, "dimensions", f"must be positive, got {dimensions.tolist()}")
+    return category
+
+
+def _corners_and_rotation(annotation: Omni3DAnnotation, sample_id: str) -> tuple[Floats, Floats]:
+    """Corners (8, 3) and rotation (3, 3), of which one may be NaN; raises SampleError."""
     corners = numbers(annotation.bbox3D_cam, (8, 3), sample_id, "bbox3D_cam")
     rotation = numbers(annotation.R_cam, (3, 3), sample_id, "R_cam")
     rotation = (
@@ -142,30 +185,25 @@ def stated_box(
         raise SampleError(
             sample_id, "R_cam", "is missing, and so are the corners that could stand for it"
         )
-    truncation = annotation.truncation
-    if truncation is not None and truncation != -1 and not 0 <= truncation <= 1:
-        raise SampleError(
-            sample_id, "truncation", f"must lie in 0 to 1, or be -1 if unknown, got {truncation}"
-        )
-    return StatedBox(
-        sample_id,
-        image,
-        category,
-        annotation,
-        np.full((8, 3), np.nan) if corners is None else corners,
-        center,
-        dimensions,
-        rotation,
-        box_2d(annotation.bbox2D_tight, sample_id, "bbox2D_tight", convention),
-        None if truncation in (None, -1) else truncation,
-    )
+    return np.full((8, 3), np.nan) if corners is None else corners, rotation
 
 
 def box_2d(
-    said: list[float] | None, sample_id: str, field: str, convention: Convention
+    value: list[float] | None, sample_id: str, field: str, convention: Convention
 ) -> Floats | None:
-    """A 2D box in our px, (4,) xyxy; None if it is not known."""
-    box = numbers(said, (4,), sample_id, field)
+    """A file's 2D box (4,) as xyxy in our px; None if it is not known.
+
+    Args:
+        value: as the file has it.
+        sample_id: named in the error.
+        field: the file's key, named in the error.
+        convention: of the file.
+
+    Raises:
+        SampleError: no four numbers of a positive area.
+
+    """
+    box = numbers(value, (4,), sample_id, field)
     if box is None:
         return None
     if not (box[2:] > box[:2]).all():
@@ -178,12 +216,23 @@ def box_2d(
     return convention.boxes_2d_in(box)
 
 
-def numbers(said: object, shape: tuple[int, ...], sample_id: str, field: str) -> Floats | None:
-    """Finite numbers of a shape; None where the field is missing, empty or all -1."""
-    if said is None or said == []:
+def numbers(value: object, shape: tuple[int, ...], sample_id: str, field: str) -> Floats | None:
+    """The finite numbers of a field, of a shape; None if it is missing, empty or all -1.
+
+    Args:
+        value: as the file has it.
+        shape: that the numbers must have.
+        sample_id: named in the error.
+        field: the file's key, named in the error.
+
+    Raises:
+        SampleError: of another shape, or not finite.
+
+    """
+    if value is None or value == []:
         return None
     try:
-        values = np.array(said, dtype=np.float64)
+        values = np.array(value, dtype=np.float64)
     except ValueError as error:  # rows of different lengths
         raise SampleError(
             sample_id,
@@ -204,6 +253,7 @@ def numbers(said: object, shape: tuple[int, ...], sample_id: str, field: str) ->
 
 
 def _needed(values: Floats | None, sample_id: str, field: str) -> Floats:
+    """The numbers of a field that no box may be without; raises SampleError if there are none."""
     if values is None:
         raise SampleError(
             sample_id,
@@ -215,7 +265,7 @@ def _needed(values: Floats | None, sample_id: str, field: str) -> Floats:
 
 
 def _rotation(R: Floats, sample_id: str) -> Floats:
-    """A rotation within rounding, made exact where the file was rounded."""
+    """The exact rotation (3, 3) that a file's rounded one stands for; raises SampleError."""
     off = np.abs(R @ R.T - np.eye(3)).max()
     if off > ROTATION_TOLERANCE:
         raise SampleError(

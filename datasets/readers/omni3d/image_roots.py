@@ -1,4 +1,4 @@
-"""Where the images lie that a file names, when it is only said relative to what."""
+"""The folder of an Omni3D file's images, which the file names relative to a folder unsaid."""
 
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
@@ -7,41 +7,35 @@ from animal3dbox.datasets.images.photos import resolve_inside
 from animal3dbox.errors import SampleError
 
 TRIED = 20
-"""Images that are looked for to find their folder."""
+"""Number of images that are looked for to find their folder."""
 
 
 def image_root(annotations: Path, images: Path | None, file_paths: Sequence[str]) -> Path | None:
     """The folder that image paths are relative to.
 
-    The one that is given, else the first near the annotations that holds one of them.
+    It is the user's, else the first one near the annotations that holds one of the images.
 
     Args:
         annotations: the annotation file.
-        images: what the user says.
-        file_paths: as the file names them; the first few are looked for.
+        images: the user's folder; None: look for one.
+        file_paths: the images, as the file names them; the first TRIED are looked for.
 
     Returns:
-        A folder; None if none of them is to be found.
+        A folder; None if none of the images is to be found.
 
     """
     if images is not None:
         return images
     home = annotations.resolve().parent
-    near = (home, home / "images", *list(home.parents)[:2])
-    return next(
-        (
-            root
-            for root in near
-            if any((root / name).is_file() for name in file_paths[:TRIED] if not _leads_out(name))
-        ),
-        None,
-    )
+    names = [name for name in file_paths[:TRIED] if not _leads_out(name)]
+    for root in (home, home / "images", *list(home.parents)[:2]):
+        if any((root / name).is_file() for name in names):
+            return root
+    return None
 
 
 def image_path(root: Path | None, annotations: Path, file_path: str, sample_id: str) -> Path:
-    """The file of an image.
-
-    Checked if there is a root, else as it is named, beside the annotations.
+    """The path of an image file: checked under a root, else as it is named beside the annotations.
 
     Raises:
         SampleError: absolute, leading out of the root, or missing in a root where others are.
@@ -60,5 +54,6 @@ def image_path(root: Path | None, annotations: Path, file_path: str, sample_id: 
 
 
 def _leads_out(file_path: str) -> bool:
+    """Whether a path is absolute, goes up through "..", or is no path at all."""
     pure = PurePosixPath(file_path)
     return "\0" in file_path or pure.is_absolute() or ".." in pure.parts

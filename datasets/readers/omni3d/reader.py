@@ -1,6 +1,7 @@
-"""Any dataset of cuboids in Omni3D's JSON.
+"""The reader of cuboids in Omni3D's JSON, whatever order their corners are in.
 
-The boxes as they are, whatever order their corners are in.
+Nothing of a box is estimated: it is brought into our frames, or it is a fault if its fields
+contradict each other.
 """
 
 from collections import Counter
@@ -29,13 +30,22 @@ from animal3dbox.datasets.readers.omni3d.schema import (
     Omni3DInfo,
     RawOmni3DFile,
 )
-from animal3dbox.datasets.readers.visible_boxes import seen_boxes
+from animal3dbox.datasets.readers.visible_boxes import visible_boxes
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 
 LEAST_OVERLAP = 0.5
-"""Of bbox2D_proj with the projected box: less means that K, or the box, is of another image."""
+"""Least overlap of bbox2D_proj with the projected box.
+
+Less means that K, or the box, belongs to another image.
+"""
+_OF_FAULTY_IMAGES = "annotations belong to faulty images and were left out"
+_WITHOUT_3D = "annotations say that they have no 3D box (valid3D false) and were left out"
+_IGNORED_BY_TRAINER = (
+    "boxes have lidar_pts or segmentation_pts 0, or a depth_error over 0.5: Omni3D's trainer"
+    " ignores them"
+)
 
 
 def read_omni3d(
@@ -45,25 +55,47 @@ def read_omni3d(
     convention: Convention | None = None,
     heading_known: bool | None = None,
 ) -> CuboidSet:
-    """The cuboids of a file in Omni3D's format.
+    """The cuboids of a file in Omni3D's format, in our frames and corner order.
 
     Args:
         path: the JSON file.
         images: the folder that image paths are relative to; by default the first of the file's
             folder, its images/ and the two folders above that holds one of them; if none does,
             image files are not looked for.
-        convention: what the file means; by default OMNI3D, with the pixel origin that the file
-            states if this package wrote it.
-        heading_known: whether forward and left mean something; by default what the file says if
-            this package wrote it, else not.
+        convention: the meaning of the file's numbers; by default OMNI3D, with the pixel origin that
+            the file states if this package wrote it.
+        heading_known: whether forward and left mean something; by default as the file says if this
+            package wrote it, else not.
 
     Returns:
         The boxes in our frames, in metres unless the file says otherwise; every usable image; one
-        fault each unusable box or image; notes about the corner order and what was left out.
+        fault each unusable box or image; notes about the corner order and left-out boxes.
 
     Raises:
         DatasetNotFoundError: no such file.
         DatasetFormatError: not JSON, or without images, categories and annotations.
+
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets import CuboidRecord, CuboidSet, write_omni3d
+        >>> K = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
+        >>> dog = CuboidRecord(
+        ...     sample_id="a.jpg",
+        ...     image_id="a.jpg",
+        ...     image_path=None,
+        ...     image_hw=(480, 640),
+        ...     category="dog",
+        ...     K=K,
+        ...     center=np.array([0.0, 0.0, 4.0]),
+        ...     rotation=np.eye(3),
+        ...     size=np.array([0.9, 0.3, 0.6]),
+        ... )
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "dogs.json"
+        ...     _ = write_omni3d(CuboidSet("dogs", (dog,), ()), path)
+        ...     boxes = read_omni3d(path)
+        >>> boxes.records[0].category, boxes.records[0].size.tolist()
+        ('dog', [0.9, 0.3, 0.6])
 
     """
     file: RawOmni3DFile = decode_json(path, RawOmni3DFile)
@@ -75,30 +107,34 @@ def read_omni3d(
             if info is not None and own and info.first_pixel is not None
             else OMNI3D
         )
-    found, faults, notes = _images(file.images, path, images, convention)
+    by_id, image_faults, image_notes = _images(file.images, path, images, convention)
     names, category_faults = category_names(file.categories)
-    stated, box_faults, box_notes = _stated_boxes(file.annotations, found, names, convention)
-    layout = infer_layout(_stacked(stated))
+    boxes, box_faults, box_notes = _stated_boxes(file.annotations, by_id, names, convention)
+    layout = infer_layout(_stacked(boxes))
     records, layout_faults = _records(
-        stated, layout, convention, own=own, heading_known=heading_known
+        boxes, layout, convention, own=own, heading_known=heading_known
     )
-    kept, projection_faults = _checked_projections(records, stated, convention)
-    usable = tuple(image for image in found.values() if image is not None)
-    all_faults = (*faults, *category_faults, *box_faults, *layout_faults, *projection_faults)
+    consistent, projection_faults = _with_consistent_projections(records, boxes, convention)
     return CuboidSet(
-        convention.name,
-        tuple(record for record in kept),
-        all_faults,
-        (*notes, *box_notes, *layout.notes),
-        usable,
-        tuple(dict.fromkeys(names.values())),
+        name=convention.name,
+        records=tuple(consistent),
+        faults=(
+            *image_faults,
+            *category_faults,
+            *box_faults,
+            *layout_faults,
+            *projection_faults,
+        ),
+        notes=(*image_notes, *box_notes, *layout.notes),
+        images=tuple(image for image in by_id.values() if image is not None),
+        categories=tuple(dict.fromkeys(names.values())),
     )
 
 
 def _info(raw: msgspec.Raw) -> Omni3DInfo | None:
-    """What the file says of itself, if that has the form of this package's files.
+    """The head of a file, if it has the form of this package's files; None otherwise.
 
-    Omni3D's own are lists or have ids that are words.
+    Omni3D's own heads are lists or have ids that are words.
     """
     try:
         info: Omni3DInfo = msgspec.json.decode(raw, type=Omni3DInfo)
@@ -110,15 +146,25 @@ def _info(raw: msgspec.Raw) -> Omni3DInfo | None:
 def _images(
     raws: Sequence[msgspec.Raw], path: Path, images: Path | None, convention: Convention
 ) -> tuple[dict[Key, CuboidImage | None], list[SampleError], list[str]]:
-    """Images by id, None for the faulty ones."""
-    root = image_root(path, images, [_named(raw).file_path for raw in raws[:TRIED]])
-    found: dict[Key, CuboidImage | None] = {}
+    """The images by id, None for faulty ones; an error for each of those; and notes.
+
+    Args:
+        raws: the elements of "images".
+        path: the annotation file.
+        images: the user's folder of images; None: look for one.
+        convention: of the file.
+
+    """
+    root = image_root(path, images, [_ids_of(raw).file_path for raw in raws[:TRIED]])
+    by_id: dict[Key, CuboidImage | None] = {}
     faults: list[SampleError] = []
     paths: dict[str, Key] = {}
     for number, raw in enumerate(raws):
         try:
-            key, image = cuboid_image(raw, number, path, root, convention)
-            if key in found:
+            key, image = cuboid_image(
+                raw, number, annotations=path, root=root, convention=convention
+            )
+            if key in by_id:
                 raise SampleError(
                     image.image_id,
                     "id",
@@ -133,20 +179,20 @@ def _images(
                 )
         except SampleError as error:
             faults.append(error)
-            named = _named(raw)
-            if named.id is not None:
-                found[named.id] = None
+            faulty_id = _ids_of(raw).id
+            if faulty_id is not None:
+                by_id[faulty_id] = None
             continue
-        found[key] = image
+        by_id[key] = image
     notes = (
         []
         if root is not None or not raws
         else ["no image file was found near the annotations: files are not checked (see --images)"]
     )
-    return found, faults, notes
+    return by_id, faults, notes
 
 
-class _Named(msgspec.Struct):
+class _Ids(msgspec.Struct):
     """The keys of an image or annotation that are needed before it is checked."""
 
     id: Key | None = None
@@ -154,11 +200,12 @@ class _Named(msgspec.Struct):
     file_path: str = ""
 
 
-def _named(raw: msgspec.Raw) -> _Named:
+def _ids_of(raw: msgspec.Raw) -> _Ids:
+    """The ids of an element, none of one that cannot be decoded, which is an error later."""
     try:
-        return msgspec.json.decode(raw, type=_Named)
+        return msgspec.json.decode(raw, type=_Ids)
     except msgspec.DecodeError:
-        return _Named()  # whoever decodes the whole says what is wrong with it
+        return _Ids()
 
 
 def _stated_boxes(
@@ -167,78 +214,93 @@ def _stated_boxes(
     names: dict[Key, str],
     convention: Convention,
 ) -> tuple[list[StatedBox], list[SampleError], list[str]]:
-    """Annotations of the right form, faults, and notes on what was left out."""
-    stated, faults, numbers, counts = [], [], Counter[Key](), Counter[str]()
+    """The boxes that annotations state, an error a faulty annotation, and notes on the others.
+
+    Args:
+        raws: the elements of "annotations".
+        images: by id, None for faulty ones.
+        names: of the categories, by id.
+        convention: of the file.
+
+    """
+    boxes, faults, numbers, counts = [], [], Counter[Key](), Counter[str]()
     for number, raw in enumerate(raws):
-        key = _named(raw).image_id
-        image, k = (None, 0) if key is None else (images.get(key), numbers[key])
-        numbers.update(() if key is None else (key,))
-        sample_id = (
-            f"annotation {number}"
-            if image is None
-            else f"{image.image_id}#{k}"
-            if k
-            else image.image_id
-        )
+        key = _ids_of(raw).image_id
+        image = None if key is None else images.get(key)
+        sample_id = f"annotation {number}"
+        if image is not None and key is not None:
+            sample_id = f"{image.image_id}#{numbers[key]}" if numbers[key] else image.image_id
+        if key is not None:
+            numbers[key] += 1
         try:
             if key is not None and key not in images:
                 raise SampleError(sample_id, "image_id", f"{key} is not among the file's images")
             annotation = decoded(raw, Omni3DAnnotation, sample_id)
             if image is None:
-                counts["annotations belong to faulty images and were left out"] += 1
+                counts[_OF_FAULTY_IMAGES] += 1
             elif not annotation.valid3D:
-                counts[
-                    "annotations say that they have no 3D box (valid3D false) and were left out"
-                ] += 1
+                counts[_WITHOUT_3D] += 1
             else:
-                stated.append(stated_box(annotation, sample_id, image, names, convention))
-                ignored = (
-                    0 in (annotation.lidar_pts, annotation.segmentation_pts)
-                    or (annotation.depth_error or 0) > 0.5
+                boxes.append(
+                    stated_box(
+                        annotation, sample_id, image=image, categories=names, convention=convention
+                    )
                 )
-                counts[
-                    "boxes have lidar_pts or segmentation_pts 0, or a depth_error over 0.5:"
-                    " Omni3D's trainer ignores them"
-                ] += int(ignored)
+                counts[_IGNORED_BY_TRAINER] += _is_ignored(annotation)
         except SampleError as error:
             faults.append(error)
-    return stated, faults, [f"{count} {what}" for what, count in counts.items() if count]
+    return boxes, faults, [f"{count} {note}" for note, count in counts.items() if count]
 
 
-def _stacked(stated: Sequence[StatedBox]) -> StatedBoxes:
-    if not stated:
+def _is_ignored(annotation: Omni3DAnnotation) -> bool:
+    """Whether Omni3D's trainer ignores an annotation for what was measured of its box."""
+    points = (annotation.lidar_pts, annotation.segmentation_pts)
+    return 0 in points or (annotation.depth_error or 0) > 0.5
+
+
+def _stacked(boxes: Sequence[StatedBox]) -> StatedBoxes:
+    """The arrays of boxes, stacked."""
+    if not boxes:
         return StatedBoxes(
-            np.zeros((0, 8, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3))
+            corners=np.zeros((0, 8, 3)),
+            center=np.zeros((0, 3)),
+            dimensions=np.zeros((0, 3)),
+            rotation=np.zeros((0, 3, 3)),
         )
-    corners, center = (
-        np.stack([box.corners for box in stated]),
-        np.stack([box.center for box in stated]),
-    )
     return StatedBoxes(
-        corners,
-        center,
-        np.stack([box.dimensions for box in stated]),
-        np.stack([box.rotation for box in stated]),
+        corners=np.stack([box.corners for box in boxes]),
+        center=np.stack([box.center for box in boxes]),
+        dimensions=np.stack([box.dimensions for box in boxes]),
+        rotation=np.stack([box.rotation for box in boxes]),
     )
 
 
 def _records(
-    stated: Sequence[StatedBox],
+    boxes: Sequence[StatedBox],
     layout: Layout,
     convention: Convention,
     *,
     own: bool,
     heading_known: bool | None,
 ) -> tuple[list[tuple[int, CuboidRecord]], list[SampleError]]:
-    """Records with their index in stated, of the boxes that do not contradict themselves."""
+    """The records of the consistent boxes with their indices, and an error for each other box.
+
+    Args:
+        boxes: of the file.
+        layout: of the boxes.
+        convention: of the file.
+        own: whether this package wrote the file.
+        heading_known: as the user says; None: as the file does.
+
+    """
     records, faults = [], []
-    centers = np.stack([box.center for box in stated]) if stated else np.zeros((0, 3))
+    centers = _stacked(boxes).center
     center, rotation, size = convention.boxes_in(centers, layout.rotation, layout.dimensions)
-    for index, box in enumerate(stated):
+    for index, box in enumerate(boxes):
         if index in layout.problems:
             faults.append(SampleError(box.sample_id, *layout.problems[index]))
             continue
-        said = box.annotation
+        annotation = box.annotation
         record = CuboidRecord(
             sample_id=box.sample_id,
             image_id=box.image.image_id,
@@ -249,9 +311,9 @@ def _records(
             center=center[index],
             rotation=rotation[index],
             size=size[index],
-            metric=True if said.metric is None or not own else said.metric,
+            metric=True if annotation.metric is None or not own else annotation.metric,
             heading_known=(
-                bool(own and said.heading_known) if heading_known is None else heading_known
+                bool(own and annotation.heading_known) if heading_known is None else heading_known
             ),
             box=box.box,
             truncation=box.truncation,
@@ -260,25 +322,32 @@ def _records(
     return records, faults
 
 
-def _checked_projections(
-    records: Sequence[tuple[int, CuboidRecord]], stated: Sequence[StatedBox], convention: Convention
+def _with_consistent_projections(
+    records: Sequence[tuple[int, CuboidRecord]], boxes: Sequence[StatedBox], convention: Convention
 ) -> tuple[list[CuboidRecord], list[SampleError]]:
-    """The records whose bbox2D_proj, if there is one, is where K projects the box."""
-    seen = seen_boxes([record for _, record in records])
-    kept, faults = [], []
+    """The records whose bbox2D_proj, if any, is where K projects the box; others are errors.
+
+    Args:
+        records: each with its index among the boxes.
+        boxes: of the file.
+        convention: of the file.
+
+    """
+    visible = visible_boxes([record for _, record in records])
+    consistent, faults = [], []
     for number, (index, record) in enumerate(records):
         try:
-            said = box_2d(
-                stated[index].annotation.bbox2D_proj, record.sample_id, "bbox2D_proj", convention
+            stated = box_2d(
+                boxes[index].annotation.bbox2D_proj, record.sample_id, "bbox2D_proj", convention
             )
             ours = [
                 box
-                for box in (seen.projected[number], seen.in_frame[number])
+                for box in (visible.projected[number], visible.in_frame[number])
                 if not np.isnan(box).any()
             ]
-            overlap = (
-                max((_overlap(said, box) for box in ours), default=1.0) if said is not None else 1.0
-            )
+            overlap = 1.0
+            if stated is not None and ours:
+                overlap = max(_overlap(stated, box) for box in ours)
             if overlap < LEAST_OVERLAP:
                 raise SampleError(
                     record.sample_id,
@@ -289,12 +358,12 @@ def _checked_projections(
         except SampleError as error:
             faults.append(error)
         else:
-            kept.append(record)
-    return kept, faults
+            consistent.append(record)
+    return consistent, faults
 
 
 def _overlap(a: np.ndarray, b: np.ndarray) -> float:
-    """Intersection over union of upright boxes."""
+    """Intersection over union of two upright boxes (4,), xyxy."""
     sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
     common = float(np.prod(np.maximum(sides, 0)))
     return common / (float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2])) - common)

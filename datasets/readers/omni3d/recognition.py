@@ -1,6 +1,6 @@
 """Telling a file of cuboids in Omni3D's format from one of keypoints in COCO's.
 
-Both have images, annotations and categories.
+Both have images, annotations and categories, so the first annotation or image decides.
 """
 
 from pathlib import Path
@@ -10,15 +10,20 @@ import msgspec
 from animal3dbox.datasets.storage.json_files import decode_json
 
 BOX_KEYS = frozenset({"bbox3D_cam", "center_cam", "dimensions", "R_cam"})
+"""Keys of an annotation of which COCO's keypoints have none."""
 
 
-class _Listed(msgspec.Struct):
+class _Lists(msgspec.Struct):
+    """A file's lists of images and annotations, undecoded."""
+
     images: msgspec.Raw = msgspec.Raw(b"[]")
     annotations: msgspec.Raw = msgspec.Raw(b"[]")
 
 
 def is_omni3d(path: Path) -> bool:
-    """Whether a path is a JSON file whose annotations are boxes in three dimensions, or whose images have intrinsics.
+    """Whether a path is a JSON file whose annotations are boxes in three dimensions.
+
+    One without annotations is if its images have intrinsics.
 
     Raises:
         DatasetFormatError: a .json file that is none.
@@ -26,21 +31,18 @@ def is_omni3d(path: Path) -> bool:
     """
     if not path.is_file() or path.suffix.lower() not in (".json", ""):
         return False
-    listed = decode_json(path, _Listed | list[msgspec.Raw])
-    if not isinstance(listed, _Listed):
+    content = decode_json(path, _Lists | list[msgspec.Raw])
+    if not isinstance(content, _Lists):
         return False
-    annotation, image = _first_keys(listed.annotations), _first_keys(listed.images)
-    return bool(annotation & BOX_KEYS) or (not annotation and "K" in image)
+    annotation_keys, image_keys = _first_keys(content.annotations), _first_keys(content.images)
+    return bool(annotation_keys & BOX_KEYS) or (not annotation_keys and "K" in image_keys)
 
 
 def _first_keys(raw: msgspec.Raw) -> frozenset[str]:
     """The keys of the first element of a list of dictionaries; none of anything else."""
     try:
         elements = msgspec.json.decode(raw, type=list[msgspec.Raw])
-        return (
-            frozenset(msgspec.json.decode(elements[0], type=dict[str, msgspec.Raw]))
-            if elements
-            else frozenset()
-        )
+        first = msgspec.json.decode(elements[0], type=dict[str, msgspec.Raw]) if elements else ()
     except msgspec.DecodeError:
         return frozenset()
+    return frozenset(first)

@@ -1,19 +1,21 @@
-"""The JSON of Omni3D: what a file may hold; -1 and null both mean that a value is not known."""
+"""The JSON of Omni3D: what a file may hold.
+
+Numbers of -1 and null both mean that a value is not known.
+"""
 
 from typing import Final
 
 import msgspec
 
 GENERATOR: Final = "animal3dbox"
-"""What info.generator says in the files that this package writes."""
-
+"""Value of info.generator in the files that this package writes."""
 
 Key = int | str
-"""Omni3D's own ids are whole numbers; files made after it have words, too."""
+"""An id: Omni3D's own are whole numbers, files made after it have words, too."""
 
 
 class Omni3DImage(msgspec.Struct, kw_only=True):
-    """One image; K row by row."""
+    """One element of "images"; K is written row by row."""
 
     id: Key
     dataset_id: Key = 0
@@ -24,7 +26,7 @@ class Omni3DImage(msgspec.Struct, kw_only=True):
 
 
 class Omni3DCategory(msgspec.Struct, kw_only=True):
-    """One category."""
+    """One element of "categories"."""
 
     id: Key
     name: str
@@ -32,7 +34,7 @@ class Omni3DCategory(msgspec.Struct, kw_only=True):
 
 
 class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
-    """One box.
+    """One element of "annotations": a box in its image.
 
     The last two keys are this package's own: metric says that lengths are metres, heading_known
     that sides have names.
@@ -61,14 +63,16 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     heading_known: bool | None = None
 
     def __post_init__(self) -> None:
-        """Take a single -1 or 0 in the place of a rotation or corners for None, as files in the
-        wild mean it."""
+        """Take a single -1 or 0 in the place of a rotation or corners for None.
+
+        Files in the wild mean it so.
+        """
         self.R_cam = None if self.R_cam in (-1, 0) else self.R_cam
         self.bbox3D_cam = None if self.bbox3D_cam in (-1, 0) else self.bbox3D_cam
 
 
 class Omni3DInfo(msgspec.Struct, kw_only=True):
-    """What a file says of itself; generator, units and first_pixel are this package's own keys."""
+    """The head of a file, of which generator, units and first_pixel are this package's own keys."""
 
     id: Key = 0
     source: str = "animal3dbox"
@@ -83,7 +87,7 @@ class Omni3DInfo(msgspec.Struct, kw_only=True):
 
 
 class Omni3DFile(msgspec.Struct, kw_only=True):
-    """A whole file, as it is written."""
+    """The content of a file, as it is written."""
 
     info: Omni3DInfo
     images: list[Omni3DImage]
@@ -92,9 +96,9 @@ class Omni3DFile(msgspec.Struct, kw_only=True):
 
 
 class RawOmni3DFile(msgspec.Struct, kw_only=True):
-    """A whole file, as it is read.
+    """The content of a file, as it is read.
 
-    Its elements undecoded, so that one bad element spoils no other.
+    Its elements are still undecoded, so that one bad element spoils no other.
     """
 
     info: msgspec.Raw = msgspec.Raw(b"null")

@@ -25,7 +25,7 @@ from animal3dbox.datasets.readers.cuboid_conventions import (
 )
 from animal3dbox.datasets.readers.kitti.reader import read_kitti
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
-from animal3dbox.datasets.readers.visible_boxes import seen_boxes, stacked_boxes
+from animal3dbox.datasets.readers.visible_boxes import stacked_boxes, visible_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.cuboid import CORNER_SIGNS
@@ -217,7 +217,7 @@ def test_coco_keypoints_are_the_projected_corners(tmp_path: Path, seed: int) -> 
     kept = [
         r
         for r in there.records
-        if r.box is not None or not np.isnan(seen_boxes([r]).in_frame).any()
+        if r.box is not None or not np.isnan(visible_boxes([r]).in_frame).any()
     ]
     assert len(file["annotations"]) == len(kept)
     assert len(file["images"]) == len(there.images)
