@@ -14,6 +14,7 @@ from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.readers import stanfordextra
+from animal3dbox.datasets.readers.animal3d import entries as animal3d_entries
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 from animal3dbox.datasets.readers.coco import reader as coco
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
@@ -106,7 +107,7 @@ def _split_file(root: Path, format: str, split: Split) -> Path:
         return root
     if format not in ("auto", animal3d.FORMAT) or not root.is_dir():
         raise ConfigError(
-            f"split={split!r} is for a folder that holds {' and '.join(animal3d.SPLITS)}: of other"
+            f"split={split!r} is for a folder that holds {' and '.join(animal3d_entries.SPLITS)}: of other"
             " formats give the annotation file of the split that you want as root"
         )
     file = root / f"{split}.json"
@@ -190,7 +191,9 @@ class StanfordExtraDataset(AnnotatedDataset):
         >>> from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig
         >>> from animal3dbox.datasets.synthetic import write_stanfordextra
         >>> folder = pathlib.Path(tempfile.mkdtemp()) / "set"
-        >>> _ = write_stanfordextra(SyntheticSet(0, 2, WorldConfig(image_hw=(120, 160))), folder)
+        >>> from animal3dbox.smal import VOCABULARIES
+        >>> world = WorldConfig(image_hw=(120, 160), vocabulary=VOCABULARIES["stanfordextra24"])
+        >>> _ = write_stanfordextra(SyntheticSet(0, 2, world), folder)
         >>> len(StanfordExtraDataset(folder, on_bad="skip"))
         2
     """

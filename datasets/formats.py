@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import msgspec
@@ -158,23 +159,30 @@ def _is_deeplabcut(peek: Peek) -> bool:
 
 
 def _is_stanfordextra(peek: Peek) -> bool:
-    return peek.is_list or peek.path.is_dir()  # whose reader says what it looked for
+    return bool(stanfordextra.annotation_files(peek.path)) if peek.path.is_dir() else peek.is_list
 
 
 @dataclass(frozen=True)
 class Reader:
-    """How one format is recognised and read."""
+    """How one format is recognised and read.
 
+    Attributes:
+        signs: what it is recognised by, for people.
+        recognises: whether a path is in it.
+        read: the dataset at a path.
+    """
+
+    signs: str
     recognises: Callable[[Peek], bool]
     read: Callable[[Path, ReadOptions], Source]
 
 
 READERS: dict[str, Reader] = {
-    animal3d.FORMAT: Reader(_is_animal3d, _read_animal3d),
-    mesh_folder.FORMAT: Reader(_is_mesh_folder, _read_mesh_folder),
-    coco.FORMAT: Reader(_is_coco, _read_coco),
-    deeplabcut.FORMAT: Reader(_is_deeplabcut, _read_deeplabcut),
-    stanfordextra.FORMAT: Reader(_is_stanfordextra, _read_stanfordextra),
+    animal3d.FORMAT: Reader("train.json or test.json", _is_animal3d, _read_animal3d),
+    mesh_folder.FORMAT: Reader("images/ and meshes/", _is_mesh_folder, _read_mesh_folder),
+    coco.FORMAT: Reader(" or ".join(coco.FILES), _is_coco, _read_coco),
+    deeplabcut.FORMAT: Reader("a csv or h5 table", _is_deeplabcut, _read_deeplabcut),
+    stanfordextra.FORMAT: Reader("StanfordExtra*.json", _is_stanfordextra, _read_stanfordextra),
 }
 """Every format, in the order in which they are asked whether a path is theirs."""
 FORMATS = tuple(READERS)
@@ -189,14 +197,28 @@ def recognised_format(path: Path) -> str:
 
     """
     seen = peeked(path)
-    for name, reader in READERS.items():
-        if reader.recognises(seen):
-            return name
-    found = ", ".join(sorted(seen.keys or ())[:8]) or "nothing"
+    looks = _format_of(seen)
+    if looks is not None:
+        return looks
     raise DatasetFormatError(
-        f"{path} is in no format that is known: it has {found}; give --format, one of"
-        f" {', '.join(FORMATS)}"
+        f"{path} is in no format that is known: it {_contents(seen)}; give the path of a dataset,"
+        f" and its --format if it is named otherwise:"
+        f" {', '.join(f'{name} ({reader.signs})' for name, reader in READERS.items())}"
     )
+
+
+def _format_of(seen: Peek) -> str | None:
+    return next((name for name, reader in READERS.items() if reader.recognises(seen)), None)
+
+
+def _contents(seen: Peek) -> str:
+    """What a path holds, for a reader of error messages: the keys of a file, a folder's files."""
+    if seen.path.is_dir():
+        names = sorted(path.name for path in islice(seen.path.iterdir(), 1000))
+        return f"holds {', '.join(names[:8])}" if names else "is an empty folder"
+    if seen.is_list:
+        return "is a list"
+    return f"has {', '.join(sorted(seen.keys)[:8]) or 'nothing'}" if seen.keys is not None else ""
 
 
 def peeked(path: Path) -> Peek:
@@ -231,6 +253,8 @@ def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None =
     """
     if format not in ("auto", *FORMATS):
         raise ConfigError(f"format must be auto, {' or '.join(FORMATS)}, got {format!r}")
+    if not path.exists():
+        raise DatasetNotFoundError(f"there is no file or folder {path}")
     kind = recognised_format(path) if format == "auto" else format
     if kind == coco.FORMAT and is_omni3d(path):
         raise ConfigError(
@@ -238,13 +262,26 @@ def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None =
             " animal3dbox.datasets.Omni3DDataset, look at them with animal3dbox check, or convert"
             " them with animal3dbox export"
         )
-    read = READERS[kind].read(path, options or ReadOptions())
+    read = _read_as(kind, path, options or ReadOptions())
     return replace(
         read,
         records=_with_focal(
             _of_unicode(read.records), None if options is None else options.focal_px
         ),
     )
+
+
+def _read_as(kind: str, path: Path, options: ReadOptions) -> Source:
+    """The dataset in a format; an error says which other format the path looks like."""
+    try:
+        return READERS[kind].read(path, options)
+    except (DatasetFormatError, DatasetNotFoundError) as error:
+        looks = _format_of(peeked(path))
+        if looks in (None, kind):
+            raise
+        raise type(error)(
+            f"{error}; it looks like {looks}: read it with --format {looks}"
+        ) from error
 
 
 def _with_focal(read: RecordSet, focal_px: float | None) -> RecordSet:

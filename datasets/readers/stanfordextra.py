@@ -54,11 +54,7 @@ def find_annotations(path: Path) -> Path:
         return path
     if not path.is_dir():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
-    candidates = sorted(
-        p
-        for p in path.glob("*.json")
-        if p.stem == "annotations" or p.stem.lower().startswith("stanfordextra")
-    )
+    candidates = annotation_files(path)
     if len(candidates) != 1:
         names = ", ".join(p.name for p in candidates) or "none"
         raise DatasetNotFoundError(
@@ -66,6 +62,15 @@ def find_annotations(path: Path) -> Path:
             " file itself"
         )
     return candidates[0]
+
+
+def annotation_files(folder: Path) -> list[Path]:
+    """The files of a folder that are named as StanfordExtra's annotations are, in order."""
+    return sorted(
+        path
+        for path in folder.glob("*.json")
+        if path.stem == "annotations" or path.stem.lower().startswith("stanfordextra")
+    )
 
 
 def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:

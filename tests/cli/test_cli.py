@@ -462,7 +462,7 @@ def holding(data: bytes) -> Callable[[Path], None]:
     ("spoil", "words"),
     [
         (removed, "there is no file or folder"),
-        (nothing, "found none"),
+        (nothing, "is in no format that is known"),
         (holding(b""), "is empty"),
         (holding(b"path;width"), "is not valid JSON"),
         (holding(b'{"a": 1}'), "Expected `array`"),

@@ -402,11 +402,13 @@ def test_the_format_is_recognised_by_the_folder_or_the_file(home: Path, tmp_path
         == "animal3d"
     )
     (tmp_path / "dogs.json").write_text("[]")
-    assert (
-        recognised_format(tmp_path / "dogs.json") == recognised_format(tmp_path) == "stanfordextra"
-    )
+    assert recognised_format(tmp_path / "dogs.json") == "stanfordextra"
+    with pytest.raises(DatasetFormatError, match=r"holds dogs\.json"):
+        recognised_format(tmp_path)  # whose name tells nothing
+    (tmp_path / "StanfordExtra_v12.json").write_text("[]")
+    assert recognised_format(tmp_path) == "stanfordextra"
     (tmp_path / "other.json").write_text('{"images": []}')
-    with pytest.raises(DatasetFormatError, match="it has images; give --format"):
+    with pytest.raises(DatasetFormatError, match="it has images; give the path of a dataset"):
         recognised_format(tmp_path / "other.json")
     with pytest.raises(DatasetNotFoundError):
         recognised_format(tmp_path / "nothing.json")
