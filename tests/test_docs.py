@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 import runpy
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ ROOT = Path(__file__).parent.parent
 ROW = re.compile(r"^\| .* \| (section [^|]+?) \| `([^`]+)` \| `([^`]+)` \|$", re.MULTILINE)
 
 
+@lru_cache(maxsize=1)
 def docstrings() -> dict[tuple[str, str], str]:
     """(file, qualified name) -> docstring of every function and class of the package."""
     found = {}
