@@ -212,8 +212,10 @@ def test_the_readme_shows_the_example_that_is_run() -> None:
 
 
 def test_the_readmes_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    runpy.run_path(str(ROOT / "examples" / "label_one_animal.py"))
+    names = runpy.run_path(str(ROOT / "examples" / "label_one_animal.py"))
     assert "side, seen from" in capsys.readouterr().out
+    exec(code_with("README.md", "box_iou("), names)  # noqa: S102
+    assert 0.5 < float(names["iou"]) <= 1
 
 
 def test_the_readmes_test_command_is_what_ci_runs() -> None:
