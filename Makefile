@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.complete
 export PYTHONSAFEPATH := 1
 
-.PHONY: setup demo test test-slow test-lowest lint wheel clean
+.PHONY: setup demo test test-fast test-slow test-lowest lint wheel clean
 
 # The set-up is kept only while it works here: a moved checkout or a half-made environment is made anew.
 setup:
@@ -28,6 +28,10 @@ demo: setup
 
 test: setup
 	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+# Laws at ten examples, no processes, no whole worlds (tests/conftest.py): under a minute.
+test-fast: setup
+	HYPOTHESIS_PROFILE=fast $(BIN)/python -m pytest -q -n 2 -m "not slow and not process and not long"
 
 # Builds the quadruped anew (a minute or two) and compares it with the shipped asset.
 test-slow: setup

@@ -4,8 +4,8 @@ Run: python examples/label_one_animal.py
 """
 
 from animal3dbox import CuboidLabel, LabelConfig, label_animal
-from animal3dbox.datasets.synthetic.scenes import synthetic_animal
-from animal3dbox.geometry.cuboid import FACE_NAMES
+from animal3dbox.datasets.synthetic import synthetic_animal
+from animal3dbox.geometry import FACE_NAMES
 
 animal = synthetic_animal(seed=0, index=2)  # stands in for your own image, keypoints, mesh and mask
 

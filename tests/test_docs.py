@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 import runpy
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ ROOT = Path(__file__).parent.parent
 ROW = re.compile(r"^\| .* \| (section [^|]+?) \| `([^`]+)` \| `([^`]+)` \|$", re.MULTILINE)
 
 
+@lru_cache(maxsize=1)
 def docstrings() -> dict[tuple[str, str], str]:
     """(file, qualified name) -> docstring of every function and class of the package."""
     found = {}
@@ -210,8 +212,10 @@ def test_the_readme_shows_the_example_that_is_run() -> None:
 
 
 def test_the_readmes_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    runpy.run_path(str(ROOT / "examples" / "label_one_animal.py"))
+    names = runpy.run_path(str(ROOT / "examples" / "label_one_animal.py"))
     assert "side, seen from" in capsys.readouterr().out
+    exec(code_with("README.md", "box_iou("), names)  # noqa: S102
+    assert 0.5 < float(names["iou"]) <= 1
 
 
 def test_the_readmes_test_command_is_what_ci_runs() -> None:

@@ -3,12 +3,13 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
+from thorough import thorough
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
@@ -188,7 +189,7 @@ def test_boxes_shifted_by_half_share_half() -> None:
     assert box_iou(*boxes).item() == pytest.approx(1 / 3, abs=1e-14)
 
 
-@settings(max_examples=60, deadline=None)
+@thorough(60)
 @given(seed=st.integers(0, 2**31), exponent=st.floats(-16, 0))
 def test_iou_is_symmetric_and_the_same_wherever_the_pair_is_put(seed: int, exponent: float) -> None:
     rng = np.random.default_rng(seed)

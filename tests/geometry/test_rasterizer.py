@@ -4,9 +4,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from thorough import thorough
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
@@ -191,7 +192,7 @@ def folded(corners: Tensor) -> bool:
     return float((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]) <= 0
 
 
-@settings(max_examples=40, deadline=None)
+@thorough(40)
 @given(seed=st.integers(0, 2**31), lattice=st.booleans())
 def test_triangles_that_tile_a_region_cover_each_of_its_pixels_once(
     seed: int, lattice: bool
@@ -219,7 +220,7 @@ def test_triangles_that_tile_a_region_cover_each_of_its_pixels_once(
     )
 
 
-@settings(max_examples=40, deadline=None)
+@thorough(40)
 @given(
     seed=st.integers(0, 2**31),
     z=st.floats(-1, 6),

@@ -1,7 +1,8 @@
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from strategies import rotations, vector
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -11,7 +12,7 @@ from animal3dbox.labels.bounds import tight_cuboid
 F64 = torch.float64
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(vector(-5, 5, 30), rotations())
 def test_no_vertex_lies_outside_its_box_and_each_face_touches_one(
     values: Tensor, R_box: Tensor
@@ -25,7 +26,7 @@ def test_no_vertex_lies_outside_its_box_and_each_face_touches_one(
 
 
 @pytest.mark.parametrize("spread", [0.0, 1e-12, 1e-3])
-@settings(max_examples=200)
+@thorough(200)
 @given(vector(-5, 5), rotations())
 def test_a_body_almost_without_extent_still_lies_in_its_box(
     spread: float, at: Tensor, R_box: Tensor

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import torch
 from animals import IMAGE_HW, K, camera_round, keypoints_seen, toy_landmarks, toy_mesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rays import faces_entered
 from strategies import rotations, vector
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -143,7 +144,7 @@ def test_a_posed_quadruped_with_its_mask_is_labelled_exactly_from_exact_keypoint
     )
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(
     rotations(), vector(-20, 20), st.floats(0.01, 100), st.sampled_from(["default", "landmarks"])
 )

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from scenes import scenes
+from thorough import thorough
 from torch import Tensor
 from training_batches import HW, good_batch, images_of
 
@@ -38,7 +39,7 @@ def test_good_targets_raise_nothing(animals: int, masks: bool) -> None:
     assert check_targets([]).targets == 0
 
 
-@settings(max_examples=150, deadline=None)
+@thorough(150)
 @given(scenes())
 def test_random_scenes_in_float32_raise_nothing(
     made: tuple[dict[str, Any], tuple[int, int]],
@@ -52,7 +53,7 @@ def test_random_scenes_in_float32_raise_nothing(
     check_targets([target], [torch.zeros(3, *image_hw)])
 
 
-@settings(max_examples=150, deadline=None)
+@thorough(150)
 @given(scenes(anywhere=True))
 def test_random_scenes_round_the_camera_raise_nothing(
     made: tuple[dict[str, Any], tuple[int, int]],

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 import torch
 from animals import toy_landmarks
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.typing import NDArray
 from strategies import rotations, vector
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -35,7 +36,7 @@ def frame_of(axes: tuple[Array, str] | None) -> Tensor:
 ALL_VISIBLE = dict.fromkeys(ANIMAL3D_26, True)
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(rotations(), vector(-0.1, 0.1, 78), vector(-9, 9))
 def test_every_rule_gives_a_rotation_that_turns_with_the_body(
     R: Tensor, wobble: Tensor, t: Tensor
@@ -50,7 +51,7 @@ def test_every_rule_gives_a_rotation_that_turns_with_the_body(
         assert_close(R_there, R @ R_here, atol=1e-9, rtol=0)
 
 
-@settings(max_examples=1000)
+@thorough(1000)
 @given(vector(-1, 1, 60))
 def test_principal_axes_are_a_rotation_with_falling_spread(values: Tensor) -> None:
     points = values.reshape(20, 3)

@@ -11,7 +11,7 @@ from typing import Any
 import kornia.augmentation as kornia
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from kornia_cases import (
     COLOURS,
@@ -32,6 +32,7 @@ from kornia_cases import (
 )
 from opencv_version import RAMP_PX as READ_PX
 from scenes import scene
+from thorough import thorough
 from torch.testing import assert_close
 
 from animal3dbox.errors import ConfigError, SampleError
@@ -162,7 +163,7 @@ def test_skipped_operations_leave_everything_as_it_is() -> None:
     assert torch.equal(target["H_out_in"], torch.eye(3, dtype=torch.float64))
 
 
-@settings(max_examples=60, deadline=None)
+@thorough(60)
 @given(
     st.lists(
         st.sampled_from(sorted({*SAMPLED, *CROPS, *WHOLE} - {"PadTo reflects"})),

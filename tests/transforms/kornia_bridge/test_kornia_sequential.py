@@ -7,10 +7,11 @@ from typing import Any
 import kornia.augmentation as kornia
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from kornia_cases import ramps
 from scenes import scene
+from thorough import thorough
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -145,7 +146,7 @@ def test_an_existing_pipeline_is_taken_as_it_is_with_its_options() -> None:
         CameraAugmentationSequential(existing, random_apply=1)
 
 
-@settings(max_examples=60, deadline=None)
+@thorough(60)
 @given(st.sampled_from(sorted(PIPELINES)), st.integers(0, 10**6))
 def test_cuboids_stay_where_the_pixels_go(name: str, seed: int) -> None:
     values = batch(2, torch.float64)
