@@ -1,4 +1,7 @@
-"""Any dataset by its path: which format it is in, its records, and the bodies that come with it."""
+"""Any dataset by its path: its format, its records, and the bodies that come with it.
+
+READERS lists the formats of annotated animals; a new one is a reader in readers/ and a line there.
+"""
 
 import math
 from collections.abc import Callable
@@ -27,14 +30,21 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What the user says of a dataset besides its path; a reader refuses what it has no use for.
+    """The user's options for reading a dataset, besides its path.
+
+    A reader refuses an option that it has no use for.
 
     Attributes:
-        images: the folder that image paths are relative to, if not the usual one.
-        model: the SMAL file that the dataset's parameters or meshes belong to.
-        vocabulary: what the keypoints are, of a format whose names may not tell.
-        focal_px: of every image that has no camera of its own, with the principal point in the
-            middle; None: what the dataset or the picture's header says, or a guess.
+        images: the folder that image paths are relative to; None: the format's usual one.
+        model: the SMAL file that the dataset's parameters or meshes belong to; None without.
+        vocabulary: the keypoints, of a format whose names may not tell them; None: by the names.
+        focal_px: focal length of every image that has no camera of its own, with the principal
+            point in the middle; None: as the dataset or the picture's header says, or a guess.
+
+    Example:
+        >>> ReadOptions(images=Path("photos"), focal_px=1200.0).focal_px
+        1200.0
+
     """
 
     images: Path | None = None
@@ -48,13 +58,13 @@ class ReadOptions:
 
 
 @dataclass(frozen=True)
-class Source:
-    """A dataset as it was read.
+class ReadDataset:
+    """A dataset as its reader gives it.
 
     Attributes:
-        records: its animals.
-        bodies: the fitted bodies that come with it; None if it has none or their model was not
-            given.
+        records: the dataset's animals.
+        bodies: the fitted bodies that come with it; None if it has none, or if their model is not
+            known.
     """
 
     records: RecordSet
@@ -62,13 +72,13 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Peek:
-    """What can be seen of a path without reading all of it.
+class PathSummary:
+    """The facts of a path by which its format is recognised, before all of it is read.
 
     Attributes:
         path: a folder or a file.
-        keys: of a JSON file's dictionary; None of a list, of another file and of a folder.
-        is_list: whether it is a JSON file that holds a list.
+        keys: keys of a JSON file's dictionary; None of a list, of another file and of a folder.
+        is_list: whether the path is a JSON file that holds a list.
     """
 
     path: Path
@@ -76,13 +86,13 @@ class Peek:
     is_list: bool
 
 
-def _read_animal3d(path: Path, options: ReadOptions) -> Source:
+def _read_animal3d(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_vocabulary(options, animal3d_entries.VOCABULARY)
-    read = animal3d.read_animal3d(path, options.model, options.images)
-    if options.model is not None and read.bodies is None:
+    dataset = animal3d.read_animal3d(path, options.model, options.images)
+    if options.model is not None and dataset.bodies is None:
         wrong = [
             fault
-            for fault in read.records.faults
+            for fault in dataset.records.faults
             if fault.field.partition(",")[0] in animal3d_entries.PARAMETERS
         ]
         remedy = (
@@ -94,31 +104,32 @@ def _read_animal3d(path: Path, options: ReadOptions) -> Source:
             f"{path} has no parameters (pose, shape, trans) that --model {options.model} could"
             f" pose: {remedy}"
         )
-    return Source(read.records, read.bodies)
+    return ReadDataset(dataset.records, dataset.bodies)
 
 
-def _read_stanfordextra(path: Path, options: ReadOptions) -> Source:
+def _read_stanfordextra(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_model(options, "StanfordExtra")
     _refuse_vocabulary(options, stanfordextra.VOCABULARY)
-    return Source(stanfordextra.read_stanfordextra(path, options.images), None)
+    return ReadDataset(stanfordextra.read_stanfordextra(path, options.images), None)
 
 
-def _read_coco(path: Path, options: ReadOptions) -> Source:
+def _read_coco(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_model(options, "COCO")
-    return Source(coco.read_coco(path, options.images, options.vocabulary), None)
+    return ReadDataset(coco.read_coco(path, options.images, options.vocabulary), None)
 
 
-def _read_mesh_folder(path: Path, options: ReadOptions) -> Source:
-    read = mesh_folder.read_mesh_folder(path, options.images, options.model, options.vocabulary)
-    return Source(read.records, read.bodies)
+def _read_mesh_folder(path: Path, options: ReadOptions) -> ReadDataset:
+    dataset = mesh_folder.read_mesh_folder(path, options.images, options.model, options.vocabulary)
+    return ReadDataset(dataset.records, dataset.bodies)
 
 
-def _read_deeplabcut(path: Path, options: ReadOptions) -> Source:
+def _read_deeplabcut(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_model(options, "DeepLabCut")
-    return Source(deeplabcut.read_deeplabcut(path, options.images, options.vocabulary), None)
+    return ReadDataset(deeplabcut.read_deeplabcut(path, options.images, options.vocabulary), None)
 
 
 def _refuse_model(options: ReadOptions, name: str) -> None:
+    """Raise a ConfigError for a model that a format has no parameters for."""
     if options.model is not None:
         raise ConfigError(
             f"--model {options.model} is for parameters that a dataset comes with, and {name} has"
@@ -127,6 +138,7 @@ def _refuse_model(options: ReadOptions, name: str) -> None:
 
 
 def _refuse_vocabulary(options: ReadOptions, own: Vocabulary) -> None:
+    """Raise a ConfigError for a vocabulary if the format's own is fixed."""
     if options.vocabulary is not None:
         raise ConfigError(
             f"--vocabulary {options.vocabulary.name} is for formats whose files do not tell: these"
@@ -134,32 +146,35 @@ def _refuse_vocabulary(options: ReadOptions, own: Vocabulary) -> None:
         )
 
 
-def _is_animal3d(peek: Peek) -> bool:
-    if peek.path.is_dir():
-        return any((peek.path / name).is_file() for name in animal3d_entries.SPLITS)
-    return peek.keys is not None and "data" in peek.keys
+def _is_animal3d(summary: PathSummary) -> bool:
+    if summary.path.is_dir():
+        return any((summary.path / name).is_file() for name in animal3d_entries.SPLITS)
+    return summary.keys is not None and "data" in summary.keys
 
 
-def _is_mesh_folder(peek: Peek) -> bool:
-    return mesh_folder.is_mesh_folder(peek.path)
+def _is_mesh_folder(summary: PathSummary) -> bool:
+    return mesh_folder.is_mesh_folder(summary.path)
 
 
-def _is_coco(peek: Peek) -> bool:
-    if peek.path.is_dir():
+def _is_coco(summary: PathSummary) -> bool:
+    if summary.path.is_dir():
         return any(
-            (file := peek.path / name).is_file() and _is_coco(peeked(file)) for name in coco.FILES
+            (file := summary.path / name).is_file() and _is_coco(path_summary(file))
+            for name in coco.FILES
         )
-    return peek.keys is not None and {"images", "annotations"} <= peek.keys
+    return summary.keys is not None and {"images", "annotations"} <= summary.keys
 
 
-def _is_deeplabcut(peek: Peek) -> bool:
-    if peek.path.is_dir():
-        return bool(deeplabcut.label_files(peek.path))
-    return peek.path.suffix.lower() in (".csv", *deeplabcut_h5.SUFFIXES)
+def _is_deeplabcut(summary: PathSummary) -> bool:
+    if summary.path.is_dir():
+        return bool(deeplabcut.label_files(summary.path))
+    return summary.path.suffix.lower() in (".csv", *deeplabcut_h5.SUFFIXES)
 
 
-def _is_stanfordextra(peek: Peek) -> bool:
-    return bool(stanfordextra.annotation_files(peek.path)) if peek.path.is_dir() else peek.is_list
+def _is_stanfordextra(summary: PathSummary) -> bool:
+    if summary.path.is_dir():
+        return bool(stanfordextra.annotation_files(summary.path))
+    return summary.is_list
 
 
 @dataclass(frozen=True)
@@ -168,13 +183,13 @@ class Reader:
 
     Attributes:
         signs: what it is recognised by, for people.
-        recognises: whether a path is in it.
-        read: the dataset at a path.
+        recognises: whether a path is in this format.
+        read: the dataset of a path.
     """
 
     signs: str
-    recognises: Callable[[Peek], bool]
-    read: Callable[[Path, ReadOptions], Source]
+    recognises: Callable[[PathSummary], bool]
+    read: Callable[[Path, ReadOptions], ReadDataset]
 
 
 READERS: dict[str, Reader] = {
@@ -184,71 +199,96 @@ READERS: dict[str, Reader] = {
     deeplabcut.FORMAT: Reader("a csv or h5 table", _is_deeplabcut, _read_deeplabcut),
     stanfordextra.FORMAT: Reader("StanfordExtra*.json", _is_stanfordextra, _read_stanfordextra),
 }
-"""Every format, in the order in which they are asked whether a path is theirs."""
+"""Every format by name, in the order in which a path is tried."""
 FORMATS = tuple(READERS)
+"""The names of all formats."""
 
 
 def recognised_format(path: Path) -> str:
-    """The format of a folder or annotation file.
+    """The name of the format that a folder or annotation file is in.
 
     Raises:
         DatasetNotFoundError: nothing there is recognised.
         DatasetFormatError: the file is in no format that is known.
 
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = Path(folder) / "keypoints.json"
+        ...     _ = path.write_text('{"images": [], "annotations": []}')
+        ...     recognised_format(path)
+        'coco'
+
     """
-    seen = peeked(path)
-    looks = _format_of(seen)
-    if looks is not None:
-        return looks
+    summary = path_summary(path)
+    format = _format_of(summary)
+    if format is not None:
+        return format
     raise DatasetFormatError(
-        f"{path} is in no format that is known: it {_contents(seen)}; give the path of a dataset,"
-        f" and its --format if it is named otherwise:"
+        f"{path} is in no format that is known: it {_contents(summary)}; give the path of a"
+        " dataset, and its --format if it is named otherwise:"
         f" {', '.join(f'{name} ({reader.signs})' for name, reader in READERS.items())}"
     )
 
 
-def _format_of(seen: Peek) -> str | None:
-    return next((name for name, reader in READERS.items() if reader.recognises(seen)), None)
+def _format_of(summary: PathSummary) -> str | None:
+    return next((name for name, reader in READERS.items() if reader.recognises(summary)), None)
 
 
-def _contents(seen: Peek) -> str:
-    """What a path holds, for a reader of error messages: the keys of a file, a folder's files."""
-    if seen.path.is_dir():
-        names = sorted(path.name for path in islice(seen.path.iterdir(), 1000))
+def _contents(summary: PathSummary) -> str:
+    """The end of a sentence about a path: the files of a folder, the keys of a file."""
+    if summary.path.is_dir():
+        names = sorted(path.name for path in islice(summary.path.iterdir(), 1000))
         return f"holds {', '.join(names[:8])}" if names else "is an empty folder"
-    if seen.is_list:
+    if summary.is_list:
         return "is a list"
-    return f"has {', '.join(sorted(seen.keys)[:8]) or 'nothing'}" if seen.keys is not None else ""
+    return f"has {', '.join(sorted(summary.keys or ())[:8]) or 'nothing'}"
 
 
-def peeked(path: Path) -> Peek:
-    """A look at a path.
+def path_summary(path: Path) -> PathSummary:
+    """The facts of a path by which its format is recognised.
 
-    Raises DatasetNotFoundError if there is nothing, DatasetFormatError of a .json file that is
-    none.
+    Raises:
+        DatasetNotFoundError: there is nothing.
+        DatasetFormatError: a .json file that is none.
+
     """
     if not path.exists():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
     if path.is_dir() or path.suffix.lower() not in (".json", ""):
-        return Peek(path, None, is_list=False)
+        return PathSummary(path, None, is_list=False)
     content = decode_json(path, list[msgspec.Raw] | dict[str, msgspec.Raw])
-    return Peek(
+    return PathSummary(
         path, frozenset(content) if isinstance(content, dict) else None, isinstance(content, list)
     )
 
 
-def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None = None) -> Source:
-    """A dataset's records and bodies.
+def read_dataset(
+    path: Path, format: str = "auto", options: ReadOptions | None = None
+) -> ReadDataset:
+    """The records of a dataset, and the bodies that come with it.
 
     Args:
-        path: its folder or annotation file.
+        path: the dataset's folder or annotation file.
         format: of FORMATS, or "auto".
-        options: what the user says of it.
+        options: the user's; None: all defaults.
 
     Raises:
         ConfigError: an unknown format, or an option that the format has no use for.
         DatasetNotFoundError: nothing there.
         DatasetFormatError: not readable as a whole.
+
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets import SyntheticSet
+        >>> from animal3dbox.datasets.synthetic import WorldConfig, write_stanfordextra
+        >>> from animal3dbox.smal import VOCABULARIES
+        >>> config = WorldConfig((120, 160), VOCABULARIES["stanfordextra24"])
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     _ = write_stanfordextra(SyntheticSet(0, 2, config), Path(folder))
+        ...     dataset = read_dataset(Path(folder))
+        >>> dataset.records.name, len(dataset.records.records), dataset.bodies
+        ('stanfordextra', 2, None)
 
     """
     if format not in ("auto", *FORMATS):
@@ -262,38 +302,34 @@ def read_dataset(path: Path, format: str = "auto", options: ReadOptions | None =
             " animal3dbox.datasets.Omni3DDataset, look at them with animal3dbox check, or convert"
             " them with animal3dbox export"
         )
-    read = _read_as(kind, path, options or ReadOptions())
-    return replace(
-        read,
-        records=_with_focal(
-            _of_unicode(read.records), None if options is None else options.focal_px
-        ),
-    )
+    options = options or ReadOptions()
+    dataset = _read_as(kind, path, options)
+    return replace(dataset, records=_with_focal(_of_unicode(dataset.records), options.focal_px))
 
 
-def _read_as(kind: str, path: Path, options: ReadOptions) -> Source:
-    """The dataset in a format; an error says which other format the path looks like."""
+def _read_as(kind: str, path: Path, options: ReadOptions) -> ReadDataset:
+    """The dataset in a format; an error names the other format that the path looks like."""
     try:
         return READERS[kind].read(path, options)
     except (DatasetFormatError, DatasetNotFoundError) as error:
-        looks = _format_of(peeked(path))
-        if looks in (None, kind):
+        format = _format_of(path_summary(path))
+        if format in (None, kind):
             raise
         raise type(error)(
-            f"{error}; it looks like {looks}: read it with --format {looks}"
+            f"{error}; it looks like {format}: read it with --format {format}"
         ) from error
 
 
-def _with_focal(read: RecordSet, focal_px: float | None) -> RecordSet:
+def _with_focal(records: RecordSet, focal_px: float | None) -> RecordSet:
     """The records with the user's focal length where an image has no camera of its own.
 
-    A dataset's one pose for it held for another camera.
+    The dataset's one pose is dropped there, since it held for another camera.
     """
     if focal_px is None:
-        return read
+        return records
     own = {
         id(record)
-        for record in read.records
+        for record in records.records
         if record.K is not None and (record.K_source == "given" or record.pose is not None)
     }
     changed = (
@@ -307,55 +343,57 @@ def _with_focal(read: RecordSet, focal_px: float | None) -> RecordSet:
                 stored_pose=None,
             )
         )
-        for record in read.records
+        for record in records.records
     )
-    told = (
-        f"the focal length given, {focal_px:g} px, is that of {len(read.records) - len(own)} of"
-        f" {len(read.records)} animals"
+    note = (
+        f"the focal length given, {focal_px:g} px, is that of {len(records.records) - len(own)} of"
+        f" {len(records.records)} animals"
     )
-    note = told if not own else f"{told}; the images of the others have cameras of their own"
-    return replace(read, records=tuple(changed), notes=(*read.notes, note))
+    if own:
+        note += "; the images of the others have cameras of their own"
+    return replace(records, records=tuple(changed), notes=(*records.notes, note))
 
 
-def _of_unicode(read: RecordSet) -> RecordSet:
+def _of_unicode(records: RecordSet) -> RecordSet:
     """The records whose names are Unicode, as reports and JSON are.
 
     The others, of files whose names are no UTF-8, are faults.
     """
-    bad = [record.sample_id for record in read.records if not _is_unicode(record.sample_id)]
-    if not bad and all(_is_unicode(str(fault)) for fault in read.faults):
-        return read
-    kept = tuple(record for record in read.records if _is_unicode(record.sample_id))
-    told = [
+    bad = [record.sample_id for record in records.records if not _is_unicode(record.sample_id)]
+    if not bad and all(_is_unicode(str(fault)) for fault in records.faults):
+        return records
+    faults = [
         SampleError(_escaped(str(fault.sample_id)), fault.field, _escaped(str(fault.problem)))
-        for fault in read.faults
+        for fault in records.faults
     ]
-    told += [
+    faults += [
         SampleError(_escaped(name), "sample_id", "the file's name is not UTF-8: rename it")
         for name in bad
     ]
-    return replace(read, records=kept, faults=tuple(told))
+    unicode = tuple(record for record in records.records if _is_unicode(record.sample_id))
+    return replace(records, records=unicode, faults=tuple(faults))
 
 
 def _is_unicode(text: str) -> bool:
+    """Whether a text holds no byte of a name that is not UTF-8."""
     return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def _escaped(text: str) -> str:
-    """Text in which bytes that are no UTF-8 are spelt out."""
+    """A text in which bytes that are no UTF-8 are spelt out."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
-def bodies_for(read: Source, own: BodySource | None) -> BodySource:
+def bodies_for(dataset: ReadDataset, own: BodySource | None) -> BodySource:
     """The user's body for all animals if there is one, else the dataset's own bodies, else a dog.
 
     Raises:
         ConfigError: a user's body for a dataset whose cameras are known in the frame of its own.
 
     """
-    if own is not None and any(record.pose is not None for record in read.records.records):
+    if own is not None and any(record.pose is not None for record in dataset.records.records):
         raise ConfigError(
             f"{own.name} cannot be the body of all animals: this dataset's cameras are known only"
             " to its own meshes; leave it out"
         )
-    return own or read.bodies or body_source(DEFAULT_BODY)
+    return own or dataset.bodies or body_source(DEFAULT_BODY)

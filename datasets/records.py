@@ -1,4 +1,7 @@
-"""One annotated animal, or one box, whatever dataset it comes from."""
+"""Records: one annotated animal, or one box, in one form whatever dataset it comes from.
+
+A reader checks the form of what its files say, not the sense; labelling does the rest.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,30 +16,47 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 @dataclass(frozen=True)
 class AnimalRecord:
-    """What a dataset says about one animal; checked for form, not for sense.
+    """One animal as its dataset annotates it, checked for form, not for sense.
 
     Attributes:
         sample_id: the image, as its dataset names it, and "#k" for the animals after the first.
         image_id: the image, as its dataset names it.
-        image_path: the file; None for an image that is only in memory.
+        image_path: the image's file; None for an image that is only in memory.
         image_hw: height and width that the annotations are for.
-        vocabulary: what the keypoints are.
+        vocabulary: names of the J keypoints.
         keypoints_2d: (J, 3) x, y, confidence; 0 where missing.
         mask_runs: run lengths of the mask, as COCO writes them; None without a mask.
-        category: what the dataset calls the animal.
-        mask_path: the mask as a picture, when there are no runs; read when it is asked for.
-        mask_source: "dataset", or "rendered" of the dataset's own fitted body.
-        K: (3, 3) intrinsics in px that the dataset gives or all its images share; None if it says
-            nothing.
-        K_source: "given" of the image's own, "dataset" of one for all.
+        category: the animal's category, as the dataset calls it.
+        mask_path: the mask as a picture, when there are no runs; None without.
+        mask_source: "dataset", or "rendered" if the mask shows the dataset's own fitted body.
+        K: (3, 3) intrinsics in px, of the image or of all images of the dataset; None if the
+            dataset says nothing.
+        K_source: "given" of the image's own K, "dataset" of one for all.
         stored_pose: (R, t) of the dataset's own camera, X_cam = R X + t with X in the body source's
             frame, a guess; None without.
-        pose: (R, t) likewise, known exactly (a calibrated rig): no keypoints are needed; None if it
-            is not.
+        pose: (R, t) of a camera that is known exactly (a calibrated rig), so that no keypoints are
+            needed; None if it is not.
         distortion: (4,), (5,), (8,) or (12,) coefficients of OpenCV's lens; None of a pinhole.
         box: (4,) xyxy px that the dataset gives, pixels from their least edge to their greatest;
             None without.
         metres_per_unit: metres in a unit of the body's frame; None if it is not known.
+
+    Example:
+        >>> from animal3dbox.smal import VOCABULARIES
+        >>> vocabulary = VOCABULARIES["animal3d26"]
+        >>> record = AnimalRecord(
+        ...     sample_id="a.jpg",
+        ...     image_id="a.jpg",
+        ...     image_path=Path("a.jpg"),
+        ...     image_hw=(2, 3),
+        ...     vocabulary=vocabulary,
+        ...     keypoints_2d=np.zeros((len(vocabulary), 3)),
+        ...     mask_runs=(2, 3, 1),
+        ...     category="dog",
+        ... )
+        >>> record.mask.astype(int).tolist()
+        [[0, 1, 1], [0, 1, 0]]
+
     """
 
     sample_id: str
@@ -59,9 +79,9 @@ class AnimalRecord:
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:
-        """The mask (H, W), decoded when it is asked for.
+        """The mask (H, W), decoded anew each time; None without a mask.
 
-        The masks of a large dataset would fill the memory.
+        It is not kept, since the masks of a large dataset would fill the memory.
 
         Raises:
             SampleError: the mask's file cannot be read, or is of another size.
@@ -74,14 +94,14 @@ class AnimalRecord:
 
 @dataclass(frozen=True)
 class CuboidRecord:
-    """A box that a dataset comes with: nothing of it is estimated here.
+    """One box that a dataset comes with, of which nothing is estimated here.
 
     Attributes:
         sample_id: the image, as its dataset names it, and "#k" for the boxes after the first.
         image_id: the image, as its dataset names it.
-        image_path: the file.
+        image_path: the image's file; None for an image that is only in memory.
         image_hw: height and width that the annotations are for.
-        category: what the dataset calls the thing.
+        category: the thing's category, as the dataset calls it.
         K: (3, 3) intrinsics in px.
         center: (3,) camera frame.
         rotation: (3, 3) R_cam_box: columns forward, left, up.
@@ -89,7 +109,23 @@ class CuboidRecord:
         metric: whether center and size are in metres.
         heading_known: whether forward and left mean something, so that the faces have names.
         box: (4,) xyxy px of the visible thing; None if it is not known.
-        truncation: as the dataset says; None if it says nothing.
+        truncation: part outside the image, as the dataset says; None if it says nothing.
+
+    Example:
+        >>> record = CuboidRecord(
+        ...     sample_id="a.jpg",
+        ...     image_id="a.jpg",
+        ...     image_path=None,
+        ...     image_hw=(480, 640),
+        ...     category="dog",
+        ...     K=np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]),
+        ...     center=np.array([0.0, 0.0, 4.0]),
+        ...     rotation=np.eye(3),
+        ...     size=np.array([0.9, 0.3, 0.6]),
+        ... )
+        >>> record.metric, record.heading_known
+        (True, True)
+
     """
 
     sample_id: str
@@ -109,11 +145,11 @@ class CuboidRecord:
 
 @dataclass(frozen=True)
 class CuboidImage:
-    """An image of a dataset of boxes, with or without any.
+    """One image of a dataset of boxes, with or without any box in it.
 
     Attributes:
         image_id: the image, as its dataset names it.
-        image_path: the file.
+        image_path: the image's file; None for an image that is only in memory.
         image_hw: height and width that the annotations are for.
         K: (3, 3) intrinsics in px.
     """
@@ -126,17 +162,23 @@ class CuboidImage:
 
 @dataclass(frozen=True)
 class CuboidSet:
-    """A dataset of boxes.
+    """The boxes of a dataset, and the errors of those that could not be read.
 
     Attributes:
-        name: the format.
-        records: in the file's order, those of an image together.
+        name: the format's name.
+        records: the boxes in the file's order, those of an image together.
         faults: one error a box or image that is unusable.
-        notes: what was found out about the dataset, in whole sentences.
+        notes: what a careful person should know of the dataset, in whole sentences.
         categories: every category that the file knows, in its order, whether an animal has it or
             not; empty if it does not say.
         images: every usable image in the file's order, also those without a box; empty if the
             format does not list them.
+
+    Example:
+        >>> boxes = CuboidSet("omni3d", records=(), faults=(), categories=("dog",))
+        >>> len(boxes.records), boxes.listed_images()
+        (0, ())
+
     """
 
     name: str
@@ -147,27 +189,34 @@ class CuboidSet:
     categories: tuple[str, ...] = ()
 
     def listed_images(self) -> tuple[CuboidImage, ...]:
-        """The images, and those of the records that are not listed, each once."""
-        listed = {image.image_id: image for image in self.images}
+        """The listed images, then those that only records name, each once."""
+        by_id = {image.image_id: image for image in self.images}
         for record in self.records:
-            listed.setdefault(
+            by_id.setdefault(
                 record.image_id,
                 CuboidImage(record.image_id, record.image_path, record.image_hw, record.K),
             )
-        return tuple(listed.values())
+        return tuple(by_id.values())
 
 
 @dataclass(frozen=True)
 class RecordSet:
-    """A dataset's records, and the samples that could not be read.
+    """The animals of a dataset, and the errors of those that could not be read.
 
     Attributes:
-        name: the format.
-        records: in the file's order.
+        name: the format's name.
+        records: the animals in the file's order.
         faults: one error a sample that is unusable; nothing is dropped without one.
-        notes: what was found out about the dataset, in whole sentences.
+        notes: what a careful person should know of the dataset, in whole sentences.
         categories: every category that the file knows, in its order, whether an animal has it or
             not; empty if it does not say.
+
+    Example:
+        >>> fault = SampleError("a.jpg", "height", "must be positive, got 0")
+        >>> animals = RecordSet("coco", records=(), faults=(fault,))
+        >>> str(animals.faults[0])
+        'a.jpg: height: must be positive, got 0'
+
     """
 
     name: str

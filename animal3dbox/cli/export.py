@@ -9,7 +9,7 @@ from animal3dbox.datasets.exchange.coco_writer import write_coco
 from animal3dbox.datasets.exchange.export import ExportSummary, in_metres
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
-from animal3dbox.datasets.formats import peeked
+from animal3dbox.datasets.formats import path_summary
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
@@ -63,7 +63,7 @@ def read_cuboids(path: Path, images: Path | None = None) -> CuboidSet:
                 "--images is for Omni3D files: image paths of labels are written as they stand"
             )
         return read_label_cuboids(path)
-    keys = peeked(path).keys
+    keys = path_summary(path).keys
     if keys is not None and {"images", "annotations"} <= keys:
         return read_omni3d(path, images)
     if path.is_dir():
@@ -83,7 +83,7 @@ def is_labels(path: Path) -> bool:
         DatasetFormatError: a .json file that is none.
 
     """
-    keys = peeked(path).keys
+    keys = path_summary(path).keys
     return (
         labels_file(path).is_file()
         if path.is_dir()

@@ -1,4 +1,4 @@
-"""What Animal3D's files leave open, measured on a copy."""
+"""Measurements on a copy of Animal3D of everything that its files leave open."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,12 +23,19 @@ from animal3dbox.errors import SampleError
 def animal3d_facts(
     path: Path, records: Sequence[AnimalRecord], bodies: BodySource | None
 ) -> Animal3DFacts:
-    """Counts of all entries, and measurements on those that can be read."""
+    """Counts of all entries of a copy, and measurements on those that can be read.
+
+    Args:
+        path: of the dataset.
+        records: the animals that can be read.
+        bodies: the animals' own; None without a model.
+
+    """
     raw = read_raw(path)
     entries = list(raw.entries.values())
-    fitted = bodies if isinstance(bodies, ParametersBody) else None
+    own_bodies = bodies if isinstance(bodies, ParametersBody) else None
     subjects = [
-        _subject(record, raw.entries[record.sample_id], fitted)
+        _subject(record, raw.entries[record.sample_id], own_bodies)
         for record in spread(records, ANIMALS)
     ]
     cameras = camera_fits(subjects)
@@ -50,17 +57,19 @@ def animal3d_facts(
         pictures=pictures,
         cameras=cameras,
         stored_points=stored_points(subjects, VOCABULARY),
-        sides=side_facts(subjects, VOCABULARY, best, None if fitted is None else fitted.model),
+        sides=side_facts(
+            subjects, VOCABULARY, best, None if own_bodies is None else own_bodies.model
+        ),
     )
 
 
 def _subject(
     record: AnimalRecord, entry: dict[str, object], bodies: ParametersBody | None
 ) -> Subject:
-    """An animal with its posed body, if it has one."""
+    """An animal with its entry and its posed landmarks, if it has a body."""
     if bodies is None or record.sample_id not in bodies.parameters:
         return Subject(entry, record, None)
     try:
         return Subject(entry, record, bodies.body(record).landmarks)
     except SampleError:
-        return Subject(entry, record, None)  # check and label report it
+        return Subject(entry, record, None)  # body_facts counts it

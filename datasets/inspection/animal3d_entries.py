@@ -1,4 +1,4 @@
-"""The entries of Animal3D's files as they stand, and what their keys hold."""
+"""The entries of Animal3D's files as they stand, and counts of their keys and values."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,13 +18,13 @@ from animal3dbox.errors import SampleError
 
 @dataclass(frozen=True)
 class RawFiles:
-    """What the files hold.
+    """The content of a dataset's files, as it stands.
 
     Attributes:
         top_keys: file -> its keys.
-        counts: file -> entries.
+        counts: file -> number of entries.
         entries: sample id -> the entry; those without an image's name are under their place.
-        flength: of the first file that has one.
+        flength: the focal length of the first file that has one; None without.
         supercategories: number -> name, as far as a file says.
     """
 
@@ -36,62 +36,59 @@ class RawFiles:
 
 
 def read_raw(path: Path) -> RawFiles:
-    """The files of a dataset that Animal3D's reader has read."""
-    top, counts, entries, flength, names = (
-        {},
-        {},
-        dict[str, dict[str, Any]](),
-        None,
-        dict[str, str](),
-    )
-    seen = Counter[str]()
+    """The content of the files of a dataset that Animal3D's reader has read."""
+    top_keys, counts, names = dict[str, list[str]](), dict[str, int](), dict[str, str]()
+    entries = dict[str, dict[str, Any]]()
+    flength: float | None = None
+    image_counts = Counter[str]()
     for file in find_splits(path):
         content: dict[str, msgspec.Raw] = decode_json(file, dict[str, msgspec.Raw])
         split: SplitFile = decode_json(file, SplitFile)
-        top[file.name] = sorted(content)
+        top_keys[file.name] = sorted(content)
         counts[file.name] = len(split.data)
         flength = split.flength if flength is None else flength
         names |= _names(content.get("supercategories"))
         for i, raw in enumerate(split.data):
             place = f"{file.name} entry {i}"
             with suppress(SampleError):  # it is among the reader's faults
-                place = numbered_id(raw, place, seen)
+                place = numbered_id(raw, place, image_counts)
             entry = msgspec.json.decode(raw)
             if isinstance(entry, dict):
                 entries[place] = entry
-    return RawFiles(top, counts, entries, flength, names)
+    return RawFiles(
+        top_keys=top_keys,
+        counts=counts,
+        entries=entries,
+        flength=flength,
+        supercategories=names,
+    )
 
 
 def _names(raw: msgspec.Raw | None) -> dict[str, str]:
-    """Number -> name of a list of names or of {id, name}."""
-    listed = [] if raw is None else msgspec.json.decode(raw)
-    if isinstance(listed, dict):
-        return {str(key): str(value) for key, value in listed.items()}
-    known = [
+    """Number -> name, of a list of names or of {id, name}, or of a dictionary."""
+    items = [] if raw is None else msgspec.json.decode(raw)
+    if isinstance(items, dict):
+        return {str(key): str(value) for key, value in items.items()}
+    pairs = [
         (item.get("id", i), item.get("name")) if isinstance(item, dict) else (i, item)
-        for i, item in enumerate(listed)
+        for i, item in enumerate(items)
     ]
-    return {str(key): str(value) for key, value in known}
+    return {str(key): str(value) for key, value in pairs}
 
 
 def points_of(entry: Mapping[str, Any], key: str) -> NDArray[np.float64] | None:
-    """A key's points (N, 2 or 3); None if it does not hold finite rows of that form."""
+    """The points (N, 2 or 3) of a key; None if it does not hold finite rows of that form."""
     try:
         points = np.array(entry.get(key), dtype=np.float64)
     except (TypeError, ValueError):  # null, ragged rows, words
         return None
-    return (
-        points
-        if points.ndim == 2
-        and points.shape[1] in (2, 3)
-        and len(points)
-        and np.isfinite(points).all()
-        else None
-    )
+    if points.ndim != 2 or points.shape[1] not in (2, 3) or not len(points):
+        return None
+    return points if np.isfinite(points).all() else None
 
 
 def key_counts(entries: Sequence[Mapping[str, Any]]) -> dict[str, int]:
-    """Key -> entries that have it, not null."""
+    """Key -> number of entries that have it, not null."""
     return dict(
         Counter(
             key for entry in entries for key, value in entry.items() if value is not None
@@ -100,16 +97,17 @@ def key_counts(entries: Sequence[Mapping[str, Any]]) -> dict[str, int]:
 
 
 def key_forms(entries: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
-    """Key of lists -> their form (105, 26x3) -> entries."""
+    """Key of lists -> their form (105, 26x3) -> number of entries."""
     forms: dict[str, Counter[str]] = {}
     for entry in entries:
         for key, value in entry.items():
             if isinstance(value, list):
                 forms.setdefault(key, Counter())[_form(value)] += 1
-    return {key: dict(found.most_common()) for key, found in sorted(forms.items())}
+    return {key: dict(counts.most_common()) for key, counts in sorted(forms.items())}
 
 
 def _form(value: list[Any]) -> str:
+    """The form of a list: its length, and that of its rows if it has any."""
     widths = {len(row) if isinstance(row, list) else 0 for row in value}
     if widths == {0}:
         return str(len(value))
@@ -117,7 +115,7 @@ def _form(value: list[Any]) -> str:
 
 
 def visibility_values(entries: Sequence[Mapping[str, Any]]) -> dict[str, int]:
-    """The third column of keypoint_2d as it stands."""
+    """Third column of keypoint_2d as it stands -> number of keypoints."""
     values: Counter[str] = Counter()
     for entry in entries:
         rows = entry.get("keypoint_2d")
@@ -133,10 +131,7 @@ def visibility_values(entries: Sequence[Mapping[str, Any]]) -> dict[str, int]:
 def value_counts(
     entries: Sequence[Mapping[str, Any]], key: str, names: Mapping[str, str]
 ) -> dict[str, int]:
-    """A key's value, by name if it has one -> entries; "absent" where there is none."""
-    told = ("absent" if entry.get(key) is None else str(entry[key]) for entry in entries)
-    return dict(
-        Counter(
-            f"{value} ({names[value]})" if value in names else value for value in told
-        ).most_common()
-    )
+    """A key's value, with its name if it has one -> number of entries; "absent" without one."""
+    values = ("absent" if entry.get(key) is None else str(entry[key]) for entry in entries)
+    labels = (f"{value} ({names[value]})" if value in names else value for value in values)
+    return dict(Counter(labels).most_common())

@@ -1,4 +1,4 @@
-"""What an inspection's numbers mean, in whole sentences."""
+"""The meaning of an inspection's numbers, in whole sentences for a person who wants to label."""
 
 from collections.abc import Iterator
 
@@ -13,91 +13,98 @@ from animal3dbox.datasets.inspection.result import (
 from animal3dbox.datasets.readers.animal3d.camera import CLOSE
 
 CENTRED = 2.0
-"""Percent of the focal length by which a fitted camera may differ from the stored one."""
+"""Percent of the focal length by which a camera that fits may differ from the stored one."""
 
 
-def answers(found: Inspection) -> list[str]:
-    """The sentences, those on faults first."""
-    said = []
-    if found.faults.count:
-        fields = ", ".join(f"{field} {count}" for field, count in found.faults.by_field.items())
-        said.append(f"{found.faults.count} samples cannot be used, by field: {fields}")
-    if found.image_files.other_size or found.image_files.unreadable:
-        said.append(
-            f"of {found.image_files.looked_at} image files looked at,"
-            f" {found.image_files.other_size} are of another size than annotated and"
-            f" {found.image_files.unreadable} cannot be read"
+def answers(inspection: Inspection) -> list[str]:
+    """Sentences on what an inspection's facts mean, those on faults first."""
+    sentences = []
+    if inspection.faults.count:
+        fields = ", ".join(
+            f"{field} {count}" for field, count in inspection.faults.by_field.items()
         )
-    said += _about_masks(found)
-    if found.bodies.unusable:
-        said.append(
-            f"{found.bodies.unusable} of {found.bodies.looked_at} bodies looked at cannot be used:"
-            f" {found.bodies.examples[0]}"
+        sentences.append(f"{inspection.faults.count} samples cannot be used, by field: {fields}")
+    if inspection.image_files.other_size or inspection.image_files.unreadable:
+        sentences.append(
+            f"of {inspection.image_files.looked_at} image files looked at,"
+            f" {inspection.image_files.other_size} are of another size than annotated and"
+            f" {inspection.image_files.unreadable} cannot be read"
         )
-    if found.cameras.residual is not None:
-        said.append(
+    sentences += _about_masks(inspection)
+    if inspection.bodies.unusable:
+        sentences.append(
+            f"{inspection.bodies.unusable} of {inspection.bodies.looked_at} bodies looked at cannot"
+            f" be used: {inspection.bodies.examples[0]}"
+        )
+    if inspection.cameras.residual is not None:
+        sentences.append(
             "bodies under the cameras that come with them are off their keypoints by"
-            f" {_told(found.cameras.residual)}"
+            f" {_residual_phrase(inspection.cameras.residual)}"
         )
-    if found.animal3d is not None:
-        said += _about_animal3d(found.animal3d)
-    return said
+    if inspection.animal3d is not None:
+        sentences += _about_animal3d(inspection.animal3d)
+    return sentences
 
 
-def _told(one: Residual) -> str:
+def _residual_phrase(residual: Residual) -> str:
+    """A residual as a phrase."""
     return (
-        f"{one.median_px:.2f} px (95 % within {one.p95_px:.2f}), {one.median_percent:.1f} % of"
-        f" their extent, in {one.animals} animals"
+        f"{residual.median_px:.2f} px (95 % within {residual.p95_px:.2f}),"
+        f" {residual.median_percent:.1f} % of their extent, in {residual.animals} animals"
     )
 
 
-def _about_masks(found: Inspection) -> Iterator[str]:
-    facts = found.masks
+def _about_masks(inspection: Inspection) -> Iterator[str]:
+    """A sentence on the masks."""
+    facts = inspection.masks
     if not facts.animals:
         yield "there are no masks"
         return
     levels = ", ".join(f"{name} in {count}" for name, count in facts.levels.items()) or "nothing"
     yield (
-        f"{facts.animals} of {found.animals} animals have a mask; of {facts.looked_at} looked at:"
-        f" {levels}; {facts.unusable} unusable. Read as the animal: all above half of the greatest"
-        " level"
+        f"{facts.animals} of {inspection.animals} animals have a mask; of {facts.looked_at} looked"
+        f" at: {levels}; {facts.unusable} unusable. Read as the animal: all above half of the"
+        " greatest level"
     )
 
 
 def _about_animal3d(facts: Animal3DFacts) -> Iterator[str]:
+    """Sentences on the facts that only Animal3D's files have."""
     marks = [value for value in facts.visibility if value != "0"]
     yield (
         f"keypoint_2d marks with {' and '.join(marks) or 'nothing'}; all above 0 are read as"
         " visible"
     )
-    untailed = sum(count for value, count in facts.with_tail.items() if value in ("0", "False"))
-    if untailed:
+    without_tail = sum(count for value, count in facts.with_tail.items() if value in ("0", "False"))
+    if without_tail:
         yield (
-            f"{untailed} bodies were fitted without their tail (with_tail 0): label with --tail"
+            f"{without_tail} bodies were fitted without their tail (with_tail 0): label with --tail"
             " drop"
         )
     yield from (_about_picture(fit) for fit in facts.pictures)
     yield from _about_cameras(facts)
     if facts.stored_points is not None:
-        told = ", ".join(
+        relations = ", ".join(
             f"{relation} in {count}" for relation, count in facts.stored_points.relations.items()
         )
         yield (
-            f"keypoint_3d against the posed bodies, {facts.stored_points.compared} compared: {told}"
+            f"keypoint_3d against the posed bodies, {facts.stored_points.compared} compared:"
+            f" {relations}"
         )
     if facts.sides is not None:
         yield from _about_sides(facts.sides)
 
 
 def _about_picture(fit: PictureFit) -> str:
+    """A sentence on the picture that one key's 2D points are for."""
     if fit.relation == "none":
         return (
             f"{fit.key} is in no simple relation to keypoint_2d: as stored it is off by"
-            f" {_told(fit.residuals['as stored'])}"
+            f" {_residual_phrase(fit.residuals['as stored'])}"
         )
-    told = _told(fit.residuals[fit.relation])
+    residual = _residual_phrase(fit.residuals[fit.relation])
     if fit.scale is None or fit.shift_px is None:
-        return f"{fit.key} lives in the image as stored, off keypoint_2d by {told}"
+        return f"{fit.key} lives in the image as stored, off keypoint_2d by {residual}"
     shift = (
         f" and shifted by ({fit.shift_px[0]:.1f}, {fit.shift_px[1]:.1f}) px"
         if fit.relation != "scaled"
@@ -105,48 +112,50 @@ def _about_picture(fit: PictureFit) -> str:
     )
     return (
         f"{fit.key} lives in another picture: the image scaled by {fit.scale:.3g}{shift} (medians);"
-        f" brought back, it is off by {told}"
+        f" brought back, it is off by {residual}"
     )
 
 
 def _about_cameras(facts: Animal3DFacts) -> Iterator[str]:
-    """The best camera of each target, and whether it is the stored one."""
+    """Sentences on the best camera of each target, and whether it is the stored one."""
     for target in dict.fromkeys(fit.target for fit in facts.cameras):
         best = next(fit for fit in facts.cameras if fit.target == target)
         if best.free.median_percent > 100 * CLOSE:
             yield (
                 f"no points and frame project onto {target}: the nearest, {best.points} in"
-                f" {best.frame}, are off by {_told(best.free)}"
+                f" {best.frame}, are off by {_residual_phrase(best.free)}"
             )
             continue
         yield (
             f"{target} is {best.points} in the camera frame {best.frame}: with the best focal"
-            f" lengths and centres off by {_told(best.free)}"
+            f" lengths and centres off by {_residual_phrase(best.free)}"
         )
         yield _about_focal(best, facts.flength)
 
 
 def _about_focal(best: CameraFit, flength: float | None) -> str:
+    """A sentence on the focal length that fits a target, beside the file's."""
     low, high = best.focal_range_px
-    fitted = (
+    best_camera = (
         f"the focal length that fits {best.target} is {best.focal_px:.0f} px (5 to 95 %: {low:.0f}"
         f" to {high:.0f}), its centre ({best.offset_px[0]:+.1f}, {best.offset_px[1]:+.1f}) px off"
         " the image's middle"
     )
     if flength is None or best.stored is None:
-        return f"{fitted}; the file has no flength"
+        return f"{best_camera}; the file has no flength"
     near = (
         100 * abs(best.focal_px / flength - 1) < CENTRED
         and max(map(abs, best.offset_px)) < CENTRED / 100 * flength
     )
     verdict = "which is the stored camera's" if near else "which is not the stored camera's"
     return (
-        f"{fitted}, {verdict} (flength {flength:g}, centred), under which it is off by"
-        f" {_told(best.stored)}"
+        f"{best_camera}, {verdict} (flength {flength:g}, centred), under which it is off by"
+        f" {_residual_phrase(best.stored)}"
     )
 
 
 def _about_sides(sides: SideFacts) -> Iterator[str]:
+    """Sentences on left and right: on the model, in space and in the images."""
     if sides.template_wrong:
         yield (
             f"the model's {', '.join(sides.template_wrong)} lie on the wrong side of its template:"

@@ -1,6 +1,7 @@
 """Fits of a file's 2D and 3D points to its keypoints.
 
-Which picture, camera frame and translation they are for.
+The files do not say for which picture, camera frame and translation their points are, so the
+simplest relation is looked for under which they meet the marked keypoints.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,31 +13,33 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.inspection.animal3d_entries import points_of
 from animal3dbox.datasets.inspection.measures import least_squares_scale, residual, spread
-from animal3dbox.datasets.inspection.result import CameraFit, PictureFit
+from animal3dbox.datasets.inspection.result import CameraFit, PictureFit, Residual
 from animal3dbox.datasets.readers.animal3d.camera import CLOSE, FRAMES
 from animal3dbox.datasets.records import AnimalRecord
 
 Points = NDArray[np.float64]
+"""Points (N, 2) or (N, 3)."""
 ANIMALS = 200
-"""So many animals are compared."""
+"""Number of animals that are compared."""
 LEAST = 6
-"""With so many points or more."""
+"""Least number of points of an animal that is compared."""
 AS_GOOD = 1.5
-"""A simpler relation is believed if its residual is at most so many times that of the freest, or
-below CERTAIN percent."""
+"""A simpler relation is believed if its residual is at most so many times that of the freest."""
 CERTAIN = 0.5
+"""A simpler relation is believed, too, if its residual is below this percentage."""
 FREER = ("scaled", "scaled and shifted")
-KEPT = 3
-"""So many cameras of each target are told."""
+"""Relations of points to keypoints that have parameters, the simpler one first."""
+LISTED = 3
+"""Number of cameras of each target that an inspection lists."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """An animal with its entry as it stands and its posed body.
+    """An animal whose stored points are fitted, with its entry and its posed body.
 
     Attributes:
-        entry: of the file.
-        record: as it was read.
+        entry: the file's entry, as it stands.
+        record: the entry as it was read.
         landmarks: (26, 3) of the posed body, trans included; None without a model or parameters.
     """
 
@@ -46,7 +49,7 @@ class Subject:
 
     @property
     def trans(self) -> Points:
-        """(3,); 0 if the file has none."""
+        """The body's translation (3,); 0 if the file has none."""
         trans = self.entry.get("trans")
         return np.array(
             trans if isinstance(trans, list) and len(trans) == 3 else (0.0, 0.0, 0.0),
@@ -55,32 +58,28 @@ class Subject:
 
     @property
     def marked(self) -> NDArray[np.bool_]:
-        """(26,) which keypoints are."""
+        """Whether each keypoint is marked, (26,)."""
         return np.asarray(self.record.keypoints_2d[:, 2] > 0)
 
 
 def _marks(subject: Subject) -> Points:
-    """The keypoints (26, 2); NaN where they are not marked."""
+    """The keypoints (26, 2) of an animal; NaN where they are not marked."""
     return np.where(subject.marked[:, None], subject.record.keypoints_2d[:, :2], np.nan)
 
 
 def picture_fit(subjects: Sequence[Subject], key: str) -> PictureFit | None:
-    """In which picture a key's 26 points live; None if too few animals have them."""
-    pairs = []
-    for subject in spread(subjects, ANIMALS):
-        points = points_of(subject.entry, key)
-        if (
-            points is not None
-            and len(points) == len(subject.marked)
-            and subject.marked.sum() >= LEAST
-        ):
-            pairs.append(
-                (points[subject.marked, :2], subject.record.keypoints_2d[subject.marked, :2])
-            )
-    stored = residual(pairs)
-    if stored is None:
+    """The picture that a key's 26 points are for; None if too few animals have them.
+
+    Args:
+        subjects: the animals.
+        key: of 2D points in the file.
+
+    """
+    pairs = _pairs_of_key(subjects, key)
+    as_stored = residual(pairs)
+    if as_stored is None:
         return None
-    # marks = scale * points + shift, in pixels counted from the image's corner, about which a
+    # marks ≈ scale · points + shift, in pixels counted from the image's corner, about which a
     # resize scales
     fits = {
         name: [
@@ -89,49 +88,65 @@ def picture_fit(subjects: Sequence[Subject], key: str) -> PictureFit | None:
         ]
         for name in FREER
     }
-    found = {"as stored": stored}
-    for name, each in fits.items():
-        moved = residual(
+    residuals = {"as stored": as_stored}
+    for name, scales_and_shifts in fits.items():
+        after_fit = residual(
             [
                 (scale * (points + 0.5) + shift - 0.5, marks)
-                for (scale, shift), (points, marks) in zip(each, pairs, strict=True)
+                for (scale, shift), (points, marks) in zip(scales_and_shifts, pairs, strict=True)
             ]
         )
-        if moved is not None:
-            found[name] = moved
-    best = found["scaled and shifted"].median_percent
-    close = (
-        name for name, one in found.items() if one.median_percent <= max(AS_GOOD * best, CERTAIN)
-    )
-    relation = next(close, "none") if best < 100 * CLOSE else "none"
+        if after_fit is not None:
+            residuals[name] = after_fit
+    relation = _simplest_relation(residuals)
     if relation not in fits:
-        return PictureFit(key, relation, found, None, None)
-    back = [
-        (1 / scale, -shift / scale) for scale, shift in fits[relation]
-    ]  # from the image into the key's picture
-    shift_px = np.median([shift for _, shift in back], axis=0)
+        return PictureFit(
+            key=key, relation=relation, residuals=residuals, scale=None, shift_px=None
+        )
+    # From the image into the key's picture.
+    inverse = [(1 / scale, -shift / scale) for scale, shift in fits[relation]]
+    shift_px = np.median([shift for _, shift in inverse], axis=0)
     return PictureFit(
-        key,
-        relation,
-        found,
-        float(np.median([scale for scale, _ in back])),
-        [float(value) for value in shift_px],
+        key=key,
+        relation=relation,
+        residuals=residuals,
+        scale=float(np.median([scale for scale, _ in inverse])),
+        shift_px=[float(value) for value in shift_px],
     )
+
+
+def _pairs_of_key(subjects: Sequence[Subject], key: str) -> list[tuple[Points, Points]]:
+    """A key's points (N, 2) and the keypoints marked there (N, 2), of each animal with enough."""
+    pairs = []
+    for subject in spread(subjects, ANIMALS):
+        points, marked = points_of(subject.entry, key), subject.marked
+        if points is not None and len(points) == len(marked) and marked.sum() >= LEAST:
+            pairs.append((points[marked, :2], subject.record.keypoints_2d[marked, :2]))
+    return pairs
+
+
+def _simplest_relation(residuals: Mapping[str, Residual]) -> str:
+    """The first relation that is as good as the freest one; "none" if even that is not close."""
+    best = residuals["scaled and shifted"].median_percent
+    if best >= 100 * CLOSE:
+        return "none"
+    limit = max(AS_GOOD * best, CERTAIN)
+    return next((name for name, one in residuals.items() if one.median_percent <= limit), "none")
 
 
 def camera_fits(subjects: Sequence[Subject]) -> list[CameraFit]:
-    """The best cameras for each target, over all points with and without trans and all frames."""
+    """The best cameras for each target, of all points with and without trans in all frames."""
     fits: list[CameraFit] = []
     sampled = spread(subjects, ANIMALS)
     for target, target_of in TARGETS.items():
-        found = [
+        candidates = [
             fit
             for name, points_3d in POINTS.items()
             for frame in FRAMES
             if (fit := _camera_fit(sampled, (name, points_3d), frame, (target, target_of)))
             is not None
         ]
-        fits += sorted(found, key=lambda fit: fit.free.median_percent)[:KEPT]
+        fits += sorted(candidates, key=lambda fit: fit.free.median_percent)[:LISTED]
     return fits
 
 
@@ -141,25 +156,35 @@ def _camera_fit(
     frame: str,
     target: tuple[str, "PointsOf"],
 ) -> CameraFit | None:
-    """One combination; None if it sees fewer than half of the animals that have both."""
-    have = [
+    """The cameras that fit points in a frame to a target.
+
+    None if there is one for fewer than half of the animals that have both.
+
+    Args:
+        subjects: the animals.
+        points_3d: name of the points, and how an animal's are had.
+        frame: of FRAMES.
+        target: name of the 2D points, and how an animal's are had.
+
+    """
+    pairs = [
         pair
         for subject in subjects
         if (pair := _pair(subject, points_3d[1], target[1])) is not None
     ]
-    seen, stored, cameras = [], [], []
-    for subject, points, marks in have:
-        fitted = free_camera(points * FRAMES[frame], marks)
-        if fitted is None:
+    best_pairs, stored_pairs, cameras = [], [], []
+    for subject, points, marks in pairs:
+        camera = free_camera(points * FRAMES[frame], marks)
+        if camera is None:
             continue
-        focal, center, plane = fitted
+        focal, center, plane = camera
         height, width = subject.record.image_hw
         cameras.append([focal, *(center - ((width - 1) / 2, (height - 1) / 2))])
-        seen.append((focal * plane + center, marks))
+        best_pairs.append((focal * plane + center, marks))
         if subject.record.K is not None:
-            stored.append((subject.record.K[0, 0] * plane + subject.record.K[:2, 2], marks))
-    free = residual(seen)
-    if free is None or 2 * len(seen) < len(have):
+            stored_pairs.append((subject.record.K[0, 0] * plane + subject.record.K[:2, 2], marks))
+    free = residual(best_pairs)
+    if free is None or 2 * len(best_pairs) < len(pairs):
         return None
     focals, offsets = np.array(cameras)[:, 0], np.array(cameras)[:, 1:]
     ends = [float(value) for value in np.percentile(focals, (5, 95))]
@@ -167,7 +192,7 @@ def _camera_fit(
         points=points_3d[0],
         frame=frame,
         target=target[0],
-        stored=residual(stored),
+        stored=residual(stored_pairs),
         free=free,
         focal_px=float(np.median(focals)),
         focal_range_px=ends,
@@ -178,9 +203,9 @@ def _camera_fit(
 def _pair(
     subject: Subject, points_of_subject: "PointsOf", target_of_subject: "PointsOf"
 ) -> tuple[Subject, Points, Points] | None:
-    """An animal's 3D points (N, 3) and 2D targets (N, 2), those that it has both of.
+    """An animal with its 3D points (N, 3) and their 2D targets (N, 2).
 
-    None if they are too few.
+    Points without a target are left out; None if the others are too few.
     """
     points, marks = points_of_subject(subject), target_of_subject(subject)
     if points is None or marks is None or len(points) != len(marks):
@@ -190,8 +215,18 @@ def _pair(
 
 
 def free_camera(points_cam: Points, marks: Points) -> tuple[float, Points, Points] | None:
-    """The focal length, principal point (2,) and points (N, 2) at depth 1 that come nearest to
-    marks; None behind the camera or mirrored."""
+    """The pinhole camera under which points come nearest to marks, in the least squares.
+
+    Args:
+        points_cam: (N, 3) camera frame.
+        marks: (N, 2) px.
+
+    Returns:
+        The focal length, the principal point (2,), and the points (N, 2) at depth 1; None if a
+        point lies behind the camera, or the best picture is mirrored.
+
+    """
+    # marks ≈ focal · (X / Z, Y / Z) + center
     if not (points_cam[:, 2] > 0).all():
         return None
     plane = points_cam[:, :2] / points_cam[:, 2:]
@@ -200,42 +235,54 @@ def free_camera(points_cam: Points, marks: Points) -> tuple[float, Points, Point
 
 
 PointsOf = Callable[[Subject], Points | None]
+"""An animal's points, or None if it has none."""
 
 
-def _stored(key: str, moved: bool) -> PointsOf:
-    def points(subject: Subject) -> Points | None:
-        found = points_of(subject.entry, key)
-        if found is None or found.shape[1] != 3:
+def _points_3d_of(key: str, *, with_trans: bool) -> PointsOf:
+    """The 3D points of a key, moved by trans or not."""
+
+    def points_3d(subject: Subject) -> Points | None:
+        points = points_of(subject.entry, key)
+        if points is None or points.shape[1] != 3:
             return None
-        return found + subject.trans if moved else found
+        return points + subject.trans if with_trans else points
 
-    return points
-
-
-def _posed(moved: bool) -> PointsOf:
-    return lambda subject: (
-        None if subject.landmarks is None else subject.landmarks - (0.0 if moved else subject.trans)
-    )
+    return points_3d
 
 
-def _reprojected(key: str) -> PointsOf:
-    def points(subject: Subject) -> Points | None:
-        found = points_of(subject.entry, key)
-        return None if found is None else found[:, :2]
+def _landmarks(*, with_trans: bool) -> PointsOf:
+    """The landmarks of the posed body, moved by trans or not."""
 
-    return points
+    def landmarks(subject: Subject) -> Points | None:
+        if subject.landmarks is None:
+            return None
+        return subject.landmarks - (0.0 if with_trans else subject.trans)
+
+    return landmarks
+
+
+def _points_2d_of(key: str) -> PointsOf:
+    """The 2D points of a key."""
+
+    def points_2d(subject: Subject) -> Points | None:
+        points = points_of(subject.entry, key)
+        return None if points is None else points[:, :2]
+
+    return points_2d
 
 
 TARGETS: Mapping[str, PointsOf] = {
     "keypoint_2d": _marks,
-    "reproj_kp_2d": _reprojected("reproj_kp_2d"),
-    "joints_2d": _reprojected("joints_2d"),
+    "reproj_kp_2d": _points_2d_of("reproj_kp_2d"),
+    "joints_2d": _points_2d_of("joints_2d"),
 }
+"""2D points of the file that cameras are fitted to, by name."""
 POINTS: Mapping[str, PointsOf] = {
-    "posed body": _posed(True),
-    "posed body without trans": _posed(False),
-    "keypoint_3d + trans": _stored("keypoint_3d", True),
-    "keypoint_3d": _stored("keypoint_3d", False),
-    "joints_3d + trans": _stored("joints_3d", True),
-    "joints_3d": _stored("joints_3d", False),
+    "posed body": _landmarks(with_trans=True),
+    "posed body without trans": _landmarks(with_trans=False),
+    "keypoint_3d + trans": _points_3d_of("keypoint_3d", with_trans=True),
+    "keypoint_3d": _points_3d_of("keypoint_3d", with_trans=False),
+    "joints_3d + trans": _points_3d_of("joints_3d", with_trans=True),
+    "joints_3d": _points_3d_of("joints_3d", with_trans=False),
 }
+"""3D points of the file or of its bodies, by name."""

@@ -1,4 +1,4 @@
-"""A dataset inspected: one call for every format."""
+"""The inspection of a dataset: one call for every format."""
 
 from collections import Counter
 from pathlib import Path
@@ -24,28 +24,42 @@ from animal3dbox.datasets.readers.animal3d import reader as animal3d
 def inspect_dataset(
     path: Path, format: str = "auto", options: ReadOptions | None = None
 ) -> Inspection:
-    """What is in a copy of a dataset.
+    """Count and measure a user's own copy of a dataset, before anything is labelled.
 
     Args:
-        path: its folder or annotation file.
-        format: of reading.FORMATS, or "auto".
+        path: the dataset's folder or annotation file.
+        format: of formats.FORMATS, or "auto".
         options: as for reading; a model, if there is one, tells the most.
+
+    Returns:
+        The facts, and sentences on what follows from them.
 
     Raises:
         ConfigError: an option that the format has no use for.
         DatasetNotFoundError: nothing there.
         DatasetFormatError: not readable as a whole.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets import SyntheticSet
+        >>> from animal3dbox.datasets.synthetic import WorldConfig, write_stanfordextra
+        >>> from animal3dbox.smal import VOCABULARIES
+        >>> config = WorldConfig((120, 160), VOCABULARIES["stanfordextra24"])
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     _ = write_stanfordextra(SyntheticSet(0, 2, config), Path(folder))
+        ...     inspection = inspect_dataset(Path(folder))
+        >>> inspection.format, inspection.animals
+        ('stanfordextra', 2)
+
     """
-    read = read_dataset(path, format, options)
-    records = read.records.records
-    own = (
-        animal3d_facts(path, records, read.bodies) if read.records.name == animal3d.FORMAT else None
-    )
+    dataset = read_dataset(path, format, options)
+    records, bodies = dataset.records.records, dataset.bodies
+    is_animal3d = dataset.records.name == animal3d.FORMAT
+    own = animal3d_facts(path, records, bodies) if is_animal3d else None
     by_image = Counter(record.image_id for record in records)
-    found = Inspection(
+    inspection = Inspection(
         path=str(path),
-        format=read.records.name,
+        format=dataset.records.name,
         images=len(by_image),
         animals=len(records),
         largest_group=max(by_image.values(), default=0),
@@ -56,11 +70,11 @@ def inspect_dataset(
         confidences=confidences(records),
         image_files=image_facts(records),
         masks=mask_facts(records),
-        bodies=body_facts(records, read.bodies),
-        cameras=camera_facts(records, read.bodies),
-        faults=fault_facts(read.records),
+        bodies=body_facts(records, bodies),
+        cameras=camera_facts(records, bodies),
+        faults=fault_facts(dataset.records),
         animal3d=own,
-        notes=list(read.records.notes),
+        notes=list(dataset.records.notes),
         answers=[],
     )
-    return msgspec.structs.replace(found, answers=answers(found))
+    return msgspec.structs.replace(inspection, answers=answers(inspection))

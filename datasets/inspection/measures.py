@@ -1,4 +1,4 @@
-"""Measures that inspections share."""
+"""Measures that several inspections share: samples, extents, residuals, least squares."""
 
 from collections.abc import Iterable, Sequence
 from typing import TypeVar
@@ -12,19 +12,19 @@ _T = TypeVar("_T")
 
 
 def spread(items: Sequence[_T], most: int) -> list[_T]:
-    """At most so many items, evenly taken from first to last."""
+    """At most so many items of a sequence, evenly taken from the first to the last."""
     if len(items) <= most:
         return list(items)
     return [items[i] for i in np.linspace(0, len(items) - 1, most).round().astype(int)]
 
 
 def extent(points: NDArray[np.float64]) -> float:
-    """The longer side of points' (N, 2) or (N, 3) bounding box."""
+    """The longest side of the bounding box of points (N, 2) or (N, 3)."""
     return float(np.ptp(points, axis=0).max())
 
 
 def residual(animals: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> Residual | None:
-    """The distances of points (N, 2) from marks (N, 2), a pair an animal.
+    """The distances of points (N, 2) from marked keypoints (N, 2), over pairs of one animal each.
 
     None without any animal, or where a point is not finite.
     """
@@ -39,29 +39,30 @@ def residual(animals: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]])
         return None
     every = np.concatenate(distances)
     return Residual(
-        len(shares),
-        _short(np.median(every)),
-        _short(np.percentile(every, 95)),
-        _short(np.median(shares)),
+        animals=len(shares),
+        median_px=_short(np.median(every)),
+        p95_px=_short(np.percentile(every, 95)),
+        median_percent=_short(np.median(shares)),
     )
 
 
 def _short(value: float | np.floating) -> float:
-    """To six digits: residuals are not known better."""
+    """A residual to six digits, better than which it is not known."""
     return float(f"{float(value):.6g}")
 
 
 def least_squares_scale(
     points: NDArray[np.float64], marks: NDArray[np.float64], shifted: bool
 ) -> tuple[float, NDArray[np.float64]]:
-    """The scale and the shift (2,) with marks = scale points + shift as nearly as possible.
+    """The scale and the shift (2,) that bring points nearest to marks, in the least squares.
 
     Args:
         points: (N, 2).
         marks: (N, 2).
-        shifted: whether there is a shift, or it is 0.
+        shifted: whether the shift is fitted, or 0.
 
     """
+    # marks ≈ scale · points + shift
     middle = points.mean(0) if shifted else np.zeros(2)
     target = marks.mean(0) if shifted else np.zeros(2)
     centred = points - middle

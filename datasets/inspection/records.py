@@ -1,4 +1,4 @@
-"""What can be told of any dataset by its records: files, masks, cameras."""
+"""Counts and measurements on any dataset by its records: files, masks, bodies, cameras."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -25,42 +25,46 @@ from animal3dbox.errors import SampleError
 from animal3dbox.geometry.camera import project
 
 IMAGES, MASKS, BODIES = 200, 100, 60
-"""So many are looked at."""
+"""Numbers of images, masks and bodies that are looked at."""
 FIRST = 20
-"""So many faults are listed."""
+"""Number of faults that are listed."""
 
 
 def image_facts(records: Sequence[AnimalRecord]) -> ImageFacts:
-    """Image files against their annotated sizes."""
+    """Counts of image files of another size than annotated, turned by EXIF, or unreadable."""
     by_file = {record.image_path: record for record in records if record.image_path is not None}
-    found, examples = Counter[str](), []
+    counts, examples = Counter[str](), []
     looked_at = spread(list(by_file.items()), IMAGES)
     for path, record in looked_at:
         try:
             size = stored_size(path, record.sample_id)
         except SampleError as error:
-            found["unreadable"] += 1
+            counts["unreadable"] += 1
             examples.append(str(error))
             continue
-        found["turned"] += header_facts(path).orientation != 1
+        counts["turned"] += header_facts(path).orientation != 1
         if size != record.image_hw:
-            found["other"] += 1
+            counts["other"] += 1
             examples.append(
                 f"{record.sample_id}: is {size[1]} x {size[0]}, annotated {record.image_hw[1]} x"
                 f" {record.image_hw[0]}"
             )
     return ImageFacts(
-        len(looked_at), found["other"], found["turned"], found["unreadable"], examples[:5]
+        looked_at=len(looked_at),
+        other_size=counts["other"],
+        turned_by_exif=counts["turned"],
+        unreadable=counts["unreadable"],
+        examples=examples[:5],
     )
 
 
 def mask_facts(records: Sequence[AnimalRecord]) -> MaskFacts:
-    """Which levels masks hold; those of run lengths are 0 and 1."""
-    masked = [
+    """Counts of the levels that masks hold, and of masks that cannot be used."""
+    with_mask = [
         record for record in records if record.mask_path is not None or record.mask_runs is not None
     ]
     levels, unusable, examples = Counter[str](), 0, []
-    looked_at = spread(masked, MASKS)
+    looked_at = spread(with_mask, MASKS)
     for record in looked_at:
         try:
             levels[_levels(record)] += 1
@@ -68,26 +72,28 @@ def mask_facts(records: Sequence[AnimalRecord]) -> MaskFacts:
             unusable += 1
             examples.append(str(error))
     return MaskFacts(
-        len(masked), len(looked_at), dict(levels.most_common()), unusable, examples[:5]
+        animals=len(with_mask),
+        looked_at=len(looked_at),
+        levels=dict(levels.most_common()),
+        unusable=unusable,
+        examples=examples[:5],
     )
 
 
 def _levels(record: AnimalRecord) -> str:
-    """Which values a mask's file holds."""
+    """A phrase for the levels of a record's mask; raises SampleError if it cannot be read."""
     if record.mask_path is None:
         return "run lengths"
     values = np.unique(mask_levels(record.mask_path, record.sample_id, record.image_hw))
-    if len(values) > 2 or values[0] != 0:
-        return (
-            f"{len(values)} levels from {values[0]} to {values[-1]}"
-            if len(values) > 1
-            else f"only {values[0]}"
-        )
-    return " and ".join(str(value) for value in values) if len(values) == 2 else "only 0"
+    if len(values) == 1:
+        return f"only {values[0]}"
+    if len(values) == 2 and values[0] == 0:
+        return f"0 and {values[1]}"
+    return f"{len(values)} levels from {values[0]} to {values[-1]}"
 
 
 def body_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> BodyFacts:
-    """Whether the animals' own bodies can be had."""
+    """Counts of the animals' own bodies that can and cannot be made, on a sample."""
     looked_at = spread(list(records), BODIES) if bodies is not None else []
     examples = []
     for record in looked_at:
@@ -100,28 +106,30 @@ def body_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> Bo
 
 
 def camera_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> CameraFacts:
-    """Intrinsics and poses, and how well bodies project onto their keypoints."""
+    """Counts of intrinsics and poses, and how well bodies project onto their keypoints."""
     sources = Counter("unknown" if record.K is None else record.K_source for record in records)
-    posed = [
+    with_pose = [
         record
         for record in records
         if record.K is not None and (record.pose or record.stored_pose) is not None
     ]
-    compared = residual(_projected(spread(posed, BODIES), bodies)) if bodies is not None else None
+    pairs = () if bodies is None else _projected(spread(with_pose, BODIES), bodies)
     return CameraFacts(
         intrinsics=dict(sources.most_common()),
         exact_poses=sum(record.pose is not None for record in records),
         stored_poses=sum(record.stored_pose is not None for record in records),
         lenses=sum(record.distortion is not None for record in records),
-        residual=compared,
+        residual=residual(pairs),
     )
 
 
 def _projected(
     records: Iterable[AnimalRecord], bodies: BodySource
 ) -> Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Landmarks (N, 2) in the picture and the keypoints marked there (N, 2), of each animal that
-    has four such."""
+    """Projected landmarks (N, 2) and their marked keypoints (N, 2), of each animal.
+
+    Animals with fewer than four such keypoints are left out.
+    """
     for record in records:
         pose = record.pose or record.stored_pose
         if record.K is None or pose is None:
@@ -129,7 +137,7 @@ def _projected(
         try:
             landmarks = torch.as_tensor(bodies.body(record).landmarks)
         except SampleError:
-            continue  # among body_facts
+            continue  # body_facts counts it
         R, t, K = (
             torch.from_numpy(np.asarray(part, dtype=np.float64)) for part in (*pose, record.K)
         )
@@ -141,7 +149,7 @@ def _projected(
 
 
 def fault_facts(records: RecordSet) -> FaultFacts:
-    """Faults by field, and the first of them."""
+    """Counts of faults by field, and the first of them."""
     lines = [
         FaultLine(fault.sample_id or "", fault.field, fault.problem) for fault in records.faults
     ]
@@ -151,20 +159,18 @@ def fault_facts(records: RecordSet) -> FaultFacts:
 
 
 def confidences(records: Sequence[AnimalRecord]) -> dict[str, int]:
-    """Value -> keypoints; those between 0 and 1 by tenths, if there are many."""
+    """Confidence -> number of keypoints; of more than five values, by tenths."""
     values = Counter(float(value) for record in records for value in record.keypoints_2d[:, 2])
     if len(values) > 5:
-        grouped = Counter[str]()
+        tenths = Counter[str]()
         for value, count in values.items():
-            grouped["0" if value == 0 else f"up to {np.ceil(10 * value) / 10:g}"] += count
-        return dict(sorted(grouped.items()))
+            tenths["0" if value == 0 else f"up to {np.ceil(10 * value) / 10:g}"] += count
+        return dict(sorted(tenths.items()))
     return {f"{value:g}": count for value, count in sorted(values.items())}
 
 
 def marked_median(records: Sequence[AnimalRecord]) -> float:
-    """Marked keypoints of the median animal."""
-    return (
-        float(np.median([int((record.keypoints_2d[:, 2] > 0).sum()) for record in records]))
-        if records
-        else 0.0
-    )
+    """Number of marked keypoints of the median animal; 0 without any animal."""
+    if not records:
+        return 0.0
+    return float(np.median([int((record.keypoints_2d[:, 2] > 0).sum()) for record in records]))

@@ -1,17 +1,18 @@
-"""What an inspection finds; docs/formats.md describes the JSON that is made of it."""
+"""The form of an inspection's outcome; docs/formats.md describes the JSON that is made of it."""
 
 import msgspec
 
 SCHEMA, VERSION = "animal3dbox.inspection", 1
+"""Name and version of the JSON's form."""
 
 
 class Residual(msgspec.Struct, frozen=True):
-    """How far points lie from marked keypoints, over so many animals.
+    """The distances of points from marked keypoints, over several animals.
 
     Attributes:
-        animals: that were compared.
-        median_px: of all points.
-        p95_px: of all points.
+        animals: number of animals that were compared.
+        median_px: median distance of all points.
+        p95_px: 95th percentile of the distances of all points.
         median_percent: the median animal's median point, in percent of its keypoints' extent.
     """
 
@@ -22,9 +23,14 @@ class Residual(msgspec.Struct, frozen=True):
 
 
 class ImageFacts(msgspec.Struct, frozen=True):
-    """Image files, sampled.
+    """Counts on a sample of the image files.
 
-    Looked_at of them, of another size than annotated, turned by EXIF, unreadable.
+    Attributes:
+        looked_at: number of files in the sample.
+        other_size: number of those of another size than annotated.
+        turned_by_exif: number of those whose EXIF orientation is not upright.
+        unreadable: number of those that cannot be read.
+        examples: sentences on the first that are of another size or unreadable.
     """
 
     looked_at: int
@@ -35,9 +41,14 @@ class ImageFacts(msgspec.Struct, frozen=True):
 
 
 class MaskFacts(msgspec.Struct, frozen=True):
-    """Masks: animals that have one.
+    """Counts on the masks, the levels on a sample.
 
-    Of those looked at, which levels they hold, and how many cannot be used.
+    Attributes:
+        animals: number of animals with a mask.
+        looked_at: number of masks in the sample.
+        levels: phrase on the levels that a mask holds -> number of masks.
+        unusable: number of masks that cannot be used.
+        examples: sentences on the first unusable ones.
     """
 
     animals: int
@@ -48,9 +59,12 @@ class MaskFacts(msgspec.Struct, frozen=True):
 
 
 class BodyFacts(msgspec.Struct, frozen=True):
-    """Bodies that come with the dataset.
+    """Counts on a sample of the bodies that come with the dataset.
 
-    So many were looked at, and so many of these cannot be used.
+    Attributes:
+        looked_at: number of bodies in the sample.
+        unusable: number of those that cannot be made.
+        examples: sentences on the first unusable ones.
     """
 
     looked_at: int
@@ -59,9 +73,14 @@ class BodyFacts(msgspec.Struct, frozen=True):
 
 
 class CameraFacts(msgspec.Struct, frozen=True):
-    """What records know of cameras.
+    """Counts on the cameras that come with the records.
 
-    Residual is of bodies under the known or stored poses, None without either.
+    Attributes:
+        intrinsics: source of K -> number of animals.
+        exact_poses: number of animals whose camera pose is known exactly.
+        stored_poses: number of animals whose camera pose is a guess.
+        lenses: number of animals with a lens distortion.
+        residual: of bodies under the known or stored poses; None without either.
     """
 
     intrinsics: dict[str, int]
@@ -72,7 +91,13 @@ class CameraFacts(msgspec.Struct, frozen=True):
 
 
 class FaultLine(msgspec.Struct, frozen=True):
-    """One fault."""
+    """One fault, as the reader tells it.
+
+    Attributes:
+        sample_id: the sample; "" if it has no name.
+        field: the field that is wrong.
+        problem: why it is wrong, and the remedy.
+    """
 
     sample_id: str
     field: str
@@ -80,7 +105,13 @@ class FaultLine(msgspec.Struct, frozen=True):
 
 
 class FaultFacts(msgspec.Struct, frozen=True):
-    """Faults by field, and the first of them."""
+    """Counts on the samples that cannot be used.
+
+    Attributes:
+        count: number of faults.
+        by_field: field -> number of faults.
+        first: the first faults, in the file's order.
+    """
 
     count: int
     by_field: dict[str, int]
@@ -88,14 +119,14 @@ class FaultFacts(msgspec.Struct, frozen=True):
 
 
 class PictureFit(msgspec.Struct, frozen=True):
-    """In which picture 2D points of the file live, by their distance from keypoint_2d.
+    """The picture that 2D points of the file are for, by their distance from keypoint_2d.
 
     Attributes:
         key: of the file.
         relation: "as stored", "scaled", "scaled and shifted" or "none".
-        residuals: of each of the first three, fitted to each animal.
-        scale: median, of the relation; None for others.
-        shift_px: likewise, median x and y.
+        residuals: one for each of the first three relations, fitted to each animal.
+        scale: median scale of the relation; None of "as stored" and "none".
+        shift_px: median shift x and y of the relation; None likewise.
     """
 
     key: str
@@ -106,18 +137,18 @@ class PictureFit(msgspec.Struct, frozen=True):
 
 
 class CameraFit(msgspec.Struct, frozen=True):
-    """3D points of the file, or of its bodies, under a pinhole camera.
+    """3D points of the file, or of its bodies, compared with 2D points under a pinhole camera.
 
     Attributes:
-        points: what is projected, with or without trans.
-        frame: their camera frame.
-        target: the 2D points it is compared with.
-        stored: under the file's focal length and a centred principal point; None without, or behind
-            the camera.
-        free: under each animal's best focal length and principal point.
-        focal_px: their median.
-        focal_range_px: their 5th and 95th percentile.
-        offset_px: median of the principal point less the image's middle.
+        points: the 3D points, with or without trans.
+        frame: the camera frame that they are taken to be in.
+        target: the 2D points that they are compared with.
+        stored: residual under the file's focal length and a centred principal point; None without,
+            or behind the camera.
+        free: residual under each animal's best focal length and principal point.
+        focal_px: median of the best focal lengths.
+        focal_range_px: 5th and 95th percentile of the best focal lengths.
+        offset_px: median of the best principal points less the image's middle.
     """
 
     points: str
@@ -131,12 +162,12 @@ class CameraFit(msgspec.Struct, frozen=True):
 
 
 class StoredPoints(msgspec.Struct, frozen=True):
-    """Stored keypoint_3d against the posed bodies' own, by what maps one onto the other.
+    """Stored keypoint_3d beside the posed bodies' own, by the map from one onto the other.
 
     Attributes:
-        compared: animals.
+        compared: number of animals that have both.
         relations: "same", "less trans", "shifted", "other frame", "sides exchanged", "turned or
-            scaled", "other" -> animals.
+            scaled" or "other" -> number of animals.
         median_percent: greatest difference of the median animal, up to a shift, in percent of its
             extent.
     """
@@ -147,15 +178,16 @@ class StoredPoints(msgspec.Struct, frozen=True):
 
 
 class SideFacts(msgspec.Struct, frozen=True):
-    """Whether left is left.
+    """Counts on whether the named left is the animal's left.
 
     Attributes:
         template_wrong: landmarks of the model that lie on the other side of its template.
-        left_is_left: animals whose stored keypoint_3d have the named left on the left.
-        left_is_right: whose have it on the right: names exchanged, or a mirrored frame.
-        swapped_in_image: animals whose keypoint_2d fit the projected points far better with left
-            and right exchanged.
-        compared_in_image: animals that were compared.
+        left_is_left: number of animals whose stored keypoint_3d have the named left on the left.
+        left_is_right: number of animals that have it on the right: names exchanged, or a mirrored
+            frame.
+        swapped_in_image: number of animals whose keypoint_2d fit the projected points far better
+            with left and right exchanged.
+        compared_in_image: number of animals whose keypoint_2d were compared.
     """
 
     template_wrong: list[str]
@@ -166,21 +198,21 @@ class SideFacts(msgspec.Struct, frozen=True):
 
 
 class Animal3DFacts(msgspec.Struct, frozen=True):
-    """What is said only in Animal3D's files.
+    """Facts that only Animal3D's files have.
 
     Attributes:
         top_keys: file -> its keys.
-        entries: file -> entries.
-        keys: key -> entries that have it, not null.
-        forms: key -> form (105, 26x3, ...) -> entries.
-        visibility: value -> keypoints.
-        flength: of the first file that has one.
-        with_tail: value -> entries; "absent" where there is none.
-        supercategories: likewise, by name where the file has names.
-        pictures: of reproj_kp_2d and joints_2d.
-        cameras: the best of each target, best first.
-        stored_points: None without --model.
-        sides: None if nothing tells.
+        entries: file -> number of entries.
+        keys: key -> number of entries that have it, not null.
+        forms: key -> form (105, 26x3, ...) -> number of entries.
+        visibility: value -> number of keypoints.
+        flength: the focal length of the first file that has one; None without.
+        with_tail: value -> number of entries; "absent" where there is none.
+        supercategories: value -> number of entries, by name where the file has names.
+        pictures: the fits of reproj_kp_2d and joints_2d.
+        cameras: the best fits of each target, best first.
+        stored_points: stored and posed 3D keypoints; None without --model.
+        sides: left and right; None if nothing tells.
     """
 
     top_keys: dict[str, list[str]]
@@ -198,23 +230,29 @@ class Animal3DFacts(msgspec.Struct, frozen=True):
 
 
 class Inspection(msgspec.Struct, frozen=True):
-    """A dataset, inspected.
+    """The outcome of a dataset's inspection.
 
     Attributes:
-        path: as given.
-        format: as recognised.
-        images: with a readable animal.
-        animals: that can be read.
-        largest_group: animals of one image at most.
-        splits: file -> entries, where the format has several.
-        vocabularies: name -> animals.
-        categories: name -> animals.
-        keypoints_marked: of the median animal.
-        confidences: value -> keypoints, as they were read.
-        image_files, masks, bodies, cameras, faults: see there.
-        animal3d: None of other formats.
-        notes: the reader's own.
-        answers: what follows from all this, in whole sentences.
+        path: of the dataset, as the user wrote it.
+        format: of the dataset, as recognised.
+        images: number of images with a readable animal.
+        animals: number of animals that can be read.
+        largest_group: greatest number of animals in one image.
+        splits: file -> number of entries, where the format has several.
+        vocabularies: name -> number of animals.
+        categories: name -> number of animals.
+        keypoints_marked: number of marked keypoints of the median animal.
+        confidences: value -> number of keypoints, as they were read.
+        image_files: counts on the images.
+        masks: counts on the masks.
+        bodies: counts on the animals' own bodies.
+        cameras: counts on the cameras.
+        faults: counts on the samples that cannot be used.
+        animal3d: facts of Animal3D's files; None of other formats.
+        notes: the reader's own sentences.
+        answers: sentences on what follows from all this.
+        schema: name of the JSON's form.
+        version: of the JSON's form.
     """
 
     path: str

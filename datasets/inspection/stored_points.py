@@ -1,11 +1,10 @@
-"""Stored keypoint_3d against the posed bodies, and whether left is left."""
+"""Stored keypoint_3d beside the posed bodies, and whether the named left is the animal's left."""
 
 from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from animal3dbox.datasets.inspection.animal3d_entries import points_of
 from animal3dbox.datasets.inspection.fits import (
@@ -25,25 +24,24 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
 
 ANIMALS = 400
-"""So many animals are compared."""
+"""Number of animals that are compared."""
 FAR_BETTER = 0.5
-"""Sides count as exchanged if the other labelling's residual is at most so many times this one's.
-"""
+"""Sides count as exchanged if their residual then is at most this part of the present one."""
 FLAT = 0.05
-"""A trunk whose axes span less than this part of a cube does not tell its sides."""
+"""Part of a cube that a trunk's axes must span for its sides to be told."""
 
 
-def stored_points(subjects: Sequence[Subject], words: Vocabulary) -> StoredPoints | None:
-    """How stored keypoint_3d relate to the posed bodies' own; None if no animal has both."""
+def stored_points(subjects: Sequence[Subject], vocabulary: Vocabulary) -> StoredPoints | None:
+    """The relations of stored keypoint_3d to the posed bodies' own; None if no animal has both."""
     relations, differences = Counter[str](), []
     for subject in spread(subjects, ANIMALS):
-        stored = points_of(subject.entry, "keypoint_3d")
-        if stored is None or subject.landmarks is None or stored.shape != subject.landmarks.shape:
+        points, own = points_of(subject.entry, "keypoint_3d"), subject.landmarks
+        if points is None or own is None or points.shape != own.shape:
             continue
-        known = np.asarray(np.isfinite(subject.landmarks).all(axis=1))
-        own, size = subject.landmarks, extent(subject.landmarks[known])
-        relations[_relation(stored, own, subject.trans, known, list(words.flip))] += 1
-        differences.append(100 * _off(_centred(stored, known), _centred(own, known)) / size)
+        on_body = np.asarray(np.isfinite(own).all(axis=1))
+        relations[_relation(points, own, subject.trans, list(vocabulary.flip))] += 1
+        off = _off(_centred(points[on_body]), _centred(own[on_body]))
+        differences.append(100 * off / extent(own[on_body]))
     if not differences:
         return None
     return StoredPoints(
@@ -51,61 +49,95 @@ def stored_points(subjects: Sequence[Subject], words: Vocabulary) -> StoredPoint
     )
 
 
-def _relation(
-    stored: Points, own: Points, trans: Points, known: NDArray[np.bool_], flip: list[int]
-) -> str:
-    """The first thing that makes stored points (J, 3) a body's own."""
-    near = SAME * extent(own[known])
-    here = _centred(own, known)
-    if _off(stored[known], own[known]) < near:
+def _relation(points: Points, own: Points, trans: Points, flip: list[int]) -> str:
+    """The first relation of StoredPoints that makes stored points a body's own.
+
+    Args:
+        points: (J, 3) as stored.
+        own: (J, 3) of the posed body; NaN where it has none.
+        trans: (3,) of the body.
+        flip: keypoint -> its partner on the other side.
+
+    """
+    on_body = np.asarray(np.isfinite(own).all(axis=1))
+    near = SAME * extent(own[on_body])
+    target = _centred(own[on_body])
+    if _off(points[on_body], own[on_body]) < near:
         return "same"
-    if _off(stored[known], own[known] - trans) < near:
+    if _off(points[on_body], own[on_body] - trans) < near:
         return "less trans"
-    if _off(_centred(stored, known), here) < near:
+    centred = _centred(points[on_body])
+    if _off(centred, target) < near:
         return "shifted"
-    if any(_off(_centred(stored * signs, known), here) < near for signs in FRAMES.values()):
+    if any(_off(_centred(points[on_body] * signs), target) < near for signs in FRAMES.values()):
         return "other frame"
-    if _off(_centred(stored[flip], known), here) < near:
+    if _off(_centred(points[flip][on_body]), target) < near:
         return "sides exchanged"
-    there = torch.from_numpy(_centred(stored, known))
-    turned = (there @ nearest_rotation(torch.from_numpy(here).mT @ there).mT).numpy()
-    scale = float((turned * here).sum() / max(float((turned * turned).sum()), 1e-300))
-    return "turned or scaled" if scale > 0 and _off(scale * turned, here) < near else "other"
+    source = torch.from_numpy(centred)
+    rotation = nearest_rotation(torch.from_numpy(target).mT @ source)
+    rotated = (source @ rotation.mT).numpy()
+    scale = float((rotated * target).sum() / max(float((rotated * rotated).sum()), 1e-300))
+    return "turned or scaled" if scale > 0 and _off(scale * rotated, target) < near else "other"
 
 
-def _centred(points: Points, known: NDArray[np.bool_]) -> Points:
-    return np.asarray(points[known] - points[known].mean(axis=0))
+def _centred(points: Points) -> Points:
+    """Points (N, 3) about their mean."""
+    return np.asarray(points - points.mean(axis=0))
 
 
 def _off(a: Points, b: Points) -> float:
+    """The greatest difference of a coordinate of points (N, 3)."""
     return float(np.abs(a - b).max())
 
 
 def side_facts(
-    subjects: Sequence[Subject], words: Vocabulary, best: CameraFit | None, model: SmalModel | None
+    subjects: Sequence[Subject],
+    vocabulary: Vocabulary,
+    best: CameraFit | None,
+    model: SmalModel | None,
 ) -> SideFacts:
-    """Whether left is left.
+    """Count whether the named left is the animal's left.
 
-    On the model's template, in stored keypoint_3d, and in the image under the best camera of
-    keypoint_2d.
+    It is looked for on the model's template, in stored keypoint_3d, and in the images.
+
+    Args:
+        subjects: the animals.
+        vocabulary: their keypoints.
+        best: the camera that fits keypoint_2d best; None without.
+        model: of the bodies; None without.
+
     """
     turns = Counter[int]()
     swapped = compared = 0
     for subject in spread(subjects, ANIMALS):
-        stored = points_of(subject.entry, "keypoint_3d")
-        if stored is not None and stored.shape == (len(words), 3):
-            turns[handedness(stored, words)] += 1
-        verdict = None if best is None else _swapped(subject, words, best)
+        points = points_of(subject.entry, "keypoint_3d")
+        if points is not None and points.shape == (len(vocabulary), 3):
+            turns[handedness(points, vocabulary)] += 1
+        verdict = None if best is None else _swapped(subject, vocabulary, best)
         compared += verdict is not None
         swapped += bool(verdict)
     wrong = [] if model is None else list(misplaced_sides(model.v_template, model.landmarks))
-    return SideFacts(wrong, turns[1], turns[-1], swapped, compared)
+    return SideFacts(
+        template_wrong=wrong,
+        left_is_left=turns[1],
+        left_is_right=turns[-1],
+        swapped_in_image=swapped,
+        compared_in_image=compared,
+    )
 
 
-def handedness(points: Points, words: Vocabulary) -> int:
-    """1 if a body's (J, 3) named left lies to the left of forward and up, -1 if to the right, 0 if
-    that cannot be told."""
-    at = dict(zip(words.keypoints, points, strict=True))
+def handedness(points: Points, vocabulary: Vocabulary) -> int:
+    """The side of forward and up on which a body's named left lies.
+
+    Args:
+        points: (J, 3) keypoints of the body.
+        vocabulary: their names.
+
+    Returns:
+        1 to the left, -1 to the right, 0 if it cannot be told.
+
+    """
+    at = dict(zip(vocabulary.keypoints, points, strict=True))
     pairs = ("shoulder", "front_elbow", "back_knee", "front_paw", "back_paw")
     left = np.mean([at[f"left_{part}"] - at[f"right_{part}"] for part in pairs], axis=0)
     forward = at["neck"] - at["tail_base"]
@@ -113,13 +145,12 @@ def handedness(points: Points, words: Vocabulary) -> int:
         [at[f"{side}_{end}_paw"] for side in ("left", "right") for end in ("front", "back")], axis=0
     )
     axes = np.stack((forward, left, up))
-    volume = float(
-        np.linalg.det(axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-12))
-    )
+    lengths = np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-12)
+    volume = float(np.linalg.det(axes / lengths))
     return 0 if abs(volume) < FLAT else (1 if volume > 0 else -1)
 
 
-def _swapped(subject: Subject, words: Vocabulary, best: CameraFit) -> bool | None:
+def _swapped(subject: Subject, vocabulary: Vocabulary, best: CameraFit) -> bool | None:
     """Whether an animal's keypoints fit far better with their sides exchanged.
 
     None if they cannot be compared.
@@ -127,16 +158,22 @@ def _swapped(subject: Subject, words: Vocabulary, best: CameraFit) -> bool | Non
     points, marks = POINTS[best.points](subject), TARGETS["keypoint_2d"](subject)
     if points is None or marks is None or len(points) != len(marks):
         return None
-    here, there = (
-        _misfit(points * FRAMES[best.frame], labels) for labels in (marks, marks[list(words.flip)])
+    points_cam = points * FRAMES[best.frame]
+    misfit, exchanged = (
+        _misfit(points_cam, marks),
+        _misfit(points_cam, marks[list(vocabulary.flip)]),
     )
-    return None if here is None or there is None else there < FAR_BETTER * here
+    return None if misfit is None or exchanged is None else exchanged < FAR_BETTER * misfit
 
 
 def _misfit(points_cam: Points, marks: Points) -> float | None:
+    """Median distance in px of points (J, 3) from marks (J, 2) under their best camera.
+
+    None if they are too few, or no camera fits them.
+    """
     both = np.isfinite(points_cam).all(axis=1) & np.isfinite(marks).all(axis=1)
-    fitted = free_camera(points_cam[both], marks[both]) if both.sum() >= LEAST else None
-    if fitted is None:
+    camera = free_camera(points_cam[both], marks[both]) if both.sum() >= LEAST else None
+    if camera is None:
         return None
-    focal, center, plane = fitted
+    focal, center, plane = camera
     return float(np.median(np.linalg.norm(focal * plane + center - marks[both], axis=1)))

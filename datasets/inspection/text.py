@@ -1,4 +1,4 @@
-"""An inspection as text."""
+"""The outcome of an inspection as lines of text for a terminal."""
 
 from collections.abc import Iterator, Mapping
 
@@ -11,40 +11,34 @@ from animal3dbox.datasets.inspection.result import (
 )
 
 MANY = 12
-"""Longer tables of counts are cut."""
+"""Number of counts after which a line of them is cut."""
 
 
-def as_text(found: Inspection) -> str:
-    """Lines for a terminal."""
-    return (
-        "\n".join(
-            [
-                *_counts(found),
-                *(_animal3d(found.animal3d) if found.animal3d is not None else ()),
-                *_ends(found),
-            ]
-        )
-        + "\n"
-    )
+def as_text(inspection: Inspection) -> str:
+    """The text of an inspection: counts, measurements, faults, and what follows from them."""
+    measurements = () if inspection.animal3d is None else _animal3d(inspection.animal3d)
+    lines = [*_counts(inspection), *measurements, *_ends(inspection)]
+    return "\n".join(lines) + "\n"
 
 
-def _counts(found: Inspection) -> Iterator[str]:
+def _counts(inspection: Inspection) -> Iterator[str]:
+    """Lines on the facts that every format has."""
     yield (
-        f"{found.path}: {found.format}, {found.animals} animals in {found.images} images (at most"
-        f" {found.largest_group} in one)"
+        f"{inspection.path}: {inspection.format}, {inspection.animals} animals in"
+        f" {inspection.images} images (at most {inspection.largest_group} in one)"
     )
     for name, counts in (
-        ("files", found.splits),
-        ("vocabulary", found.vocabularies),
-        ("categories", found.categories),
+        ("files", inspection.splits),
+        ("vocabulary", inspection.vocabularies),
+        ("categories", inspection.categories),
     ):
         if counts:
-            yield f"{name}: {_told(counts)}"
+            yield f"{name}: {_counts_phrase(counts)}"
     yield (
-        f"keypoints: {found.keypoints_marked:g} marked (median); confidence as read:"
-        f" {_told(found.confidences)}"
+        f"keypoints: {inspection.keypoints_marked:g} marked (median); confidence as read:"
+        f" {_counts_phrase(inspection.confidences)}"
     )
-    files, masks, cameras = found.image_files, found.masks, found.cameras
+    files, masks, cameras = inspection.image_files, inspection.masks, inspection.cameras
     yield (
         f"images: of {files.looked_at} {files.other_size} of another size, {files.turned_by_exif}"
         f" turned by EXIF, {files.unreadable} unreadable"
@@ -52,32 +46,37 @@ def _counts(found: Inspection) -> Iterator[str]:
     yield from (f"  {example}" for example in files.examples)
     yield (
         f"masks: {masks.animals} animals; levels in {masks.looked_at}:"
-        f" {_told(masks.levels) or 'none'}; {masks.unusable} unusable"
+        f" {_counts_phrase(masks.levels) or 'none'}; {masks.unusable} unusable"
     )
     yield from (f"  {example}" for example in masks.examples)
-    yield f"bodies of its own: {found.bodies.looked_at} looked at, {found.bodies.unusable} unusable"
-    yield from (f"  {example}" for example in found.bodies.examples)
     yield (
-        f"intrinsics: {_told(cameras.intrinsics)}; exact poses {cameras.exact_poses}, guessed"
-        f" {cameras.stored_poses}, lenses {cameras.lenses}"
+        f"bodies of its own: {inspection.bodies.looked_at} looked at,"
+        f" {inspection.bodies.unusable} unusable"
+    )
+    yield from (f"  {example}" for example in inspection.bodies.examples)
+    yield (
+        f"intrinsics: {_counts_phrase(cameras.intrinsics)}; exact poses {cameras.exact_poses},"
+        f" guessed {cameras.stored_poses}, lenses {cameras.lenses}"
     )
 
 
-def _told(counts: Mapping[str, int]) -> str:
-    shown = [f"{name} {count}" for name, count in list(counts.items())[:MANY]]
-    return ", ".join(shown) + (f", and {len(counts) - MANY} more" if len(counts) > MANY else "")
+def _counts_phrase(counts: Mapping[str, int]) -> str:
+    """Counts by name as a phrase, at most MANY of them."""
+    first = [f"{name} {count}" for name, count in list(counts.items())[:MANY]]
+    return ", ".join(first) + (f", and {len(counts) - MANY} more" if len(counts) > MANY else "")
 
 
 def _animal3d(facts: Animal3DFacts) -> Iterator[str]:
+    """Lines on the facts that only Animal3D's files have."""
     for file, keys in facts.top_keys.items():
         yield f"{file} has {', '.join(keys)}"
     yield "keys of entries:"
     for key, count in facts.keys.items():
-        yield f"  {key:<14}{count:>7}  {_told(facts.forms.get(key, {}))}"
-    yield f"visibility in keypoint_2d: {_told(facts.visibility)}"
+        yield f"  {key:<14}{count:>7}  {_counts_phrase(facts.forms.get(key, {}))}"
+    yield f"visibility in keypoint_2d: {_counts_phrase(facts.visibility)}"
     yield (
-        f"flength: {facts.flength}; with_tail: {_told(facts.with_tail)}; supercategory:"
-        f" {_told(facts.supercategories)}"
+        f"flength: {facts.flength}; with_tail: {_counts_phrase(facts.with_tail)}; supercategory:"
+        f" {_counts_phrase(facts.supercategories)}"
     )
     yield from (_picture(fit) for fit in facts.pictures)
     if facts.cameras:
@@ -85,34 +84,38 @@ def _animal3d(facts: Animal3DFacts) -> Iterator[str]:
     yield from (f"  {_camera(fit)}" for fit in facts.cameras)
 
 
-def _short(one: Residual | None) -> str:
+def _residual_phrase(residual: Residual | None) -> str:
+    """A residual as a phrase; "-" if there is none."""
+    if residual is None:
+        return "-"
     return (
-        "-"
-        if one is None
-        else f"{one.median_px:.2f} px (p95 {one.p95_px:.2f}, {one.median_percent:.1f} %)"
+        f"{residual.median_px:.2f} px (p95 {residual.p95_px:.2f}, {residual.median_percent:.1f} %)"
     )
 
 
 def _picture(fit: PictureFit) -> str:
+    """A line on one key's 2D points."""
     return f"{fit.key}, off keypoint_2d: " + "; ".join(
-        f"{name} {_short(one)}" for name, one in fit.residuals.items()
+        f"{name} {_residual_phrase(residual)}" for name, residual in fit.residuals.items()
     )
 
 
 def _camera(fit: CameraFit) -> str:
+    """A line on one fitted camera."""
     return (
-        f"{fit.target} <- {fit.points}, {fit.frame}: stored {_short(fit.stored)}; best"
-        f" {_short(fit.free)} at {fit.focal_px:.0f} px"
+        f"{fit.target} <- {fit.points}, {fit.frame}: stored {_residual_phrase(fit.stored)}; best"
+        f" {_residual_phrase(fit.free)} at {fit.focal_px:.0f} px"
     )
 
 
-def _ends(found: Inspection) -> Iterator[str]:
-    for fault in found.faults.first:
+def _ends(inspection: Inspection) -> Iterator[str]:
+    """Lines on faults, the reader's notes, and what follows from it all."""
+    for fault in inspection.faults.first:
         yield f"faulty: {fault.sample_id}: {fault.field}: {fault.problem}"
-    if found.faults.count > len(found.faults.first):
-        yield f"... and {found.faults.count - len(found.faults.first)} more faults"
-    if found.notes:
+    if inspection.faults.count > len(inspection.faults.first):
+        yield f"... and {inspection.faults.count - len(inspection.faults.first)} more faults"
+    if inspection.notes:
         yield "the reader says:"
-        yield from (f"  {note}" for note in found.notes)
+        yield from (f"  {note}" for note in inspection.notes)
     yield "so:"
-    yield from (f"  {answer}" for answer in found.answers)
+    yield from (f"  {answer}" for answer in inspection.answers)
