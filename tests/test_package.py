@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -81,6 +82,32 @@ def test_no_file_of_the_package_is_longer_than_400_lines() -> None:
     assert [
         f"{path}: {n}" for _, path in modules() if (n := len(path.read_text().splitlines())) > 400
     ] == []
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Every function of the package, under the name of its file."""
+    for _, path in modules():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                yield f"{path.relative_to(ROOT)}: {node.name}", node
+
+
+def test_no_function_is_longer_than_40_lines() -> None:
+    """Counted from the first statement after the docstring to the last line."""
+
+    def length(node: ast.FunctionDef) -> int:
+        said = ast.get_docstring(node) is not None and len(node.body) > 1
+        return (node.end_lineno or 0) - node.body[said].lineno + 1
+
+    assert [f"{name}: {n}" for name, node in functions() if (n := length(node)) > 40] == []
+
+
+def test_no_function_takes_more_than_four_arguments_by_position() -> None:
+    def by_position(node: ast.FunctionDef) -> int:
+        arguments = (*node.args.posonlyargs, *node.args.args)
+        return sum(argument.arg not in ("self", "cls") for argument in arguments)
+
+    assert [f"{name}: {n}" for name, node in functions() if (n := by_position(node)) > 4] == []
 
 
 @pytest.mark.parametrize("folder", ["datasets", "transforms"])

@@ -7,7 +7,15 @@ import pytest
 import torch
 
 from animal3dbox.datasets import KnownScale, LabelDataset, SyntheticDataset, SyntheticSet
-from animal3dbox.target_schema import FIELDS, LABEL_FIELDS, field_of, names_of, target_table
+from animal3dbox.target_schema import (
+    FIELDS,
+    LABEL_FIELDS,
+    META_PER_ANIMAL,
+    META_PER_IMAGE,
+    field_of,
+    names_of,
+    target_table,
+)
 
 
 def used(dataset: LabelDataset) -> Any:
@@ -51,6 +59,7 @@ def test_the_docs_show_the_table_that_the_schema_gives() -> None:
 def test_a_dataset_gives_the_fields_of_the_schema_in_its_shapes_and_types() -> None:
     _, target = used(SyntheticDataset(SyntheticSet(seed=0, images=1)))
     animals = len(target["labels"])
+    assert set(target["meta"]) == {*META_PER_ANIMAL, *META_PER_IMAGE}
     fields = {field.name: field for field in FIELDS if field.made_by == "dataset"}
     assert set(target) - {"image_id", "meta"} == set(fields) - {"surface_share", "distortion"}
     for name in set(target) - {"image_id", "meta"}:

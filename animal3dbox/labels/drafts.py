@@ -160,7 +160,9 @@ def _draft(
             "the animal or its box reaches beyond the lens's field of view, where its polynomial"
             " folds",
         )
-    flat_box, mask_iou, surface_share = body_in_picture(observation, pose, R_box, box, config)
+    flat_box, mask_iou, surface_share = body_in_picture(
+        observation, pose, R_box=R_box, box=box, config=config
+    )
     return LabelDraft(
         observation=observation,
         pose=pose,

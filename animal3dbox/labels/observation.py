@@ -129,7 +129,7 @@ def observe(
         K=matrix,
         K_source="guessed" if K is None else "given",
         distortion=_checked_lens(checks, distortion),
-        body=_checked_body(checks, body, vertices, landmarks, words),
+        body=_checked_body(checks, body, vertices=vertices, landmarks=landmarks, words=words),
         pose=None if pose is None else checks.pose("pose", pose, "given"),
         hypotheses=tuple(
             checks.pose(f"pose_hypotheses[{i}]", hypothesis, f"hypothesis_{i}")
@@ -152,6 +152,7 @@ def _checked_lens(checks: ArgumentChecks, distortion: ArrayLike) -> Array | None
 def _checked_body(
     checks: ArgumentChecks,
     body: Body,
+    *,
     vertices: Array | None,
     landmarks: Array | None,
     words: Vocabulary,

@@ -92,7 +92,7 @@ def _labels_of_source(
         ]
         labels = label_observations(observations, config)
         return [
-            _finished(label, request, record, body, scale)
+            _finished(label, request, record=record, body=body, scale=scale)
             for label, request, record, body in zip(labels, requests, records, bodies, strict=True)
         ]
     except SampleError as error:
@@ -135,6 +135,7 @@ def _observation(
 def _finished(
     outcome: CuboidLabel | Rejection,
     request: LabelRequest,
+    *,
     record: AnimalRecord,
     body: Body,
     scale: ScaleSource | None,

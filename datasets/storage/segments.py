@@ -18,8 +18,6 @@ from pathlib import Path
 MAGIC = b"A3L\x01"
 """The bytes that an entry begins with; the last is the version of this layout."""
 _HEADER = struct.Struct("<4sI16sI")
-KEY_BYTES = 16
-"""Length of an entry's key."""
 SUFFIX = ".labels"
 """Suffix of a segment's file."""
 STILL_WRITING_S = 2.0

@@ -132,9 +132,9 @@ class SyntheticAnimal:
             self.model.landmark_groups,
             self.scene.vertices_cam,
             self.scene.faces,
-            self.K,
-            self.image_hw,
-            span,
+            K=self.K,
+            image_hw=self.image_hw,
+            body=span,
         )
         return seen & (self.keypoints_2d[:, 2] > 0)
 

@@ -123,7 +123,7 @@ def test_from_its_left_an_animal_shows_its_left_keypoints_and_its_left_surface()
         zip(
             vocabulary.keypoints,
             visible_keypoints(
-                vocabulary, model.landmark_groups, cam, model.faces, K, IMAGE_HW
+                vocabulary, model.landmark_groups, cam, model.faces, K=K, image_hw=IMAGE_HW
             ).tolist(),
             strict=True,
         )

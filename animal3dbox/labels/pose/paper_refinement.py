@@ -38,7 +38,8 @@ def refined_pose(
     cost = joint_cost(problem, start.R, config.mask_box or "keypoints")
     pose = np.concatenate((np.zeros(3), start.t))
     if config.residual == "vector":
-        pose = _solve(cost, pose, np.ones(len(cost.points)), np.ones(4), config)
+        ones = np.ones(len(cost.points))
+        pose = _solve(cost, pose, config, keypoint_weights=ones, box_weights=np.ones(4))
     else:
         pose = _literal(cost, pose, config)
     R = rotate(pose[:3])[0] @ cost.R_start
@@ -63,9 +64,9 @@ def _literal(cost: JointCost, pose: Array, config: LabelConfig) -> Array:
         pose = _solve(
             cost,
             pose,
-            1 / np.maximum(distances, LITERAL_FLOOR),
-            1 / np.maximum(off, LITERAL_FLOOR),
             config,
+            keypoint_weights=1 / np.maximum(distances, LITERAL_FLOOR),
+            box_weights=1 / np.maximum(off, LITERAL_FLOOR),
             evaluations=LITERAL_EVALUATIONS,
         )
         energy = literal_energy(cost, pose, config)
@@ -80,9 +81,10 @@ def _literal(cost: JointCost, pose: Array, config: LabelConfig) -> Array:
 def _solve(
     cost: JointCost,
     pose: Array,
+    config: LabelConfig,
+    *,
     keypoint_weights: Array,
     box_weights: Array,
-    config: LabelConfig,
     evaluations: int = EVALUATIONS,
 ) -> Array:
     """One SciPy solve of the squared residuals under fixed weights."""

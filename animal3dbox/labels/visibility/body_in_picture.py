@@ -35,6 +35,7 @@ def mask_overlap(
 def body_in_picture(
     observation: Observation,
     pose: PoseEstimate,
+    *,
     R_box: Array,
     box: Array | None,
     config: LabelConfig,

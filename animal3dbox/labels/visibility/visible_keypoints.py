@@ -14,6 +14,7 @@ def visible_keypoints(
     groups: Groups,
     vertices_cam: Tensor,
     faces: Tensor,
+    *,
     K: Tensor,
     image_hw: tuple[int, int],
     body: tuple[int, int] | None = None,
@@ -39,7 +40,7 @@ def visible_keypoints(
         >>> animal = synthetic_animal(seed=0, index=2)
         >>> seen = visible_keypoints(
         ...     animal.vocabulary, animal.model.landmark_groups, animal.vertices_cam,
-        ...     animal.model.faces, animal.K, animal.image_hw)
+        ...     animal.model.faces, K=animal.K, image_hw=animal.image_hw)
         >>> names = animal.vocabulary.keypoints
         >>> [name for name, is_seen in zip(names, seen, strict=True) if is_seen][:3]
         ['left_eye', 'right_eye', 'left_front_paw']

@@ -38,20 +38,6 @@ FOOT_BLOBS = (
     "hind_toe_out",
 )
 _UNPAIRED_BLOBS = ("hump", "breast", "belly", "nose_pad", "chin")
-STATIONS = {
-    "trunk": 8,
-    "neck": 4,
-    "head": 6,
-    "jaw": 3,
-    "tail": 8,
-    "fore": 8,
-    "hind": 7,
-    "fore_foot": 3,
-    "hind_foot": 3,
-    "ear": 4,
-    "horn": 4,
-    "mane": 4,
-}
 _GROUP = {
     "neck": "trunk",
     "jaw": "head",
