@@ -77,63 +77,66 @@ def along(rotation: Array, shift: Array) -> Array:
     return np.asarray((rotation @ shift[..., None])[..., 0])
 
 
+TOUCHING = {"face": 1, "edge": 2, "corner": 3}
+"""Along how many axes boxes that touch so lie beside each other."""
+THIN = {
+    "needle": np.array([1, 1e-3, 1e-3]),
+    "thinner needle": np.array([1, 1e-5, 1e-5]),
+    "flat": np.array([1, 1, 1e-3]),
+}
+"""Factors of the sizes of thin boxes."""
+UNIT = {"tiny": 1e-9, "huge": 1e9}
+"""Factors of all lengths."""
+
+
 def pairs(kind: str, rng: np.random.Generator, n: int) -> tuple[Boxes, Boxes]:
     """N pairs of one kind."""
-    (center, rotation, size), other = random_boxes(rng, n), random_boxes(rng, n)
+    box, other = random_boxes(rng, n), random_boxes(rng, n)
     side = rng.choice([-1.0, 1.0], (n, 3))
-    size_b = other[2]
+    (center, rotation, size), size_b = box, other[2]
     if kind == "identical":
-        return (center, rotation, size), (center, rotation, size)
-    if kind in ("face", "edge", "corner"):
-        shift = rng.uniform(-0.3, 0.3, (n, 3))
-        touching = {"face": 1, "edge": 2, "corner": 3}[kind]
-        shift[:, :touching] = (side * (size + size_b) / 2)[:, :touching]
-        return (center, rotation, size), (center + along(rotation, shift), rotation, size_b)
+        return box, box
+    if kind in (*TOUCHING, "coplanar"):
+        return box, box_in_a_plane_of(kind, rng, box, size_b, side)
     if kind == "contained":
-        return (center, rotation, size), (
-            center + 0.01 * other[0],
-            other[1],
-            size_b * size.min(axis=1, keepdims=True) * 0.2,
-        )
-    if kind == "coplanar":
-        shift = rng.uniform(-0.3, 0.3, (n, 3))
-        shift[:, 0] = (side * (size - size_b) / 2)[:, 0]
-        return (center, rotation, size), (center + along(rotation, shift), rotation, size_b)
+        small = size_b * size.min(axis=1, keepdims=True) * 0.2
+        return box, (center + 0.01 * other[0], other[1], small)
     if kind == "turned 45":
         turn = Rotation.from_rotvec(np.eye(3)[rng.integers(0, 3, n)] * np.pi / 4).as_matrix()
-        return (center, rotation, size), (
-            center,
-            rotation @ turn,
-            np.where(rng.random((n, 1)) < 0.5, size, size_b),
-        )
+        return box, (center, rotation @ turn, np.where(rng.random((n, 1)) < 0.5, size, size_b))
     if kind == "axis-aligned":
-        return (center, np.tile(np.eye(3), (n, 1, 1)), size), (
-            other[0],
-            np.tile(np.eye(3), (n, 1, 1)),
-            size_b,
-        )
+        upright = np.tile(np.eye(3), (n, 1, 1))
+        return (center, upright, size), (other[0], upright, size_b)
     if kind == "nearly identical":
-        turn = Rotation.from_rotvec(
-            rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(-6, -2, (n, 1))
-        ).as_matrix()
-        return (center, rotation, size), (center, rotation @ turn, size)
-    thin = {
-        "needle": np.array([1, 1e-3, 1e-3]),
-        "thinner needle": np.array([1, 1e-5, 1e-5]),
-        "flat": np.array([1, 1, 1e-3]),
-        "generic": np.ones(3),
-    }
-    scale = {"tiny": 1e-9, "huge": 1e9}.get(kind, 1.0)
-    size, size_b = size * thin.get(kind, 1.0) * scale, size_b * thin.get(kind, 1.0) * scale
+        vectors = rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(-6, -2, (n, 1))
+        return box, (center, rotation @ Rotation.from_rotvec(vectors).as_matrix(), size)
+    return overlapping_pairs(kind, rng, box, other)
+
+
+def box_in_a_plane_of(
+    kind: str, rng: np.random.Generator, box: Boxes, size_b: Array, side: Array
+) -> Boxes:
+    """Boxes of the same axes that touch others, or have a face in the plane of one of theirs."""
+    center, rotation, size = box
+    shift = rng.uniform(-0.3, 0.3, size.shape)
+    axes = TOUCHING.get(kind, 1)
+    gap = size - size_b if kind == "coplanar" else size + size_b
+    shift[:, :axes] = (side * gap / 2)[:, :axes]
+    return center + along(rotation, shift), rotation, size_b
+
+
+def overlapping_pairs(
+    kind: str, rng: np.random.Generator, box: Boxes, other: Boxes
+) -> tuple[Boxes, Boxes]:
+    """Generic, thin, tiny or huge boxes, the second somewhere within the first."""
+    (center, rotation, size), (_, rotation_b, size_b) = box, other
+    n, scale, thin = len(size), UNIT.get(kind, 1.0), THIN.get(kind, np.ones(3))
+    size, size_b = size * thin * scale, size_b * thin * scale
     center_b = center * scale + along(rotation, size * rng.uniform(-0.4, 0.4, (n, 3)))
-    if kind in thin and kind != "generic":
+    if kind in THIN:
         small = Rotation.from_rotvec(rng.normal(size=(n, 3)) * 1e-3).as_matrix()
-        return (center, rotation, size), (
-            center_b,
-            np.where(rng.random((n, 1, 1)) < 0.5, rotation @ small, other[1]),
-            size_b,
-        )
-    return (center * scale, rotation, size), (center_b, other[1], size_b)
+        rotation_b = np.where(rng.random((n, 1, 1)) < 0.5, rotation @ small, rotation_b)
+    return (center * scale, rotation, size), (center_b, rotation_b, size_b)
 
 
 KINDS = (

@@ -102,6 +102,31 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
+def scene(image_hw: tuple[int, int]) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Vertices (V, 3) of a body in the camera frame, its faces (F, 3), and K."""
+    height, width = image_hw
+    vertices, faces = blob(60, 58)
+    K = torch.tensor(
+        [[600.0, 0, (width - 1) / 2], [0, 600.0, (height - 1) / 2], [0, 0, 1]], dtype=torch.float64
+    )
+    turn = torch.tensor([[1.0, 0, 0], [0, 0.25, -1.0], [0.1, 1.0, 0.25]], dtype=torch.float64)
+    vertices_cam = vertices @ turn.T + torch.tensor([-0.05, -0.1, 2.0], dtype=torch.float64)
+    return vertices_cam, faces, K
+
+
+def times_of(ways: dict[str, Callable[[], object]], repeats: int) -> dict[str, list[float]]:
+    """Wall times of calls, five after one of their own in each round.
+
+    The ways take turns, so that a busy machine slows all of them.
+    """
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    for _ in range(repeats):
+        for name, work in ways.items():
+            work()
+            times[name] += [seconds(work) for _ in range(5)]
+    return times
+
+
 def main() -> None:
     """Print the medians, the ratio and the agreement."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -110,50 +135,31 @@ def main() -> None:
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     height, width = image_hw = (480, 640)
-    vertices, faces = blob(60, 58)
-    K = torch.tensor(
-        [[600.0, 0, (width - 1) / 2], [0, 600.0, (height - 1) / 2], [0, 0, 1]], dtype=torch.float64
-    )
-    vertices_cam = (
-        vertices
-        @ torch.tensor([[1.0, 0, 0], [0, 0.25, -1.0], [0.1, 1.0, 0.25]], dtype=torch.float64).T
-    )
-    vertices_cam = vertices_cam + torch.tensor([-0.05, -0.1, 2.0], dtype=torch.float64)
+    vertices_cam, faces, K = scene(image_hw)
     points_px = ((vertices_cam @ K.T)[:, :2] / vertices_cam[:, 2:]).numpy()
+    drawing = (points_px, faces.numpy(), image_hw)
     ways: dict[str, Callable[[], object]] = {
         "silhouette float64": lambda: silhouette(vertices_cam, faces, K, image_hw),
         "silhouette float32": lambda: silhouette(vertices_cam.float(), faces, K.float(), image_hw),
-        "fillConvexPoly loop, subpixel": lambda: fill_by_loop(points_px, faces.numpy(), image_hw),
-        "fillConvexPoly loop, whole pixels": lambda: fill_by_whole_pixel_loop(
-            points_px, faces.numpy(), image_hw
-        ),
-        "fillConvexPoly loop, plain": lambda: fill_by_plain_loop(
-            points_px, faces.numpy(), image_hw
-        ),
+        "fillConvexPoly loop, subpixel": lambda: fill_by_loop(*drawing),
+        "fillConvexPoly loop, whole pixels": lambda: fill_by_whole_pixel_loop(*drawing),
+        "fillConvexPoly loop, plain": lambda: fill_by_plain_loop(*drawing),
     }
-    times: dict[str, list[float]] = {name: [] for name in ways}
-    # Interleaved, so that a busy machine slows all of them; each after one call of its own
-    for _ in range(repeats):
-        for name, work in ways.items():
-            work()
-            times[name] += [seconds(work) for _ in range(5)]
-    times["rasterize"] = [
-        seconds(lambda: rasterize(vertices_cam, faces, K, image_hw)) for _ in range(5)
-    ]
+    times = times_of(ways, repeats)
+    slow = [seconds(lambda: rasterize(vertices_cam, faces, K, image_hw)) for _ in range(5)]
     mask = silhouette(vertices_cam, faces, K, image_hw)
     print(
         f"{len(faces)} triangles, {width} x {height}, {100 * float(mask.double().mean()):.0f} %"
         f" covered, median of {5 * repeats} calls"
     )
-    ours = float(np.median(times["silhouette float64"]))
-    for name, values in times.items():
-        print(
-            f"{name:36s} {1e3 * float(np.median(values)):8.2f} ms  "
-            f" {float(np.median(values)) / ours:6.1f} x silhouette"
-        )
-    drawn = torch.from_numpy(fill_by_loop(points_px, faces.numpy(), image_hw)).bool()
-    seen = rasterize(vertices_cam, faces, K, image_hw).face_index >= 0
-    for name, other in (("fillConvexPoly loop", drawn), ("rasterize", seen)):
+    medians = {name: float(np.median(values)) for name, values in times.items()}
+    medians["rasterize"] = float(np.median(slow))
+    for name, median in medians.items():
+        ratio = median / medians["silhouette float64"]
+        print(f"{name:36s} {1e3 * median:8.2f} ms   {ratio:6.1f} x silhouette")
+    drawn = torch.from_numpy(fill_by_loop(*drawing)).bool()
+    visible = rasterize(vertices_cam, faces, K, image_hw).face_index >= 0
+    for name, other in (("fillConvexPoly loop", drawn), ("rasterize", visible)):
         print(f"IoU with {name}: {float((mask & other).sum()) / float((mask | other).sum()):.6f}")
 
 

@@ -102,6 +102,13 @@ def with_axes(canvas: Picture, cuboid: Cuboid, K: torch.Tensor) -> Picture:
     return canvas
 
 
+def write_small(
+    canvas: Picture, text: str, place: tuple[int, int], size: float, colour: tuple[int, int, int]
+) -> None:
+    """A word on a picture, its lower left corner at a place in px."""
+    cv2.putText(canvas, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+
+
 def pixels() -> Picture:
     """A 4 x 3 image, much enlarged, with the coordinates of centres and borders."""
     cell, margin, (height, width) = 90, 60, (3, 4)
@@ -111,58 +118,19 @@ def pixels() -> Picture:
     for v in range(height):
         for u in range(width):
             x, y = margin + u * cell, margin + v * cell
-            cv2.rectangle(
-                canvas,
-                (x, y),
-                (x + cell, y + cell),
-                (215, 228, 240) if (u + v) % 2 else (238, 243, 248),
-                -1,
-            )
+            grey = (215, 228, 240) if (u + v) % 2 else (238, 243, 248)
+            cv2.rectangle(canvas, (x, y), (x + cell, y + cell), grey, -1)
             cv2.circle(canvas, (x + cell // 2, y + cell // 2), 3, (200, 40, 40), -1, cv2.LINE_AA)
-            cv2.putText(
-                canvas,
-                f"({u}, {v})",
-                (x + 18, y + cell // 2 - 10),
-                cv2.FONT_HERSHEY_SIMPLEX,
-                0.45,
-                (40, 40, 40),
-                1,
-                cv2.LINE_AA,
-            )
+            write_small(canvas, f"({u}, {v})", (x + 18, y + cell // 2 - 10), 0.45, (40, 40, 40))
     for u, text in ((0, "u = -0.5"), (width, f"u = W - 0.5 = {width - 0.5}")):
-        cv2.putText(
-            canvas,
-            text,
-            (max(2, margin + u * cell - 60), margin - 14),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.45,
-            (30, 90, 200),
-            1,
-            cv2.LINE_AA,
-        )
+        place = (max(2, margin + u * cell - 60), margin - 14)
+        write_small(canvas, text, place, 0.45, (30, 90, 200))
     for v, text in ((0, "v = -0.5"), (height, f"v = H - 0.5 = {height - 0.5}")):
-        cv2.putText(
-            canvas,
-            text,
-            (2, margin + v * cell + (18 if v else -30)),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.4,
-            (30, 90, 200),
-            1,
-            cv2.LINE_AA,
-        )
+        place = (2, margin + v * cell + (18 if v else -30))
+        write_small(canvas, text, place, 0.4, (30, 90, 200))
     center = (margin + width * cell // 2, margin + height * cell // 2)
     cv2.drawMarker(canvas, center, (30, 150, 60), cv2.MARKER_CROSS, 18, 2)
-    cv2.putText(
-        canvas,
-        "((W-1)/2, (H-1)/2)",
-        (center[0] - 70, center[1] + 26),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        0.42,
-        (30, 120, 50),
-        1,
-        cv2.LINE_AA,
-    )
+    write_small(canvas, "((W-1)/2, (H-1)/2)", (center[0] - 70, center[1] + 26), 0.42, (30, 120, 50))
     return canvas
 
 
