@@ -44,7 +44,7 @@ def scene() -> tuple[Picture, Cuboid, torch.Tensor]:
     )
     K = intrinsics(700.0, IMAGE_HW)
     color = torch.tensor([0.66, 0.47, 0.28], dtype=F64).expand(len(vertices), 3)
-    image, _ = shade(vertices, model.faces, color, T[:3, :3], T[:3, 3], K, IMAGE_HW)
+    image, _ = shade(vertices, model.faces, color, R=T[:3, :3], t=T[:3, 3], K=K, image_hw=IMAGE_HW)
     return image.numpy(), tight_cuboid(vertices, torch.eye(3, dtype=F64)).transformed(T), K
 
 

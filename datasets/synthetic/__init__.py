@@ -1,4 +1,7 @@
-"""A synthetic world with exact truth, its annotation faults, and its writers.
+"""A synthetic world with exact truth, the faults of its annotations, and writers of its datasets.
+
+`world` makes the pictures, `scenes` the truth, `annotation` and `faults` what a dataset would say;
+`synthetic_set` is a whole dataset in memory, and the writers put one on the disk.
 
 The names below are loaded when first used (PEP 562).
 """

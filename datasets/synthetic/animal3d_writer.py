@@ -1,4 +1,4 @@
-"""A synthetic dataset written as an Animal3D folder, with all of its keys."""
+"""The writer of a synthetic dataset as an Animal3D folder, with all of the format's keys."""
 
 import io
 from pathlib import Path
@@ -13,6 +13,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from animal3dbox.datasets.readers.animal3d.entries import SHAPE
+from animal3dbox.datasets.synthetic.annotation import Annotation
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSample, SyntheticSet
 from animal3dbox.datasets.synthetic.truth_file import truth_of, write_truth
 from animal3dbox.errors import ConfigError
@@ -26,6 +27,7 @@ from animal3dbox.smal.parameters import posed_body
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
 
 SUPERCATEGORIES = ("cats", "dogs", "horses", "cattle", "hippos")
+"""Names of the supercategories by number."""
 _SUPERCATEGORY = {
     "cat": 0,
     "lion": 0,
@@ -41,30 +43,72 @@ _SUPERCATEGORY = {
 TEST_EVERY = 5
 """One image of so many goes into test.json."""
 QUALITY = 92
+"""Quality of the JPEG files."""
 
 
-def write_animal3d(made: SyntheticSet, root: Path, model: Path, progress: bool = False) -> int:
-    """Write images, masks, rendered masks, train.json, test.json and truth.json, and the model their parameters belong to.
+def write_animal3d(
+    synthetic_set: SyntheticSet, root: Path, model: Path, progress: bool = False
+) -> int:
+    """Write a synthetic dataset in Animal3D's format, with the model of its parameters.
+
+    The folder gets images, masks, rendered masks, train.json, test.json and truth.json.
 
     Args:
-        made: with the config of animal3d_world: the format has one focal length and no principal
-            point.
+        synthetic_set: a dataset with the config of animal3d_world, since the format has one focal
+            length and no principal point.
         root: the folder.
-        model: the SMAL pickle; as users have it, not inside root.
+        model: the SMAL pickle that is written; as users have it, not inside root.
         progress: show a bar.
 
     Returns:
-        How many animals.
+        Number of animals.
 
     Raises:
-        ConfigError: the cameras cannot be told in this format, or the model lies inside root or is
+        ConfigError: the format has no place for the cameras, or the model lies inside root or is
             there already.
 
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets.synthetic import WorldConfig
+        >>> from animal3dbox.datasets.synthetic.synthetic_set import animal3d_world
+        >>> config = animal3d_world(WorldConfig((120, 160), animals=(1, 1)))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     root, model = Path(folder) / "animals", Path(folder) / "model.pkl"
+        ...     write_animal3d(SyntheticSet(0, 2, config), root, model)
+        2
+
     """
+    _check_writable(synthetic_set, root, model)
+    entries: dict[str, list[dict[str, Any]]] = {"train": [], "test": []}
+    truths = []
+    focal = synthetic_set.config.focal_px[0] * synthetic_set.faults.focal_factor
+    for sample in tqdm(
+        synthetic_set.samples(), desc="animals", unit="animal", disable=None if progress else True
+    ):
+        split = "test" if sample.scene.plan.index % TEST_EVERY == TEST_EVERY - 1 else "train"
+        entry = _entry(sample, split, focal)
+        _write_pictures(root, sample, entry, focal)
+        count = sum(
+            other["img_path"] == entry["img_path"]
+            for other in entries[split][-synthetic_set.config.animals[1] :]
+        )
+        entries[split].append(entry)
+        truths.append(
+            truth_of(sample, entry["img_path"] + (f"#{count}" if count else ""), entry["img_path"])
+        )
+    for split, data in entries.items():
+        write_whole(root / f"{split}.json", msgspec.json.encode({"data": data, **_keys(focal)}))
+    write_truth(root / "truth.json", synthetic_set, truths)
+    write_smal_pickle(load_quadruped(), model)
+    return len(truths)
+
+
+def _check_writable(synthetic_set: SyntheticSet, root: Path, model: Path) -> None:
+    """Raise a ConfigError unless a dataset can be written in this format and to these paths."""
     if (
-        made.config.vocabulary.keypoints != ANIMAL3D_26
-        or made.config.focal_px[0] != made.config.focal_px[1]
-        or made.config.principal_offset
+        synthetic_set.config.vocabulary.keypoints != ANIMAL3D_26
+        or synthetic_set.config.focal_px[0] != synthetic_set.config.focal_px[1]
+        or synthetic_set.config.principal_offset
     ):
         raise ConfigError(
             "Animal3D tells one focal length, a centred principal point and its 26 keypoints: make"
@@ -80,32 +124,10 @@ def write_animal3d(made: SyntheticSet, root: Path, model: Path, progress: bool =
             f"the model {model} is there already and may be a real one: it is written, so give"
             " another path or remove it"
         )
-    entries: dict[str, list[dict[str, Any]]] = {"train": [], "test": []}
-    truths = []
-    focal = made.config.focal_px[0] * made.faults.focal_factor
-    for sample in tqdm(
-        made.samples(), desc="animals", unit="animal", disable=None if progress else True
-    ):
-        split = "test" if sample.scene.plan.index % TEST_EVERY == TEST_EVERY - 1 else "train"
-        entry = _entry(sample, split, focal)
-        _write_pictures(root, sample, entry, focal)
-        count = sum(
-            other["img_path"] == entry["img_path"]
-            for other in entries[split][-made.config.animals[1] :]
-        )
-        entries[split].append(entry)
-        truths.append(
-            truth_of(sample, entry["img_path"] + (f"#{count}" if count else ""), entry["img_path"])
-        )
-    for split, found in entries.items():
-        write_whole(root / f"{split}.json", msgspec.json.encode({"data": found, **_about(focal)}))
-    write_truth(root / "truth.json", made, truths)
-    write_smal_pickle(load_quadruped(), model)
-    return len(truths)
 
 
-def _about(focal: float) -> dict[str, Any]:
-    """What stands beside the data."""
+def _keys(focal: float) -> dict[str, Any]:
+    """The keys of a split's file beside "data"."""
     return {
         "flength": focal,
         "supercategories": [{"id": i, "name": name} for i, name in enumerate(SUPERCATEGORIES)],
@@ -116,49 +138,70 @@ def _about(focal: float) -> dict[str, Any]:
 
 
 def _entry(sample: SyntheticSample, split: str, focal: float) -> dict[str, Any]:
-    """One element of "data"."""
-    said, animal, model = sample.annotation, sample.animal, load_quadruped()
-    height, width = said.image_hw
+    """The element of "data" for one animal.
+
+    Args:
+        sample: the animal.
+        split: "train" or "test".
+        focal: the file's focal length in px.
+
+    """
+    annotation, animal = sample.annotation, sample.animal
+    height, width = annotation.image_hw
     folder = f"{split}/{sample.scene.animals[0].preset}"
     name = sample.scene.image_id + (f"_{animal.number}" if animal.number else "")
-    left, top, right, bottom = mask_box(said.mask).tolist()
-    body = posed_body(model, said.parameters)
-    trans = said.parameters.trans
-    landmarks, K = (
-        said.vocabulary.on_body(model.landmark_groups, body.vertices[0]),
-        intrinsics(focal, said.image_hw),
-    )
-    one = torch.ones(len(landmarks), 1, dtype=torch.float64)
-    betas = said.parameters.betas.tolist()
+    x1, y1, x2, y2 = mask_box(annotation.mask).tolist()
     return {
         "img_path": f"images/{folder}/{sample.scene.image_id}.jpg",
-        "mask_path": f"masks/{folder}/{name}.png", "rd_mask_path": f"rd_masks/{folder}/{name}.png",
-        "bbox": [left + 0.5, top + 0.5, right - left, bottom - top],
-        "keypoint_2d": said.keypoints_2d.tolist(), "reproj_kp_2d": torch.cat((project(K, landmarks)[0], one), dim=1).tolist(),
-        "joints_2d": project(K, body.joints[0])[0].tolist(),
-        "keypoint_3d": (landmarks - trans).tolist(), "joints_3d": (body.joints[0] - trans).tolist(),
-        "pose": said.parameters.pose.flatten().tolist(), "shape": betas[:SHAPE], "shape_extra": betas[SHAPE:], "trans": trans.tolist(),
-        "supercategory": _SUPERCATEGORY[animal.preset], "category": quadruped_names().presets.index(animal.preset),
-        "height": height, "width": width, "with_tail": 1,
-    }  # fmt: skip
+        "mask_path": f"masks/{folder}/{name}.png",
+        "rd_mask_path": f"rd_masks/{folder}/{name}.png",
+        "bbox": [x1 + 0.5, y1 + 0.5, x2 - x1, y2 - y1],
+        "keypoint_2d": annotation.keypoints_2d.tolist(),
+        **_body_keys(annotation, focal),
+        "supercategory": _SUPERCATEGORY[animal.preset],
+        "category": quadruped_names().presets.index(animal.preset),
+        "height": height,
+        "width": width,
+        "with_tail": 1,
+    }
+
+
+def _body_keys(annotation: Annotation, focal: float) -> dict[str, Any]:
+    """The keys of an element of "data" that hold its body's parameters and points."""
+    model, parameters = load_quadruped(), annotation.parameters
+    body = posed_body(model, parameters)
+    joints, trans, betas = body.joints[0], parameters.trans, parameters.betas.tolist()
+    landmarks = annotation.vocabulary.on_body(model.landmark_groups, body.vertices[0])
+    K = intrinsics(focal, annotation.image_hw)
+    one = torch.ones(len(landmarks), 1, dtype=torch.float64)
+    return {
+        "reproj_kp_2d": torch.cat((project(K, landmarks)[0], one), dim=1).tolist(),
+        "joints_2d": project(K, joints)[0].tolist(),
+        "keypoint_3d": (landmarks - trans).tolist(),
+        "joints_3d": (joints - trans).tolist(),
+        "pose": parameters.pose.flatten().tolist(),
+        "shape": betas[:SHAPE],
+        "shape_extra": betas[SHAPE:],
+        "trans": trans.tolist(),
+    }
 
 
 def _write_pictures(
     root: Path, sample: SyntheticSample, entry: dict[str, Any], focal: float
 ) -> None:
-    """The image, once a scene, the mask, and the mask rendered from the annotated body."""
+    """Write the image, once a scene, the mask, and the mask rendered from the annotated body."""
     if sample.animal is sample.scene.animals[0]:
         write_picture(root / entry["img_path"], sample.scene.image.numpy())
-    body, said = posed_body(load_quadruped(), sample.annotation.parameters), sample.annotation
-    drawn = silhouette(
-        body.vertices[0], load_quadruped().faces, intrinsics(focal, said.image_hw), said.image_hw
-    )
-    for key, mask in (("mask_path", said.mask), ("rd_mask_path", drawn)):
+    annotation, model = sample.annotation, load_quadruped()
+    body = posed_body(model, annotation.parameters)
+    K = intrinsics(focal, annotation.image_hw)
+    body_mask = silhouette(body.vertices[0], model.faces, K, annotation.image_hw)
+    for key, mask in (("mask_path", annotation.mask), ("rd_mask_path", body_mask)):
         write_picture(root / entry[key], _levels(mask))
 
 
 def write_picture(path: Path, pixels: NDArray[np.uint8]) -> None:
-    """A picture by its suffix, .jpg or .png."""
+    """Write a picture (H, W) or (H, W, 3) in the format of its path's suffix, .jpg or .png."""
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(
         buffer, "PNG" if path.suffix == ".png" else "JPEG", quality=QUALITY
@@ -167,4 +210,5 @@ def write_picture(path: Path, pixels: NDArray[np.uint8]) -> None:
 
 
 def _levels(mask: Tensor) -> NDArray[np.uint8]:
+    """A mask (H, W) as a picture of 0 and 255."""
     return np.asarray(mask.numpy(), dtype=np.uint8) * np.uint8(255)

@@ -1,4 +1,4 @@
-"""Annotation faults as a dial: what annotators, fitters and programs get wrong, each by a number.
+"""Faults of annotations as dials: each mistake of annotators, fitters and programs by a number.
 
 Every fault draws from random numbers of its own, so that turning one dial leaves the others' draws
 as they are, and a larger number makes more of the same fault.
@@ -21,6 +21,7 @@ from animal3dbox.smal.parameters import SmalParameters
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
 
 Swap = Literal["none", "all", "legs", "fore", "hind", "head"]
+"""Parts of the body whose left and right keypoints may be exchanged."""
 _PARTS: dict[str, tuple[str, ...]] = {
     "legs": ("front_", "back_"),
     "fore": ("front_",),
@@ -31,24 +32,28 @@ _PARTS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class FaultConfig:
-    """Which faults, and how strong; everything at rest gives the annotation itself.
+    """The faults of a synthetic dataset's annotations; the defaults make none.
 
     Attributes:
         noise_px: standard deviation of every marked keypoint, along u and along v.
         outliers: part of the marked keypoints that lie anywhere in the image instead.
         missing: part of the marked keypoints that are not marked.
-        zeros: part of the marked keypoints that are left at (0, 0) and still marked. label_animal
-            takes such for missing; this is for reproducing what happens to those who do not.
+        zeros: part of the marked keypoints that stay at (0, 0) and are still marked. label_animal
+            takes such for missing; the fault reproduces the harm of not doing so.
         wrong_flags: part of the keypoints in the frame whose mark is the opposite of what it should
             be.
-        swap: whose left and right keypoints are exchanged.
+        swap: part of the body whose left and right keypoints are exchanged.
         swapped: part of the animals to which that happens.
-        focal_factor: the focal length told, by the true one; the body's depth is what it looks like
-            under that.
-        joint_deg: standard deviation of the misfit of each joint's axis-angle entries, the root's
-            left out.
-        body_scale: size of the fitted body, by the true one.
-        mask_px: the mask is grown by so many px, or shrunk if negative.
+        focal_factor: the annotated focal length by the true one; the body's depth follows it.
+        joint_deg: standard deviation of the misfit of each joint's axis-angle entries but the
+            root's.
+        body_scale: size of the fitted body by the true one.
+        mask_px: pixels by which the mask is grown, or shrunk if negative.
+
+    Example:
+        >>> FaultConfig().at_rest, FaultConfig(noise_px=2.0).at_rest
+        (True, False)
+
     """
 
     noise_px: float = 0.0
@@ -84,7 +89,7 @@ class FaultConfig:
 
     @property
     def at_rest(self) -> bool:
-        """Whether no fault is made."""
+        """Whether these dials leave an annotation as it is."""
         idle = ("swapped",) if self.swap == "none" else ()
         return all(getattr(self, f.name) == f.default for f in fields(self) if f.name not in idle)
 
@@ -93,8 +98,8 @@ def faulty(annotation: Annotation, faults: FaultConfig, seed: int = 0) -> Annota
     """The annotation with faults; the same for the same sample, faults and seed.
 
     Args:
-        annotation: left as it is.
-        faults: what goes wrong. Keypoints are swapped, then moved, then thrown, then lost; flags
+        annotation: the faultless one, which stays as it is.
+        faults: the dials. Keypoints are swapped, then moved, then thrown, then lost; flags are
             last.
         seed: another seed makes the same faults elsewhere.
 
@@ -102,38 +107,35 @@ def faulty(annotation: Annotation, faults: FaultConfig, seed: int = 0) -> Annota
     keypoints = annotation.keypoints_2d
     if faults.swap != "none" and _draw(annotation, seed, "swap", 1)[0] < faults.swapped:
         keypoints = keypoints[torch.tensor(swap_order(annotation.vocabulary, faults.swap))]
+    focal_factors = [faults.focal_factor, faults.focal_factor, 1.0]
     return replace(
         annotation,
         keypoints_2d=_keypoints(annotation, keypoints, faults, seed),
         mask=resized_mask(annotation.mask, faults.mask_px),
-        K=annotation.K
-        @ torch.diag(
-            torch.tensor([faults.focal_factor, faults.focal_factor, 1.0], dtype=torch.float64)
-        ),
+        K=annotation.K @ torch.diag(torch.tensor(focal_factors, dtype=torch.float64)),
         parameters=_misfit(annotation, faults, seed),
     )
 
 
 def swap_order(vocabulary: Vocabulary, part: Swap) -> list[int]:
-    """Which keypoint (J,) each keypoint's place is taken from when the left and right of a part are
-    exchanged."""
+    """The keypoints (J,) that take each keypoint's place when a part's left and right change."""
     if part == "none":
         return list(range(len(vocabulary)))
     names = [
         " ".join((keypoint, *places))
         for keypoint, places in zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)
     ]
-    concerned = [part == "all" or any(word in name for word in _PARTS[part]) for name in names]
+    in_part = [part == "all" or any(piece in name for piece in _PARTS[part]) for name in names]
     return [
-        vocabulary.flip[i] if concerned[i] and concerned[vocabulary.flip[i]] else i
-        for i in range(len(vocabulary))
+        partner if in_part[i] and in_part[partner] else i
+        for i, partner in enumerate(vocabulary.flip)
     ]
 
 
 def resized_mask(mask: Tensor, px: int) -> Tensor:
-    """A mask (H, W) bool grown by a disc of so many px, or shrunk.
+    """A mask (H, W) bool grown by a disc of so many pixels, or shrunk by a negative number.
 
-    The frame's border does not shrink it. Never empty unless it was.
+    The frame's border does not shrink it, and it is never empty unless it was before.
     """
     if px == 0:
         return mask
@@ -144,7 +146,7 @@ def resized_mask(mask: Tensor, px: int) -> Tensor:
 
 
 def _keypoints(annotation: Annotation, keypoints: Tensor, faults: FaultConfig, seed: int) -> Tensor:
-    """Keypoints (J, 3), moved, thrown, lost and wrongly flagged."""
+    """The keypoints (J, 3) moved, thrown, lost and wrongly flagged; see FaultConfig."""
     height, width = annotation.image_hw
     count, in_frame = len(keypoints), keypoints[:, :2].any(1)
     marked = keypoints[:, 2] > 0
@@ -153,11 +155,8 @@ def _keypoints(annotation: Annotation, keypoints: Tensor, faults: FaultConfig, s
         for name in ("outliers", "missing", "zeros", "wrong_flags")
     }
     px = keypoints[:, :2] + faults.noise_px * _normal(annotation, seed, "noise_px", (count, 2))
-    anywhere = (
-        _draw(annotation, seed, "anywhere", 2 * count).reshape(count, 2)
-        * torch.tensor([width, height])
-        - 0.5
-    )
+    part_of_frame = _draw(annotation, seed, "anywhere", 2 * count).reshape(count, 2)
+    anywhere = part_of_frame * torch.tensor([width, height]) - 0.5
     px = torch.where((marked & chance["outliers"])[:, None], anywhere, px)
     px = torch.where((marked & chance["zeros"])[:, None], 0.0, px)
     flags = marked & ~chance["missing"]
@@ -167,10 +166,10 @@ def _keypoints(annotation: Annotation, keypoints: Tensor, faults: FaultConfig, s
 
 
 def _misfit(annotation: Annotation, faults: FaultConfig, seed: int) -> SmalParameters:
-    """The body's parameters with joints turned, its size and, by a wrong focal length, its depth changed.
+    """The parameters of the misfitted body: joints turned, its size and its depth changed.
 
-    Its root joint stays on the ray, and but for the focal length in the depth, where the true body
-    has it.
+    Its root joint stays on the true one's ray, and at the true depth but for the focal length's
+    fault.
     """
     true, model = annotation.parameters, load_quadruped()
     pose = true.pose.clone()
@@ -185,9 +184,9 @@ def _misfit(annotation: Annotation, faults: FaultConfig, seed: int) -> SmalParam
 
 
 def _size_amount(model: SmalModel, scale: float) -> float:
-    """The amount of the column "size" that scales the template.
+    """The amount of the shape's column "size" that scales the template by a factor.
 
-    The other columns are scaled by themselves.
+    The other columns' amounts are scaled by themselves.
     """
     column = model.shapedirs[:, :, quadruped_names().columns.index("size")]
     growth = float((column * model.v_template).sum() / (model.v_template * model.v_template).sum())
@@ -195,6 +194,7 @@ def _size_amount(model: SmalModel, scale: float) -> float:
 
 
 def _generator(annotation: Annotation, seed: int, fault: str) -> np.random.Generator:
+    """The random numbers of one fault of one sample."""
     return np.random.Generator(
         np.random.PCG64(
             np.random.SeedSequence(
@@ -205,9 +205,10 @@ def _generator(annotation: Annotation, seed: int, fault: str) -> np.random.Gener
 
 
 def _draw(annotation: Annotation, seed: int, fault: str, count: int) -> Tensor:
-    """Numbers (count,) from 0 to 1."""
+    """Random numbers (count,) from 0 to 1, of one fault of one sample."""
     return torch.from_numpy(_generator(annotation, seed, fault).random(count))
 
 
 def _normal(annotation: Annotation, seed: int, fault: str, shape: tuple[int, ...]) -> Tensor:
+    """Random numbers of a shape, normally distributed, of one fault of one sample."""
     return torch.from_numpy(_generator(annotation, seed, fault).standard_normal(shape))

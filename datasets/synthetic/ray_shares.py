@@ -1,6 +1,6 @@
-"""Which side of a box each pixel's ray enters by.
+"""Shares of a box's faces, counted ray by ray instead of computed.
 
-The shares of its faces, counted instead of computed.
+Each pixel's ray enters the box by one face; the counts check face_visibility.
 """
 
 import torch
@@ -13,7 +13,7 @@ from animal3dbox.geometry.cuboid import Cuboid
 def face_shares_by_rays(
     cuboid_cam: Cuboid, K: Tensor, image_hw: tuple[int, int], rays_per_pixel: int = 1
 ) -> Tensor:
-    """Parts of the rays through the frame that enter a box by each of its faces.
+    """The parts of the rays through the frame that enter a box by each of its faces.
 
     Rays that enter nearer than the near plane are left out, as face_visibility clips there. From
     inside the box no ray enters.
@@ -22,7 +22,8 @@ def face_shares_by_rays(
         cuboid_cam: one box in the camera frame.
         K: (3, 3) in px.
         image_hw: height and width.
-        rays_per_pixel: along each side of a pixel, evenly spread; 1: through its centre.
+        rays_per_pixel: number of rays along each side of a pixel, evenly spread; 1: one ray through
+            its centre.
 
     Returns:
         (6,) in FACES' order, summing to 1; all 0 if no ray meets the box.
@@ -43,7 +44,7 @@ def face_shares_by_rays(
     to_low, to_high = (torch.where(depth.isnan(), -torch.inf, depth) for depth in (to_low, to_high))
     enter, axis = torch.minimum(to_low, to_high).max(dim=1)
     leave = torch.maximum(to_low, to_high).amin(dim=1)
-    hit = (enter < leave) & (enter > near_depth(cuboid_cam))
+    enters = (enter < leave) & (enter > near_depth(cuboid_cam))
     by_low_side = rays.gather(1, axis[:, None])[:, 0] > 0
-    counts = torch.bincount((2 * axis + by_low_side)[hit], minlength=6).double()
+    counts = torch.bincount((2 * axis + by_low_side)[enters], minlength=6).double()
     return counts / counts.sum().clamp_min(1)

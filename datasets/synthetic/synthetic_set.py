@@ -1,7 +1,4 @@
-"""A whole synthetic dataset in memory.
-
-Scenes, their annotations, and the records that labelling takes.
-"""
+"""A whole synthetic dataset in memory: scenes, their annotations, and the records for labelling."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -21,18 +18,26 @@ from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 FORMAT = "synthetic"
+"""The format's name in reports."""
 ANIMAL3D_FOCAL_PX = 1000.0
 """The one focal length, in px, with which Animal3D's bodies were fitted to all of its images."""
 
 
 @dataclass(frozen=True)
 class SyntheticSample:
-    """One animal with what is said of it and what is true of it.
+    """One animal of a synthetic dataset, with its truth and its annotation.
 
     Attributes:
-        scene: its picture.
+        scene: the animal's scene.
         animal: the truth.
-        annotation: what a dataset would say, faults included.
+        annotation: as a dataset would have it, faults included.
+
+    Example:
+        >>> dataset = SyntheticSet(0, 1, WorldConfig(image_hw=(120, 160)))
+        >>> sample = next(dataset.samples())
+        >>> isinstance(sample, SyntheticSample), sample.annotation.image_hw
+        (True, (120, 160))
+
     """
 
     scene: SyntheticScene
@@ -42,16 +47,22 @@ class SyntheticSample:
 
 @dataclass(frozen=True)
 class SyntheticSet:
-    """The first scenes of a seed's world.
+    """A synthetic dataset: the first scenes of a seed's world.
 
-    Scenes are drawn when they are asked for, always the same.
+    Scenes are drawn when they are needed, and always the same.
 
     Attributes:
         seed: of the world, and of its faults.
-        images: how many scenes.
-        config: what they are like.
-        faults: what is wrong with their annotations.
-        hidden: whether keypoints that something hides are marked too.
+        images: number of scenes.
+        config: of the world.
+        faults: of the annotations.
+        hidden: whether keypoints that something hides are marked, too.
+
+    Example:
+        >>> dataset = SyntheticSet(0, 3, WorldConfig(image_hw=(120, 160), animals=(1, 1)))
+        >>> [record.sample_id for record in dataset.records().records][:1]
+        ['dog-run-0']
+
     """
 
     seed: int
@@ -70,7 +81,7 @@ class SyntheticSet:
         return self.images
 
     def samples(self) -> Iterator[SyntheticSample]:
-        """Every animal, scene by scene; the scene before is forgotten."""
+        """Every animal, scene by scene; a scene is not kept when the next one is drawn."""
         for index in range(self.images):
             scene = synthetic_scene(self.seed, index, self.config)
             for animal in scene.animals:
@@ -80,14 +91,14 @@ class SyntheticSet:
 
     @cached_property
     def _annotated(self) -> tuple[tuple[AnimalRecord, Annotation], ...]:
-        """Every animal's record and annotation, without its picture."""
+        """The records and annotations of all animals, without their pictures and masks."""
         return tuple(
             (record_of(sample), replace(sample.annotation, mask=sample.annotation.mask[:0]))
             for sample in self.samples()
         )
 
     def records(self, stored_pose: bool = False) -> RecordSet:
-        """What labelling takes, each with its own K.
+        """The records of all animals for labelling, each with its own K.
 
         Args:
             stored_pose: whether the records know the camera for which their bodies were fitted, as
@@ -100,7 +111,7 @@ class SyntheticSet:
         )
 
     def bodies(self) -> ParametersBody:
-        """The animals' bodies as annotated, misfits included, in the camera frame."""
+        """The source of the animals' bodies as annotated, misfits included, in the camera frame."""
         return ParametersBody(
             load_quadruped(),
             {record.sample_id: annotation.parameters for record, annotation in self._annotated},
@@ -108,29 +119,31 @@ class SyntheticSet:
 
 
 def record_of(sample: SyntheticSample) -> AnimalRecord:
-    """The record of one sample."""
-    said = sample.annotation
+    """The record of one sample, as labelling takes it."""
+    annotation = sample.annotation
     return AnimalRecord(
-        sample_id=said.sample_id,
+        sample_id=annotation.sample_id,
         image_id=sample.scene.image_id,
         image_path=None,
-        image_hw=said.image_hw,
-        vocabulary=said.vocabulary,
-        keypoints_2d=said.keypoints_2d.numpy(),
-        mask_runs=encode_mask(said.mask.numpy()),
+        image_hw=annotation.image_hw,
+        vocabulary=annotation.vocabulary,
+        keypoints_2d=annotation.keypoints_2d.numpy(),
+        mask_runs=encode_mask(annotation.mask.numpy()),
         category=sample.animal.preset,
-        K=said.K.numpy(),
+        K=annotation.K.numpy(),
     )
 
 
 def animal3d_world(config: WorldConfig) -> WorldConfig:
-    """The config with the only camera and keypoints that Animal3D's format can tell.
+    """The config with the one camera and the keypoints that Animal3D's format has a place for.
 
-    1000 px, centred, its 26 points.
+    The camera has a focal length of 1000 px and a centred principal point; the keypoints are the
+    format's 26.
 
     Example:
         >>> animal3d_world(WorldConfig()).focal_px
         (1000.0, 1000.0)
+
     """
     focal = (ANIMAL3D_FOCAL_PX, ANIMAL3D_FOCAL_PX)
     return replace(

@@ -198,7 +198,7 @@ def test_the_superimposed_mask_is_the_silhouette_under_the_given_camera() -> Non
         K,
         R,
         t,
-        IMAGE_HW,
+        image_hw=IMAGE_HW,
     )
     assert (
         int(mask[keypoints[:, 1].round().long(), keypoints[:, 0].round().long()].sum()) >= 25

@@ -1,4 +1,5 @@
-"""A synthetic world of posed quadrupeds under known cameras.
+"""The pictures of a synthetic world: posed quadrupeds under known cameras, the same for a seed.
 
-Pictures with exact truth, the same for the same seed.
+`config` has the dials; `scene` plans a scene from `animals`, `coats`, `things`, `ground` and
+`cameras`; `shading` and `render` make its picture.
 """

@@ -1,6 +1,6 @@
-"""Cameras of a scene.
+"""The cameras of scenes, handheld or from above.
 
-Handheld and from above, that see an animal in a given size and place of the frame.
+Each sees the first animal in a random size and place of the frame, to which it is fitted.
 """
 
 import math
@@ -15,26 +15,30 @@ from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at
 from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle, transform_points
 
 HANDHELD_BELOW_DEG, UAV_ABOVE_DEG = 35.0, 25.0
+"""Elevations that handheld cameras keep below, and those from above over."""
 NEAREST = 0.1
 """Least depth of the animal, in body lengths."""
 ROUNDS = 40
+"""Greatest number of rounds in which a camera is fitted."""
 USUAL_ELEVATION_DEG = 10.0
+"""Most common elevation of a camera."""
 FILL_BIAS = 0.6
 """Below 1, large animals are drawn more often than small ones."""
-_CUT = (0.15, 0.5)  # part of a cut animal's box that lies outside the frame
+_CUT = (0.15, 0.5)
+"""Part of a cut animal's box that lies outside the frame."""
 
 
 @dataclass(frozen=True)
 class _View:
-    """What was drawn of a camera before it is fitted.
+    """The random numbers of a camera before it is fitted to its animal.
 
     Attributes:
-        K: (3, 3).
+        K: (3, 3) in px.
         away: (3,) unit, from the animal to the camera.
         roll: radians.
-        fill: wanted longer side of the animal's box by the image's side.
-        corner: (2,) where in the free room the animal stands, 0 to 1 along u and v; outside of that
-            it is cut.
+        fill: longer side that the animal's box shall have, by the image's side.
+        corner: (2,) place of the animal in the free room, 0 to 1 along u and v; outside of that it
+            is cut.
         image_hw: height and width.
     """
 
@@ -47,7 +51,7 @@ class _View:
 
 
 def draw_camera(rng: np.random.Generator, vertices: Tensor, config: WorldConfig) -> PinholeCamera:
-    """A camera that looks at a body with vertices (V, 3) in the world, z up."""
+    """A random camera that looks at a body with vertices (V, 3) in the world, z up."""
     view = _draw_view(rng, config)
     middle = (vertices.amax(0) + vertices.amin(0)) / 2
     half = torch.tensor([config.image_hw[1], config.image_hw[0]], dtype=torch.float64) / 2
@@ -58,7 +62,7 @@ def draw_camera(rng: np.random.Generator, vertices: Tensor, config: WorldConfig)
     aim = half - 0.5
     for _ in range(ROUNDS):
         T = _pointed(view, distance, aim)
-        low, high, nearest = _seen_box(view.K, transform_points(T, about))
+        low, high, nearest = _bounds(view.K, transform_points(T, about))
         if nearest < NEAREST:
             distance += NEAREST - nearest + 0.05
             continue
@@ -68,22 +72,22 @@ def draw_camera(rng: np.random.Generator, vertices: Tensor, config: WorldConfig)
         if float(error.abs().amax()) < 0.5 and abs(growth - 1) < 1e-3:
             break
         aim, distance = aim + error, distance * growth**0.9
-    R = T[:3, :3]
-    moved = T.clone()
-    moved[:3, 3] = T[:3, 3] - R @ middle
-    return PinholeCamera(view.K, moved, config.image_hw)
+    T_cam_world = T.clone()
+    T_cam_world[:3, 3] = T[:3, 3] - T[:3, :3] @ middle  # T is about the body's middle
+    return PinholeCamera(view.K, T_cam_world, config.image_hw)
 
 
 def _corner_px(corner: Tensor, size: Tensor, frame: Tensor) -> Tensor:
-    """Where the box of an animal begins, (2,) px from the frame's border.
+    """The least corner (2,) of an animal's box, in px from the frame's border.
 
-    Within the room it has, or cut by part of its size.
+    The box lies within the room that it has, or is cut by part of its size.
     """
     before, after = corner * size, frame - size + (corner - 1) * size
     return torch.where(corner < 0, before, torch.where(corner > 1, after, corner * (frame - size)))
 
 
 def _draw_view(rng: np.random.Generator, config: WorldConfig) -> _View:
+    """The random numbers of a camera."""
     low, high = config.elevation_deg
     if rng.random() < config.uav and high > UAV_ABOVE_DEG:
         low = max(low, UAV_ABOVE_DEG)
@@ -105,21 +109,25 @@ def _draw_view(rng: np.random.Generator, config: WorldConfig) -> _View:
     K[0, 2] += rng.uniform(-1, 1) * config.principal_offset * config.image_hw[1]
     K[1, 2] += rng.uniform(-1, 1) * config.principal_offset * config.image_hw[0]
     corner = rng.uniform(0.05, 0.95, 2)
-    side, cut, is_cut = int(rng.integers(4)), rng.uniform(*_CUT), rng.random() < config.truncated
+    side, outside, is_cut = (
+        int(rng.integers(4)),
+        rng.uniform(*_CUT),
+        rng.random() < config.truncated,
+    )
     if is_cut:
-        corner[side % 2] = -cut if side < 2 else 1 + cut
+        corner[side % 2] = -outside if side < 2 else 1 + outside
     return _View(
-        K,
-        torch.tensor(away, dtype=torch.float64),
-        roll,
-        fill,
-        torch.from_numpy(corner),
-        config.image_hw,
+        K=K,
+        away=torch.tensor(away, dtype=torch.float64),
+        roll=roll,
+        fill=fill,
+        corner=torch.from_numpy(corner),
+        image_hw=config.image_hw,
     )
 
 
 def _pointed(view: _View, distance: float, aim: Tensor) -> Tensor:
-    """T_cam_world of the camera at that distance from the origin, which it sees at pixel aim (2,)."""
+    """T_cam_world (4, 4) of a camera that sees the origin at a distance, at the pixel aim (2,)."""
     ray = torch.linalg.solve(view.K, torch.cat((aim, torch.ones_like(aim[:1]))))
     ray = ray / torch.linalg.vector_norm(ray)
     ahead = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
@@ -133,8 +141,8 @@ def _pointed(view: _View, distance: float, aim: Tensor) -> Tensor:
     return T
 
 
-def _seen_box(K: Tensor, vertices_cam: Tensor) -> tuple[Tensor, Tensor, float]:
-    """Least and greatest pixel (2,) of a body, and its least depth."""
+def _bounds(K: Tensor, vertices_cam: Tensor) -> tuple[Tensor, Tensor, float]:
+    """The least and the greatest pixel (2,) of a body, and its least depth."""
     depth = vertices_cam[:, 2]
     px = (vertices_cam @ K.T)[:, :2] / depth.clamp_min(1e-3)[:, None]
     return px.amin(0), px.amax(0), float(depth.amin())

@@ -1,7 +1,6 @@
-"""Coats.
+"""The coats of animals: colours as functions of places on the template.
 
-Colours as functions of places on the template, so that they stick to the body in every shape and
-pose.
+So they stick to the body in every shape and pose.
 """
 
 from dataclasses import dataclass
@@ -16,43 +15,55 @@ from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 Values = NDArray[np.float32]
+"""Values of points, such as colours (N, 3)."""
 Color = tuple[float, float, float]
+"""Red, green and blue, 0 to 1."""
 
 KINDS = ("plain", "patches", "stripes", "countershading", "spots")
+"""The kinds of coats."""
 _WAVES = 7
-EYE_RADIUS, NOSE_RADIUS, HOOF_HEIGHT = 0.013, 0.022, 0.022  # of the template, which is a unit long
+"""Number of waves of a coat's noise."""
+EYE_RADIUS, NOSE_RADIUS, HOOF_HEIGHT = 0.013, 0.022, 0.022
+"""Sizes of dark skin on the template, which is a unit long."""
 
 _BASES: dict[str, tuple[tuple[str, ...], tuple[Color, ...]]] = {
-    "dog": (("plain", "patches", "countershading"), ((0.66, 0.47, 0.28), (0.20, 0.17, 0.15), (0.80, 0.72, 0.60), (0.45, 0.30, 0.18))),
-    "cat": (("stripes", "patches", "plain", "countershading"), ((0.60, 0.50, 0.40), (0.75, 0.50, 0.28), (0.30, 0.28, 0.27))),
-    "horse": (("plain", "patches", "countershading"), ((0.42, 0.25, 0.15), (0.25, 0.17, 0.12), (0.70, 0.66, 0.62), (0.58, 0.38, 0.22))),
-    "cow": (("patches", "plain", "countershading"), ((0.84, 0.80, 0.75), (0.50, 0.30, 0.18), (0.75, 0.62, 0.46))),
-    "bear": (("plain", "countershading"), ((0.34, 0.23, 0.16), (0.16, 0.13, 0.12), (0.88, 0.86, 0.80))),
+    "dog": (("plain", "patches", "countershading"),
+            ((0.66, 0.47, 0.28), (0.20, 0.17, 0.15), (0.80, 0.72, 0.60), (0.45, 0.30, 0.18))),
+    "cat": (("stripes", "patches", "plain", "countershading"),
+            ((0.60, 0.50, 0.40), (0.75, 0.50, 0.28), (0.30, 0.28, 0.27))),
+    "horse": (("plain", "patches", "countershading"),
+              ((0.42, 0.25, 0.15), (0.25, 0.17, 0.12), (0.70, 0.66, 0.62), (0.58, 0.38, 0.22))),
+    "cow": (("patches", "plain", "countershading"),
+            ((0.84, 0.80, 0.75), (0.50, 0.30, 0.18), (0.75, 0.62, 0.46))),
+    "bear": (("plain", "countershading"),
+             ((0.34, 0.23, 0.16), (0.16, 0.13, 0.12), (0.88, 0.86, 0.80))),
     "deer": (("countershading", "spots", "plain"), ((0.60, 0.40, 0.23), (0.50, 0.38, 0.27))),
     "zebra": (("stripes",), ((0.86, 0.84, 0.80),)),
     "pig": (("plain", "patches", "plain"), ((0.88, 0.67, 0.60), (0.55, 0.42, 0.36))),
     "hippo": (("countershading", "plain"), ((0.46, 0.39, 0.39), (0.40, 0.36, 0.37))),
     "lion": (("countershading", "plain"), ((0.76, 0.59, 0.36), (0.68, 0.52, 0.34))),
 }  # fmt: skip
+"""Species -> the kinds of coats that it has, and its ground colours."""
 _OTHER: tuple[tuple[str, ...], tuple[Color, ...]] = (
     KINDS,
     ((0.60, 0.50, 0.40), (0.35, 0.30, 0.26)),
 )
-_USUAL = 0.8  # part of the animals whose kind of coat is one of their species'
+_USUAL = 0.8
+"""Part of the animals whose kind of coat is one that their species has."""
 
 
 @dataclass(frozen=True)
 class Coat:
-    """A coat.
+    """One animal's coat: its kind, its colours and its noise.
 
     Attributes:
         kind: of KINDS.
         base: the ground colour.
         mark: the colour of marks, or of the belly.
-        waves: (3, W) wave vectors of its noise.
-        phases: (W,).
-        level: where its marks begin.
-        points: how much darker legs, head and tail are.
+        waves: (3, W) wave vectors of the noise.
+        phases: (W,) of the noise.
+        level: value of the noise at which marks begin.
+        points: part by which legs, head and tail are darker.
     """
 
     kind: str
@@ -65,7 +76,7 @@ class Coat:
 
 
 def draw_coat(rng: np.random.Generator, preset: str) -> Coat:
-    """A coat for a species, most often one that it has."""
+    """A random coat for a species, most often of a kind that it has."""
     kinds, bases = _BASES.get(preset, _OTHER)
     kind = kinds[int(rng.integers(len(kinds)))]
     if rng.random() > _USUAL and preset != "zebra":
@@ -87,19 +98,31 @@ def draw_coat(rng: np.random.Generator, preset: str) -> Coat:
     cycles = {"patches": 8.0, "spots": 55.0}.get(kind, 9.0) * rng.uniform(0.8, 1.3)
     waves = rng.standard_normal((3, _WAVES))
     waves *= cycles * rng.uniform(0.7, 1.4, _WAVES) / np.linalg.norm(waves, axis=0)
+    # The order of these is that of the random numbers.
     return Coat(
-        kind, _color(base), _color(mark), waves.astype(np.float32), rng.uniform(0, 6.28, _WAVES).astype(np.float32),
-        float(rng.uniform(-0.25, 0.3)), float(rng.uniform(0, 0.5) if rng.random() < 0.5 else 0.0),
-    )  # fmt: skip
+        kind=kind,
+        base=_color(base),
+        mark=_color(mark),
+        waves=waves.astype(np.float32),
+        phases=rng.uniform(0, 6.28, _WAVES).astype(np.float32),
+        level=float(rng.uniform(-0.25, 0.3)),
+        points=float(rng.uniform(0, 0.5) if rng.random() < 0.5 else 0.0),
+    )
 
 
 def _color(value: NDArray[np.float64]) -> Color:
+    """An array (3,) as a colour."""
     return float(value[0]), float(value[1]), float(value[2])
 
 
 def coat_colors(coat: Coat, features: Values) -> Values:
-    """Colours (N, 3), 0 to 1, of points with these template features (N, F), as template_features
-    gives them."""
+    """The colours (N, 3), 0 to 1, of points of a coat.
+
+    Args:
+        coat: of the animal.
+        features: (N, 8) of the points, as template_features has them.
+
+    """
     x, y, z, up, leg, head, tail, dark = features.T
     noise = np.sin(features[:, :3] @ coat.waves + coat.phases).sum(1) / _WAVES**0.5
     base, mark = np.array(coat.base, dtype=np.float32), np.array(coat.mark, dtype=np.float32)
@@ -108,42 +131,33 @@ def coat_colors(coat: Coat, features: Values) -> Values:
     elif coat.kind == "spots":
         part = _step(noise - 0.75, 0.15) * (1 - 0.7 * leg)
     elif coat.kind == "stripes":
-        flow = (
-            2
-            * np.pi
-            * (13.0 + 3 * coat.level)
-            * (
-                x * (1 - leg) * (1 + 0.4 * head)
-                + 0.25 * z * (1 - leg)
-                + 1.3 * z * leg
-                + 0.012 * noise
-            )
-        )
+        on_trunk = x * (1 - leg) * (1 + 0.4 * head) + 0.25 * z * (1 - leg)
+        flow = 2 * np.pi * (13.0 + 3 * coat.level) * (on_trunk + 1.3 * z * leg + 0.012 * noise)
         part = _step(np.sin(flow) - 0.1 + 1.2 * np.clip(-up - 0.3, 0, 1), 0.25)
     elif coat.kind == "countershading":
         part = _step(-up - 0.15 + 0.15 * noise, 0.55)
     else:
         part = 0.05 * noise
     colors = base + (mark - base) * np.clip(part, 0, 1)[:, None]
-    colors *= (1 - coat.points * np.clip(leg * (1 - z / 0.4) + 0.6 * head + 0.7 * tail, 0, 1))[
-        :, None
-    ]
+    dark_points = np.clip(leg * (1 - z / 0.4) + 0.6 * head + 0.7 * tail, 0, 1)
+    colors *= (1 - coat.points * dark_points)[:, None]
     hair = np.sin(150 * x + 95 * y + 2.5 * noise) * np.sin(130 * z - 60 * y - 2.0 * noise)
     colors *= (1 + 0.03 * noise + 0.01 * hair)[:, None]
     return np.asarray(colors * (1 - 0.9 * np.clip(dark, 0, 1))[:, None], dtype=np.float32)
 
 
 def _step(value: Values, width: float) -> Values:
-    """0 below, 1 above zero, smooth over a width."""
+    """0 below and 1 above zero, smooth over a width: the smoothstep function."""
     part = np.clip(value / width + 0.5, 0, 1)
     return np.asarray(part * part * (3 - 2 * part))
 
 
 @cache
 def template_features() -> Values:
-    """What coats depend on, of each vertex of the quadruped's template, (V, 8).
+    """The features (V, 8) of the vertices of the quadruped's template that coats depend on.
 
-    Place, upward normal, parts of the body, dark skin.
+    They are the place x, y, z, the normal's z, how much the vertex belongs to legs, head and tail,
+    and how dark its skin is.
     """
     model = load_quadruped()
     place, normals = model.v_template, vertex_normals(model.v_template, model.faces)
@@ -163,6 +177,7 @@ def template_features() -> Values:
 
 
 def _weight(model: SmalModel, names: tuple[str, ...]) -> torch.Tensor:
+    """The skinning weight (V,) of the joints whose names hold one of these."""
     joints = [
         i for i, joint in enumerate(model.joint_names) if any(name in joint for name in names)
     ]

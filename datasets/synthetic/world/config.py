@@ -1,4 +1,4 @@
-"""What a synthetic world is like."""
+"""The dials of a synthetic world, and the random numbers of its scenes."""
 
 from dataclasses import dataclass
 
@@ -15,18 +15,21 @@ WORLD_POSES = (*POSES, "tail_up", "random")
 """The quadruped's named poses, a raised tail, and random turns of all joints."""
 
 Range = tuple[float, float]
+"""A range: least and greatest."""
 
 
 @dataclass(frozen=True)
 class WorldConfig:
-    """What is drawn, and how often; ranges are (least, greatest).
+    """The dials of a synthetic world: its animals, cameras and pictures.
+
+    Ranges are (least, greatest).
 
     Attributes:
-        image_hw: height and width.
-        vocabulary: the keypoints.
+        image_hw: height and width of the pictures.
+        vocabulary: names of the keypoints.
         presets: the species, taken in turn by the scene's index; all if empty.
         poses: of WORLD_POSES; all if empty.
-        animals: how many an image has.
+        animals: number of animals in an image.
         shape_spread: 0 for the plain presets, 1 for individuals as different as breeds are.
         pose_spread: 0 for the plain poses, 1 for joints turned by some degrees more or less.
         occluded: part of the images with things put before the animal; they hide some of it in
@@ -42,6 +45,11 @@ class WorldConfig:
             image's sides.
         fill: longer side of the animal's box by the image's side, drawn over its logarithm, large
             ones more often.
+
+    Example:
+        >>> WorldConfig(image_hw=(120, 160), presets=("dog", "cat")).presets
+        ('dog', 'cat')
+
     """
 
     image_hw: tuple[int, int] = (480, 640)
@@ -62,16 +70,24 @@ class WorldConfig:
 
     def __post_init__(self) -> None:
         check_image_hw("image_hw", self.image_hw)
-        for field, known in (("presets", quadruped_names().presets), ("poses", WORLD_POSES)):
-            if unknown := [name for name in getattr(self, field) if name not in known]:
+        for field, choices in (("presets", quadruped_names().presets), ("poses", WORLD_POSES)):
+            if unknown := [name for name in getattr(self, field) if name not in choices]:
                 raise ConfigError(
-                    f"{field} must be of {', '.join(known)}, got {', '.join(unknown)}"
+                    f"{field} must be of {', '.join(choices)}, got {', '.join(unknown)}"
                 )
         limits = {
-            "animals": (1, 50), "elevation_deg": (-10, 85), "focal_px": (1, np.inf), "fill": (0.02, 1.0),
-            "shape_spread": (0, 3), "pose_spread": (0, 3), "occluded": (0, 1), "truncated": (0, 1), "uav": (0, 1), "roll_deg": (0, 180),
+            "animals": (1, 50),
+            "elevation_deg": (-10, 85),
+            "focal_px": (1, np.inf),
+            "fill": (0.02, 1.0),
+            "shape_spread": (0, 3),
+            "pose_spread": (0, 3),
+            "occluded": (0, 1),
+            "truncated": (0, 1),
+            "uav": (0, 1),
+            "roll_deg": (0, 180),
             "principal_offset": (0, 0.5),
-        }  # fmt: skip
+        }
         for field, (low, high) in limits.items():
             value = getattr(self, field)
             least, greatest = value if isinstance(value, tuple) else (value, value)
@@ -82,16 +98,26 @@ class WorldConfig:
 
 
 CLEAR = WorldConfig(
-    animals=(1, 1), shape_spread=0.0, pose_spread=0.0, occluded=0.0, truncated=0.0, uav=0.0, elevation_deg=(-3.0, 50.0), roll_deg=0.0,
-    focal_px=(576.0, 1600.0), principal_offset=0.0, fill=(0.45, 0.75), poses=tuple(POSES),
-)  # fmt: skip
-"""One whole animal of a plain preset and pose, seen well: for examples and first looks."""
+    animals=(1, 1),
+    shape_spread=0.0,
+    pose_spread=0.0,
+    occluded=0.0,
+    truncated=0.0,
+    uav=0.0,
+    elevation_deg=(-3.0, 50.0),
+    roll_deg=0.0,
+    focal_px=(576.0, 1600.0),
+    principal_offset=0.0,
+    fill=(0.45, 0.75),
+    poses=tuple(POSES),
+)
+"""One whole animal of a plain preset and pose in full view: for examples and first looks."""
 
 
 def world_generator(seed: int, index: int, purpose: str) -> np.random.Generator:
     """The random numbers of one scene for one purpose.
 
-    Others of the same scene, and other scenes, do not change them.
+    Neither the numbers for its other purposes nor other scenes change them.
 
     Raises:
         ConfigError: seed or index is negative.
@@ -105,8 +131,12 @@ def world_generator(seed: int, index: int, purpose: str) -> np.random.Generator:
 
 
 def log_uniform(rng: np.random.Generator, span: Range, bias: float = 1.0) -> float:
-    """One number of a range, drawn over its logarithm.
+    """A random number of a range, drawn over its logarithm.
 
-    Evenly, or with a bias below 1 rather the greater ones.
+    Args:
+        rng: the random numbers.
+        span: the range.
+        bias: 1 draws evenly; below 1, greater numbers come more often.
+
     """
     return float(np.exp(np.log(span[0]) + rng.random() ** bias * np.log(span[1] / span[0])))

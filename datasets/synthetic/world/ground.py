@@ -1,4 +1,4 @@
-"""Ground and sky behind the animals."""
+"""The ground and the sky behind the animals, and the shadows on the ground."""
 
 import math
 from dataclasses import dataclass
@@ -13,19 +13,29 @@ from animal3dbox.geometry.rasterizer import silhouette
 from animal3dbox.geometry.rigid_transforms import transform_points
 
 Picture = NDArray[np.float32]
+"""Colours or other values of pixels (H, W, C)."""
 Color = tuple[float, float, float]
+"""Red, green and blue, 0 to 1."""
+Mesh = tuple[torch.Tensor, torch.Tensor]
+"""Vertices (V, 3) in the world and faces (F, 3)."""
 
 COARSE = 2
 """The background is made at 1 / COARSE of the resolution: it is out of focus."""
 TILE = 256
+"""Side of the tile of noise, in px."""
 HAZE = 150.0
+"""Distance over which the ground fades into the hills, in body lengths."""
 
 _GROUNDS: dict[str, tuple[Color, Color]] = {
-    "meadow": (( 0.34, 0.44, 0.18), (0.56, 0.62, 0.32)), "dry grass": ((0.56, 0.47, 0.26), (0.77, 0.68, 0.44)),
-    "earth": ((0.38, 0.28, 0.19), (0.58, 0.45, 0.32)), "sand": ((0.74, 0.64, 0.46), (0.88, 0.80, 0.62)),
-    "snow": ((0.82, 0.85, 0.90), (0.95, 0.96, 0.98)), "stone": ((0.44, 0.43, 0.42), (0.66, 0.65, 0.62)),
+    "meadow": ((0.34, 0.44, 0.18), (0.56, 0.62, 0.32)),
+    "dry grass": ((0.56, 0.47, 0.26), (0.77, 0.68, 0.44)),
+    "earth": ((0.38, 0.28, 0.19), (0.58, 0.45, 0.32)),
+    "sand": ((0.74, 0.64, 0.46), (0.88, 0.80, 0.62)),
+    "snow": ((0.82, 0.85, 0.90), (0.95, 0.96, 0.98)),
+    "stone": ((0.44, 0.43, 0.42), (0.66, 0.65, 0.62)),
     "forest floor": ((0.25, 0.20, 0.13), (0.44, 0.37, 0.22)),
-}  # fmt: skip
+}
+"""Kind of ground -> its colour in hollows and on heights."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +44,14 @@ class Setting:
 
     Attributes:
         low: the ground's colour in its hollows.
-        high: and on its heights.
-        tile: (TILE, TILE) noise, 0 to 1, that repeats.
-        scale: units of the world a tile spans, fine and coarse.
-        sky: colour at the horizon and overhead.
-        hills: amplitudes and phases of the skyline.
-        hill_color: of the skyline.
-        sun: unit, to the light, z up.
-        sunny: 0 overcast to 1.
+        high: the ground's colour on its heights.
+        tile: (TILE, TILE) noise, 0 to 1, that repeats at its borders.
+        scale: units of the world that a tile spans, fine and coarse.
+        sky: colours at the horizon and overhead.
+        hills: (2, 6) amplitudes and phases of the skyline.
+        hill_color: colour of the skyline.
+        sun: unit vector to the light, z up.
+        sunny: 0 for an overcast sky to 1 for a clear one.
     """
 
     low: Color
@@ -56,7 +66,7 @@ class Setting:
 
 
 def draw_setting(rng: np.random.Generator) -> Setting:
-    """A ground, a sky and a light."""
+    """A random ground, sky and light."""
     low, high = _GROUNDS[tuple(_GROUNDS)[int(rng.integers(len(_GROUNDS)))]]
     tint = rng.uniform(0.9, 1.05) * rng.uniform(0.97, 1.03, 3)
     sunny = float(rng.uniform(0.15, 1.0))
@@ -67,45 +77,47 @@ def draw_setting(rng: np.random.Generator) -> Setting:
         (rng.uniform(0.0, 0.03, 6) / (1 + 0.5 * np.arange(6)), rng.uniform(0, 6.28, 6))
     )
     green = np.array([0.30, 0.38, 0.27]) * rng.uniform(0.8, 1.3)
+    sun = (math.cos(height) * math.cos(turn), math.cos(height) * math.sin(turn), math.sin(height))
+    # The order of these is that of the random numbers.
     return Setting(
-        _color(np.array(low) * tint), _color(np.array(high) * tint), _noise_tile(rng), (float(rng.uniform(0.7, 1.4)), float(rng.uniform(5, 9))),
-        (_color(pale), _color(blue)), hills, _color(green + (pale - green) * rng.uniform(0.25, 0.6)),
-        (math.cos(height) * math.cos(turn), math.cos(height) * math.sin(turn), math.sin(height)), sunny,
-    )  # fmt: skip
+        low=_color(np.array(low) * tint),
+        high=_color(np.array(high) * tint),
+        tile=_noise_tile(rng),
+        scale=(float(rng.uniform(0.7, 1.4)), float(rng.uniform(5, 9))),
+        sky=(_color(pale), _color(blue)),
+        hills=hills,
+        hill_color=_color(green + (pale - green) * rng.uniform(0.25, 0.6)),
+        sun=sun,
+        sunny=sunny,
+    )
 
 
 def _color(value: NDArray[np.float64]) -> Color:
+    """An array (3,) as a colour."""
     return float(value[0]), float(value[1]), float(value[2])
 
 
 def _noise_tile(rng: np.random.Generator) -> Picture:
-    """Noise of several scales that repeats at its borders, 0 to 1."""
+    """Noise (TILE, TILE) of several scales, 0 to 1, that repeats at its borders."""
     tile = np.zeros((TILE, TILE), dtype=np.float32)
     for cells, amount in ((8, 0.35), (32, 0.35), (128, 0.3)):
         small = np.pad(rng.random((cells, cells), dtype=np.float32), 1, mode="wrap")
         step = TILE // cells
-        tile += (
-            np.float32(amount)
-            * cv2.resize(small, None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)[
-                step:-step, step:-step
-            ]
-        )
+        large = cv2.resize(small, None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)
+        tile += np.float32(amount) * large[step:-step, step:-step]
     return np.asarray((tile - tile.min()) / (tile.max() - tile.min()), dtype=np.float32)
 
 
 def background(
-    setting: Setting,
-    camera: PinholeCamera,
-    ground_z: float,
-    casters: list[tuple[torch.Tensor, torch.Tensor]],
+    setting: Setting, camera: PinholeCamera, ground_z: float, casters: list[Mesh]
 ) -> Picture:
     """The picture (H, W, 3), 0 to 1, of the empty scene with the shadows of the casters.
 
     Args:
-        setting: what it looks like.
+        setting: ground, sky and light.
         camera: above the ground.
         ground_z: the ground's height.
-        casters: vertices (V, 3) in the world and faces (F, 3) of what throws shadows.
+        casters: the meshes that throw shadows.
 
     """
     height, width = camera.image_hw
@@ -120,8 +132,12 @@ def background(
     rays = np.stack((u, v, np.ones_like(u)), axis=-1).astype(np.float64) @ to_world
     x, y, up = np.moveaxis(rays / np.linalg.norm(rays, axis=-1, keepdims=True), -1, 0)
     reach = np.where(up < -1e-4, (eye[2] - ground_z) / np.maximum(-up, 1e-4), 1e4)
-    picture = _ground(setting, eye[0] + x * reach, eye[1] + y * reach, reach, float(K[0, 0]), up)
-    shadow = _shadows(setting, K, camera.T_cam_world, (rows, columns), ground_z, casters)
+    pixel = reach / (
+        float(K[0, 0]) * np.maximum(-up, 0.02)
+    )  # in the world, along the line of sight
+    picture = _ground(setting, eye[0] + x * reach, eye[1] + y * reach, pixel)
+    flat = [_flattened(mesh, setting, ground_z) for mesh in casters]
+    shadow = _shadows(flat, K, camera.T_cam_world, (rows, columns))
     picture *= 1 - (0.15 + 0.45 * setting.sunny) * shadow[..., None]
     sky = _sky(setting, x, y, up)
     turn = np.arctan2(y, x).astype(np.float32)
@@ -137,36 +153,30 @@ def background(
         np.where((up < skyline)[..., None], hill, sky),
     )
     soft = cv2.GaussianBlur(whole.astype(np.float32), (3, 3), 0.8)
-    return np.asarray(
-        cv2.resize(soft, (columns * COARSE, rows * COARSE), interpolation=cv2.INTER_LINEAR)[
-            :height, :width
-        ]
-    )
+    size = (columns * COARSE, rows * COARSE)
+    large = cv2.resize(soft, size, interpolation=cv2.INTER_LINEAR)
+    return np.asarray(large[:height, :width])
 
 
 def _ground(
-    setting: Setting,
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    reach: NDArray[np.float64],
-    focal: float,
-    up: NDArray[np.float64],
+    setting: Setting, x: NDArray[np.float64], y: NDArray[np.float64], pixel: NDArray[np.float64]
 ) -> Picture:
-    """Colours (R, C, 3); a texture finer than a pixel fades to its mean."""
+    """The colours (R, C, 3) of the ground, whose texture fades to its mean where it is too fine.
+
+    Args:
+        setting: of the scene.
+        x: (R, C) place on the ground of each pixel.
+        y: (R, C) likewise.
+        pixel: (R, C) size of each pixel on the ground.
+
+    """
     height: Picture = np.full(x.shape, 0.5, dtype=np.float32)
-    pixel = reach / (focal * np.maximum(-up, 0.02))  # of the world, along the line of sight
     for scale, amount in zip(setting.scale, (0.55, 0.45), strict=True):
         at = np.stack((x, y), axis=-1) / scale * TILE % TILE
-        seen = cv2.remap(
-            setting.tile,
-            at[..., 0].astype(np.float32),
-            at[..., 1].astype(np.float32),
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_WRAP,
-        )
-        height += np.asarray(
-            amount * np.exp(-((8 * pixel / scale) ** 2)) * (seen - 0.5), dtype=np.float32
-        )
+        u, v = (at[..., axis].astype(np.float32) for axis in (0, 1))
+        noise = cv2.remap(setting.tile, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+        fade = np.exp(-((8 * pixel / scale) ** 2))
+        height += np.asarray(amount * fade * (noise - 0.5), dtype=np.float32)
     low, high = np.array(setting.low, dtype=np.float32), np.array(setting.high, dtype=np.float32)
     return np.asarray(low + (high - low) * (1.6 * (height - 0.5) + 0.5).clip(0, 1)[..., None])
 
@@ -174,6 +184,7 @@ def _ground(
 def _sky(
     setting: Setting, x: NDArray[np.float64], y: NDArray[np.float64], up: NDArray[np.float64]
 ) -> Picture:
+    """The colours (R, C, 3) of the sky along unit rays (R, C) of x, y and up."""
     pale, blue = (np.array(color, dtype=np.float32) for color in setting.sky)
     sky = pale + (blue - pale) * np.clip(up * 1.8, 0, 1).astype(np.float32)[..., None] ** 0.7
     over = 1 / np.maximum(up, 0.05)
@@ -184,19 +195,22 @@ def _sky(
     return np.asarray(sky + (0.96 - sky) * (0.7 * cover)[..., None].astype(np.float32))
 
 
+def _flattened(mesh: Mesh, setting: Setting, ground_z: float) -> Mesh:
+    """A mesh flattened onto the ground along the light."""
+    vertices, faces = mesh
+    sun = torch.tensor(setting.sun, dtype=torch.float64)
+    return vertices - (vertices[:, 2:] - ground_z) / sun[2] * sun, faces
+
+
 def _shadows(
-    setting: Setting,
+    shadow_meshes: list[Mesh],
     K: torch.Tensor,
     T_cam_world: torch.Tensor,
     image_hw: tuple[int, int],
-    ground_z: float,
-    casters: list[tuple[torch.Tensor, torch.Tensor]],
 ) -> Picture:
-    """How much (R, C), 0 to 1, of the ground lies in shadow: bodies flattened along the light."""
+    """The part (R, C) of each pixel that lies in the shadow of flattened meshes, 0 to 1."""
     shadow = np.zeros(image_hw, dtype=np.float32)
-    sun = torch.tensor(setting.sun, dtype=torch.float64)
-    for vertices, faces in casters:
-        flat = vertices - (vertices[:, 2:] - ground_z) / sun[2] * sun
-        dark = silhouette(transform_points(T_cam_world, flat), faces, K, image_hw)
+    for vertices, faces in shadow_meshes:
+        dark = silhouette(transform_points(T_cam_world, vertices), faces, K, image_hw)
         shadow = np.maximum(shadow, dark.numpy().astype(np.float32))
     return np.asarray(cv2.GaussianBlur(shadow, (0, 0), 1.2))

@@ -1,6 +1,7 @@
-"""From the plan of a scene to its picture."""
+"""The picture of a planned scene: its surfaces, drawn and given a sensor's noise."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -16,13 +17,14 @@ from animal3dbox.datasets.synthetic.world.things import CROWN_BOTTOM, Thing
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 Values = NDArray[np.float32]
+"""Values of points, such as colours (N, 3)."""
 
 SENSOR_NOISE = 4
-"""Each channel of each pixel is off by up to so many of its 256 steps."""
+"""Greatest noise of a pixel's channel, in its 256 steps."""
 
 
 def surfaces_of(plan: ScenePlan) -> list[Surface]:
-    """The animals, then the things."""
+    """The surfaces of a scene: the animals', then the things'."""
     faces, features = load_quadruped().faces, template_features()
     animals = [
         Surface(a.vertices, faces, features, _coat(coat))
@@ -35,42 +37,40 @@ def surfaces_of(plan: ScenePlan) -> list[Surface]:
 
 
 def render_scene(plan: ScenePlan) -> Rendering:
-    """The picture of a scene; owner counts the animals first, then the things."""
+    """The picture of a scene, whose owners count the animals first, then the things."""
     surfaces = surfaces_of(plan)
     casters = surfaces if plan.ground_z == 0 else surfaces[len(plan.animals) :]
     empty = background(
         plan.setting, plan.camera, plan.ground_z, [(s.vertices, s.faces) for s in casters]
     )
-    made = render(surfaces, plan.camera, empty, Light(plan.setting.sun, plan.setting.sunny))
-    return Rendering(
-        _noisy(made.image, world_generator(plan.seed, plan.index, "noise")), made.owner, made.raster
-    )
+    light = Light(plan.setting.sun, plan.setting.sunny)
+    rendering = render(surfaces, plan.camera, empty, light)
+    noise = world_generator(plan.seed, plan.index, "noise")
+    return replace(rendering, image=_noisy(rendering.image, noise))
 
 
 def _coat(coat: Coat) -> Callable[[Values], Values]:
+    """The colours of a coat as a function of template features."""
     return lambda features: coat_colors(coat, features)
 
 
 def _grained(thing: Thing) -> Callable[[Values], Values]:
-    """Colours of a thing: its own, darker and lighter in grains."""
+    """The colours of a thing as a function of places: its own, darker and lighter in grains."""
     amount, cycles = thing.grain
     color, stem = (np.array(c, dtype=np.float32) for c in (thing.color, thing.stem or thing.color))
 
     def colors(places: Values) -> Values:
         x, y, z = cycles * places.T
-        grain = np.sin(x + 1.7 * np.sin(0.8 * y)) * np.sin(
-            y + 1.3 * np.sin(0.9 * z)
-        ) + 0.7 * np.sin(2.3 * z + 2.1 * np.sin(x)) * np.sin(2.7 * x - y)
-        return np.asarray(
-            np.where(places[:, 2:] < CROWN_BOTTOM, stem, color)
-            * (1 + amount * 0.6 * grain[:, None]),
-            dtype=np.float32,
-        )
+        coarse = np.sin(x + 1.7 * np.sin(0.8 * y)) * np.sin(y + 1.3 * np.sin(0.9 * z))
+        fine = 0.7 * np.sin(2.3 * z + 2.1 * np.sin(x)) * np.sin(2.7 * x - y)
+        base = np.where(places[:, 2:] < CROWN_BOTTOM, stem, color)
+        brightness = 1 + amount * 0.6 * (coarse + fine)[:, None]
+        return np.asarray(base * brightness, dtype=np.float32)
 
     return colors
 
 
 def _noisy(image: Tensor, rng: np.random.Generator) -> Tensor:
-    """The image with a sensor's noise."""
+    """An image (H, W, 3) uint8 with a sensor's noise."""
     noise = rng.integers(-SENSOR_NOISE, SENSOR_NOISE + 1, image.shape, dtype=np.int8)
     return torch.from_numpy((image.numpy().astype(np.int16) + noise).clip(0, 255).astype(np.uint8))

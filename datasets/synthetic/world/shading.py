@@ -14,19 +14,20 @@ from animal3dbox.geometry.rasterizer import Raster, rasterize
 from animal3dbox.geometry.rigid_transforms import rigid, transform_points
 
 Picture = NDArray[np.float32]
+"""Colours or other values of pixels (H, W, C) or points (N, C)."""
 
 SUN = (0.35, 0.45, 0.82)
-"""Direction to the light, in the world's frame with z up."""
+"""Usual direction to the light, in the world's frame with z up."""
 PALE = 0.86
-"""Grey of the background where there is none."""
+"""Grey of pictures without a background."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """Sun and sky.
+    """The light of a scene, from sun and sky.
 
     Attributes:
-        sun: towards the sun, z up, any length.
+        sun: direction to the sun, z up, of any length.
         sunny: 0 for a grey sky, 1 for a clear one.
     """
 
@@ -36,13 +37,13 @@ class Light:
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh and the colour of its points.
+    """A mesh and the colours of its points.
 
     Attributes:
         vertices: (V, 3) world, z up.
         faces: (F, 3).
-        features: (V, C) float32, what the colour depends on; between vertices by their barycentric
-            weights.
+        features: (V, C) float32 values that the colour depends on; between vertices they go by the
+            barycentric weights.
         colors: features (N, C) -> colours (N, 3), 0 to 1.
     """
 
@@ -54,13 +55,13 @@ class Surface:
 
 @dataclass(frozen=True)
 class Rendering:
-    """A picture and what is seen where.
+    """A picture with the surface that each pixel shows.
 
     Attributes:
         image: (H, W, 3) uint8 RGB.
-        owner: (H, W) int64, the number of the surface seen at each pixel's centre, -1 for the
+        owner: (H, W) int64, the number of the surface at each pixel's centre, -1 for the
             background.
-        raster: of all the surfaces' faces, one after the other.
+        raster: of the faces of all surfaces, one after the other.
     """
 
     image: Tensor
@@ -69,7 +70,7 @@ class Rendering:
 
 
 def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
-    """Unit normals (V, 3) of a mesh's vertices, its faces weighted by their area."""
+    """The unit normals (V, 3) of a mesh's vertices, its faces weighted by their area."""
     corners = vertices[faces]
     across = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = torch.zeros_like(vertices).index_add(
@@ -79,8 +80,13 @@ def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
 
 
 def joined_meshes(surfaces: Sequence[Surface]) -> tuple[Tensor, Tensor, Tensor]:
-    """All vertices (V, 3) in the world, all faces (F, 3), and the surface (F,) that each face is
-    of."""
+    """All surfaces as one mesh.
+
+    Returns:
+        The vertices (V, 3) in the world, the faces (F, 3), and the number (F,) of each face's
+        surface.
+
+    """
     if not surfaces:
         return (
             torch.zeros(0, 3, dtype=torch.float64),
@@ -101,55 +107,54 @@ def render(
     background: Picture | None = None,
     light: Light = Light(),
 ) -> Rendering:
-    """A picture of surfaces.
+    """The picture of surfaces, each pixel showing the nearest one at its centre.
 
-    Each pixel shows what is nearest at its centre, and outlines are softened.
+    Outlines are softened.
 
     Args:
-        surfaces: any number.
-        camera: the view.
+        surfaces: any number of them.
+        camera: in the world.
         background: (H, W, 3), 0 to 1; None: pale grey.
-        light: from where, and how hard.
+        light: of the scene.
 
     """
     vertices, faces, owner = joined_meshes(surfaces)
     raster = rasterize(
         transform_points(camera.T_cam_world, vertices), faces, camera.K, camera.image_hw
     )
-    seen = torch.nonzero(raster.face_index.flatten() >= 0)[:, 0]
-    face = raster.face_index.flatten()[seen]
-    weights = raster.barycentric.reshape(-1, 3)[seen].numpy().astype(np.float32)
+    pixels = torch.nonzero(raster.face_index.flatten() >= 0)[:, 0]
+    face = raster.face_index.flatten()[pixels]
+    weights = raster.barycentric.reshape(-1, 3)[pixels].numpy().astype(np.float32)
     corners, surface = faces[face].numpy(), owner[face].numpy()
     normals = np.concatenate(
         [vertex_normals(s.vertices, s.faces).numpy() for s in surfaces] or [np.zeros((0, 3))]
     ).astype(np.float32)
-    colors = _colors(surfaces, corners, weights, surface) * _brightness(
-        _between(normals, corners, weights), light
-    )
+    brightness = _brightness(_between(normals, corners, weights), light)
+    colors = _colors(surfaces, corners, weights, surface) * brightness
     picture = (
         np.full((*camera.image_hw, 3), PALE, dtype=np.float32)
         if background is None
         else np.array(background, dtype=np.float32)
     )
-    picture.reshape(-1, 3)[seen.numpy()] = colors
+    picture.reshape(-1, 3)[pixels.numpy()] = colors
     ids = torch.full(camera.image_hw, -1, dtype=torch.int64)
-    ids.view(-1)[seen] = torch.from_numpy(surface)
+    ids.view(-1)[pixels] = torch.from_numpy(surface)
     picture = _softened(picture, ids.numpy())
-    return Rendering(
-        torch.from_numpy((picture.clip(0, 1) * 255).round().astype(np.uint8)), ids, raster
-    )
+    image = (picture.clip(0, 1) * 255).round().astype(np.uint8)
+    return Rendering(torch.from_numpy(image), ids, raster)
 
 
 def shade(
     vertices_world: Tensor,
     faces: Tensor,
     colors: Tensor,
+    *,
     R: Tensor,
     t: Tensor,
     K: Tensor,
     image_hw: tuple[int, int],
 ) -> tuple[Tensor, Tensor]:
-    """A picture of one lit mesh on pale grey.
+    """The picture of one lit mesh on pale grey.
 
     Args:
         vertices_world: (V, 3), z up.
@@ -157,23 +162,30 @@ def shade(
         colors: (V, 3) from 0 to 1.
         R: (3, 3) R_cam_world.
         t: (3,) t_cam_world.
-        K: (3, 3).
+        K: (3, 3) in px.
         image_hw: height and width.
 
     Returns:
         image: (H, W, 3) uint8 RGB.
-        mask: (H, W) bool, pixels whose centre is covered.
+        mask: (H, W) bool, the pixels whose centre the mesh covers.
 
     """
     surface = Surface(
         vertices_world, faces, colors.numpy().astype(np.float32), lambda features: features
     )
-    made = render([surface], PinholeCamera(K, rigid(R, t), image_hw))
-    return made.image, made.owner == 0
+    rendering = render([surface], PinholeCamera(K, rigid(R, t), image_hw))
+    return rendering.image, rendering.owner == 0
 
 
 def _between(values: Picture, corners: NDArray[np.int64], weights: Picture) -> Picture:
-    """Vertex values (V, C) at points in triangles: vertices (N, 3) and weights (N, 3) -> (N, C)."""
+    """The values (N, C) at points in triangles, between those of the triangles' vertices.
+
+    Args:
+        values: (V, C) of the vertices.
+        corners: (N, 3) vertices of each point's triangle.
+        weights: (N, 3) barycentric.
+
+    """
     first, second, third = (values[corners[:, k]] * weights[:, k : k + 1] for k in range(3))
     return np.asarray(first + second + third)
 
@@ -184,7 +196,15 @@ def _colors(
     weights: Picture,
     surface: NDArray[np.int64],
 ) -> Picture:
-    """Unlit colours (N, 3) of points."""
+    """The colours (N, 3) of points before they are lit.
+
+    Args:
+        surfaces: of the picture.
+        corners: (N, 3) vertices of each point's triangle, among those of all surfaces.
+        weights: (N, 3) barycentric.
+        surface: (N,) number of each point's surface.
+
+    """
     colors, start = np.zeros((len(corners), 3), dtype=np.float32), 0
     for number, one in enumerate(surfaces):
         here = np.flatnonzero(surface == number)
@@ -195,9 +215,9 @@ def _colors(
 
 
 def _brightness(normals: Picture, light: Light) -> Picture:
-    """Factors (N, 3).
+    """The factors (N, 3) by which light changes the colours of points with normals (N, 3).
 
-    A sky that is brighter and bluer from above, ground light from below, and the sun.
+    The sky is brighter and bluer from above, the ground lights from below, and the sun shines.
     """
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
     sun = np.array(light.sun, dtype=np.float32) / np.linalg.norm(light.sun)
@@ -212,7 +232,7 @@ def _brightness(normals: Picture, light: Light) -> Picture:
 
 
 def _softened(picture: Picture, ids: NDArray[np.int64]) -> Picture:
-    """The picture with the pixels on either side of an outline blurred."""
+    """The picture with blurred pixels on either side of an outline."""
     edge = np.zeros(ids.shape, dtype=bool)
     across, down = ids[:, 1:] != ids[:, :-1], ids[1:] != ids[:-1]
     edge[:, 1:] |= across

@@ -76,7 +76,7 @@ def test_the_true_box_holds_the_body_tightly_along_the_trunk() -> None:
 
 def test_other_vocabularies_species_and_poses_can_be_asked_for() -> None:
     animal = synthetic_animal(
-        0, 0, SMALL, VOCABULARIES["stanfordextra24"], preset="cow", pose="graze"
+        0, 0, SMALL, vocabulary=VOCABULARIES["stanfordextra24"], preset="cow", pose="graze"
     )
     assert (animal.preset, animal.pose, len(animal.keypoints_2d), len(animal.keypoint_visible)) == (
         "cow",
@@ -94,8 +94,8 @@ def test_a_face_turned_to_the_light_is_brighter_than_one_turned_away() -> None:
     # a camera on +x looking at it along -x; the sun has x > 0
     R = torch.tensor([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]], dtype=F64)
     t = torch.tensor([0.0, 0, 3], dtype=F64)
-    front, mask = shade(vertices, faces, colors, R, t, K, (21, 21))
-    back, _ = shade(vertices, faces.flip(1), colors, R, t, K, (21, 21))
+    front, mask = shade(vertices, faces, colors, R=R, t=t, K=K, image_hw=(21, 21))
+    back, _ = shade(vertices, faces.flip(1), colors, R=R, t=t, K=K, image_hw=(21, 21))
     assert int(front[10, 10, 0]) > int(back[10, 10, 0])
     assert bool(mask[10, 10])
     assert int(front[0, 0, 0]) == round(0.86 * 255)

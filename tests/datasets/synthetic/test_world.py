@@ -257,7 +257,7 @@ def test_a_camera_from_below_looks_up_at_an_animal_on_a_ledge() -> None:
 def test_things_are_closed_point_outwards_and_keep_within_their_reach(kind: str) -> None:
     rng, place = np.random.default_rng(0), np.array([2.0, -1.0])
     thing = (
-        make_ledge(rng, place, 0.5, -1.0, (0.5, 0.5, 0.5))
+        make_ledge(rng, place, 0.5, -1.0, color=(0.5, 0.5, 0.5))
         if kind == "ledge"
         else make_thing(rng, kind, place)
     )
