@@ -107,8 +107,8 @@ def _split_file(root: Path, format: str, split: Split) -> Path:
         return root
     if format not in ("auto", animal3d.FORMAT) or not root.is_dir():
         raise ConfigError(
-            f"split={split!r} is for a folder that holds {' and '.join(animal3d_entries.SPLITS)}: of other"
-            " formats give the annotation file of the split that you want as root"
+            f"split={split!r} is for a folder that holds {' and '.join(animal3d_entries.SPLITS)}:"
+            " of other formats give the annotation file of the split that you want as root"
         )
     file = root / f"{split}.json"
     if not file.is_file():
