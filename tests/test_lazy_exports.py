@@ -28,6 +28,8 @@ def package_of(path: Path) -> str:
 DOORS = {package_of(path): path for path in FILES}
 EXAMPLES = (
     "animal3dbox",
+    "animal3dbox.datasets",
+    "animal3dbox.datasets.synthetic",
     "animal3dbox.evaluate",
     "animal3dbox.geometry",
     "animal3dbox.labels",

@@ -36,6 +36,11 @@ class FileSource:
         records: animals with the source of their bodies, or boxes that come as they are.
         bodies: needed for animals.
 
+    Example:
+        >>> from animal3dbox.datasets import FileSource, LabelDataset, SyntheticSet, preset_body
+        >>> source = FileSource(SyntheticSet(seed=0, images=2).records(), preset_body("dog"))
+        >>> len(LabelDataset(source))
+        2
     """
 
     def __init__(self, records: RecordSet | CuboidSet, bodies: BodySource | None = None) -> None:

@@ -24,6 +24,13 @@ class LabelFilter:
         allow_behind_camera: whether a corner may be nearer than the near plane.
         allow_unseen: whether the frame may show nothing of the animal, as of one that another of
             several cameras sees.
+
+    Example:
+        >>> from animal3dbox.datasets import LabelFilter, SyntheticDataset
+        >>> filters = LabelFilter(max_truncation=0.3, min_box_px=20)
+        >>> dataset = SyntheticDataset(1, seed=0, image_hw=(120, 160), filters=filters)
+        >>> bool((dataset[0][1]["truncation"] <= 0.3).all())
+        True
     """
 
     min_mask_iou: float | None = None

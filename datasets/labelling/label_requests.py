@@ -26,6 +26,13 @@ class LabelRequest:
         facts: of the image's header. An EXIF orientation, which is not applied, is among the
             label's warnings.
         key: names what its label is made from, for a cache; empty without one.
+
+    Example:
+        >>> from animal3dbox.datasets import SyntheticSet, preset_body, request_of_record
+        >>> records = SyntheticSet(seed=0, images=1).records().records
+        >>> request = request_of_record(records[0], preset_body("dog"))
+        >>> request.record.category, request.place
+        ('dog', 0)
     """
 
     sample: ImageSample
@@ -74,6 +81,12 @@ def request_of_record(
     Raises:
         SampleError: the picture's header cannot be read.
 
+    Example:
+        >>> from animal3dbox.datasets import SyntheticSet, preset_body, request_of_record
+        >>> records = SyntheticSet(seed=0, images=1).records().records
+        >>> request = request_of_record(records[0], preset_body("dog"))
+        >>> request.entry.sample_id == records[0].sample_id
+        True
     """
     if facts is None:
         facts = PhotoFacts() if record.image_path is None else header_facts(record.image_path)

@@ -52,6 +52,12 @@ class KnownScale:
 
     Attributes:
         value: metres per unit of the body.
+
+    Example:
+        >>> from animal3dbox.datasets import KnownScale, SyntheticDataset
+        >>> dataset = SyntheticDataset(1, seed=0, image_hw=(120, 160), scale=KnownScale(1.2))
+        >>> dataset[0][1]["scale_m_per_unit"]
+        tensor([1.2000])
     """
 
     value: float
@@ -74,6 +80,11 @@ class SpeciesScale:
     Attributes:
         lengths_m: species -> length in metres from nose to tail base along the back. A category is
             looked up as it is, then by its last word ("polar bear" is a bear).
+
+    Example:
+        >>> from animal3dbox.datasets import SpeciesScale
+        >>> SpeciesScale({"dog": 0.9}).lengths_m["dog"]
+        0.9
     """
 
     lengths_m: Mapping[str, float] = field(
@@ -110,6 +121,11 @@ class AltitudeScale:
         altitude_m: one for all images, or image -> metres.
         down_cam: the direction of gravity in the camera frame, of any length; (0, 0, 1) looks
             straight down.
+
+    Example:
+        >>> from animal3dbox.datasets import AltitudeScale
+        >>> AltitudeScale({"flight/0001.jpg": 42.0}).altitude_m["flight/0001.jpg"]
+        42.0
     """
 
     altitude_m: float | Mapping[str, float]
