@@ -69,8 +69,7 @@ def write_animal3d(
 
     Example:
         >>> import tempfile
-        >>> from animal3dbox.datasets.synthetic import WorldConfig
-        >>> from animal3dbox.datasets.synthetic.synthetic_set import animal3d_world
+        >>> from animal3dbox.datasets.synthetic import WorldConfig, animal3d_world
         >>> config = animal3d_world(WorldConfig((120, 160), animals=(1, 1)))
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     root, model = Path(folder) / "animals", Path(folder) / "model.pkl"
