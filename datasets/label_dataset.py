@@ -304,7 +304,11 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
     def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
         """Store the labels of some samples in the cache, made together.
 
-        Of their images only the headers are read. What could not be, and why.
+        Of their images only the headers and masks are read.
+
+        Returns:
+            A case for each animal with a fault or a rejection, and for each problem of the cache.
+
         """
         samples, cases = [], list[Case]()
         for sample in map(self.source.sample, indices):

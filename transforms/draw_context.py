@@ -56,7 +56,7 @@ class DrawContext:
         )
 
     def before(self) -> "DrawContext":
-        """The picture before any step, of the animals that are alive."""
+        """The picture before any step, with the animals that no step has left out so far."""
         return replace(self, image_hw=self.first_hw, H_out_in=IDENTITY)
 
     def after(self, step: Step) -> "DrawContext":

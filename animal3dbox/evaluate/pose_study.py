@@ -42,7 +42,7 @@ DIAL = {
     "2 px, body x 1.1": FaultConfig(noise_px=2, body_scale=1.1),
     "2 px, mask 5 px too small": FaultConfig(noise_px=2, mask_px=-5),
 }
-"""Settings that each so many-th animal goes through."""
+"""Settings that only every EvaluateConfig.every-th animal is tested under."""
 PUBLISHED: tuple[dict[str, Cell], ...] = tuple(
     {
         "setting": "(Animal3D)",
@@ -92,7 +92,7 @@ class PoseRow:
 
 
 def pose_rows(subject: Subject, settings: dict[str, FaultConfig]) -> list[PoseRow]:
-    """One animal under some settings, by every method."""
+    """The label of an animal under each setting by every method, a row each."""
     rows = []
     for setting, faults in settings.items():
         annotated = subject.annotated(faults)

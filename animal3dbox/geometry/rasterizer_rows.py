@@ -85,7 +85,7 @@ def runs_at_once(counts: AnyArray, limit: int) -> Iterator[tuple[int, int]]:
 
 
 def expand(counts: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Number the units of (N,) counts.
+    """Owner of each unit of (N,) counts, and its number there: [2, 1] -> [0, 0, 1], [0, 1, 0].
 
     Returns:
         Which of the N each unit belongs to, and its number there from 0, both (sum of counts,).

@@ -33,9 +33,9 @@ class LabelDraft:
         observation: the animal.
         pose: its camera.
         mesh_box: center (3,), rotation (3, 3) and size (3,) of its cuboid in the mesh's frame.
-        flat_box: (4,) xyxy px, see CuboidLabel.box; None without a mask and vertices.
-        mask_iou: overlap of the projected mesh with the mask; None if it is not known.
-        surface_share: (6,) of the visible surface; None if it is not known.
+        flat_box: (4,) xyxy px, see CuboidLabel.box; None if there is neither a mask nor vertices.
+        mask_iou: overlap of the projected mesh with the mask; None if not known or not asked for.
+        surface_share: (6,) of the visible surface; None if not known or not asked for.
         orientation_rule: which rule gave the axes.
         bounds_source: "vertices" or "keypoints": what the box bounds.
         warnings: of the body and the pose, in whole sentences.
@@ -55,9 +55,13 @@ class LabelDraft:
 def draft_labels(
     observations: Sequence[Observation], config: LabelConfig
 ) -> list[LabelDraft | Rejection]:
-    """The boxes and cameras of animals, or why they have none; boxes are computed together.
+    """The box and the camera of each animal, or the rejection of one that gets neither.
 
-    All of section 2 up to what follows from box and camera.
+    Section 2 up to what follows from box and camera; boxes are computed together.
+
+    Returns:
+        One outcome an observation, in their order.
+
     """
     outcomes: list[LabelDraft | Rejection | None] = [
         _without_points(observation, config) for observation in observations
@@ -95,7 +99,7 @@ def draft_labels(
 
 
 def _without_points(observation: Observation, config: LabelConfig) -> Rejection | None:
-    """The rejection of an animal of which nothing is known that has principal components."""
+    """The rejection, under axes "pca", of an animal with neither vertices nor landmarks."""
     body_is_empty = observation.body.vertices is None and not observation.has_landmark.any()
     if config.axes == "pca" and body_is_empty:
         return Rejection(
@@ -179,7 +183,7 @@ def _draft(
 def _is_beyond_lens(
     observation: Observation, mesh_box: tuple[Array, Array, Array], pose: PoseEstimate
 ) -> bool:
-    """Whether the body or its box reaches to where the lens shows nothing."""
+    """Whether the body or a corner of its box lies behind the camera or outside the lens's view."""
     if observation.distortion is None:
         return False
     outline = corners_of(*mesh_box)

@@ -38,9 +38,9 @@ class RowFinding(NamedTuple):
 
 
 def row_findings(row: AnimalRow) -> Iterator[RowFinding]:
-    """What contradicts itself in a row whose arrays are whole.
+    """The contradictions within one row of labels.json.
 
-    Those of another shape are left to the checks of targets.
+    Arrays of a wrong shape are left to check_targets.
     """
     if len(row.face_share) == len(row.face_visible) == 6:
         yield from _side(

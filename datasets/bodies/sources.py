@@ -40,7 +40,7 @@ class BodySource(Protocol):
 
     @property
     def name(self) -> str:
-        """The source's name in reports and in a label's quality."""
+        """The source's name in reports."""
         ...
 
     @property

@@ -131,7 +131,7 @@ class FileSource:
         return read_photo(sample.image_path, sample.image_id, sample.image_hw)
 
     def facts(self, sample: ImageSample) -> PhotoFacts:
-        """Of the image file, if there is one."""
+        """The facts of the image file's header; none are known without a file."""
         if not sample.image_path:
             return PhotoFacts()
         return checked_facts(Path(sample.image_path), sample.image_id, sample.image_hw)

@@ -8,7 +8,7 @@ from animal3dbox.labels.types import CuboidLabel
 
 @dataclass(frozen=True)
 class LabelFilter:
-    """Limits that a label must keep; those at rest let pass whatever the picture shows.
+    """Limits on labels; the defaults let pass every label of which the frame shows anything.
 
     A measure that a label lacks fails its limit.
 

@@ -18,7 +18,7 @@ _DECODER = msgspec.msgpack.Decoder(tuple[str, bytes, bool, int, tuple[_FlatEntry
 
 
 class AnimalEntry(NamedTuple):
-    """What a record says of its animal without its numbers; see AnimalRecord and CuboidRecord.
+    """The part of a record that stays unpacked: all but its keypoints, mask and camera.
 
     Attributes:
         sample_id: the image, and which of its animals.

@@ -80,7 +80,7 @@ class SampleSource(Protocol):
 
     @property
     def name(self) -> str:
-        """What to call it in reports."""
+        """The dataset's name in reports."""
         ...
 
     @property
@@ -90,12 +90,12 @@ class SampleSource(Protocol):
 
     @property
     def faults(self) -> tuple[SampleError, ...]:
-        """What could not be read at all."""
+        """The errors of entries that could not be read at all."""
         ...
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was found out about the dataset."""
+        """Remarks about the dataset, in whole sentences."""
         ...
 
     @property

@@ -23,7 +23,7 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
 NOT_STORED = "its label could not be stored"
-"""How the problem of a case begins that the cache could not take a label."""
+"""The beginning of the problem of a case whose label the cache could not store."""
 _NO_FACTS = PhotoFacts()
 
 
@@ -36,7 +36,7 @@ class LabelStore:
         scale: what makes labels metric, or None.
         stored_cameras: what a stored camera pose is taken for.
         cache: folder of the label cache, or None.
-        reuse: whether labels in the cache are used.
+        reuse: whether stored labels are read; new ones are stored either way.
 
     Raises:
         ConfigError: an option has a value that it cannot have.
@@ -82,12 +82,13 @@ class LabelStore:
         """The request for an animal's label, its mask not decoded yet.
 
         Raises:
-            SampleError: its files cannot be read, or it has no body.
+            SampleError: with a cache, its mask's file or its own body cannot be read.
 
         """
         entry = sample.animals[place]
-        is_cached = self.cache is not None and entry.vocabulary is not None  # a box is as it comes
-        key = _key(entry, sample.bodies, facts) if is_cached else b""
+        is_given_box = entry.vocabulary is None  # nothing is estimated, so nothing is stored
+        is_cacheable = self.cache is not None and not is_given_box
+        key = _key(entry, sample.bodies, facts) if is_cacheable else b""
         return LabelRequest(sample, place, facts, key)
 
     def labels(
@@ -129,7 +130,8 @@ class LabelStore:
         """Store the labels of all animals of some samples, made together.
 
         Returns:
-            What could not be stored, and why.
+            A case for each animal with a fault or a rejection, which is stored too, and for each
+            problem of the cache.
 
         """
         names: list[str] = []
@@ -137,7 +139,7 @@ class LabelStore:
         for sample, facts in samples:
             for place, entry in enumerate(sample.animals):
                 if entry.vocabulary is None:
-                    continue  # a box is as it comes
+                    continue  # a box that the dataset gives is never stored
                 names.append(entry.sample_id)
                 try:
                     requests.append(self.request(sample, place, facts))
@@ -176,7 +178,7 @@ class LabelStore:
         if self.cache is None or not request.key:
             return []
         try:
-            # A file that was replaced meanwhile has another key: which one was decoded?
+            # If the key changed meanwhile, nobody knows which file was decoded: store nothing.
             if self.request(request.sample, request.place, request.facts).key == request.key:
                 self.cache.put(request.key, outcome)
         except SampleError:  # or has vanished

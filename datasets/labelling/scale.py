@@ -69,13 +69,13 @@ class KnownScale:
     def metres_per_unit(
         self, record: AnimalRecord, body: Body, label: CuboidLabel
     ) -> tuple[float | None, str]:
-        """The value."""
+        """The user's scale, of source "user"."""
         return self.value, "user"
 
 
 @dataclass(frozen=True)
 class SpeciesScale:
-    """By the animal's species: its typical head-and-body length over the body's own.
+    """The scale by species: a typical head-and-body length over that of the animal's body.
 
     Attributes:
         lengths_m: species -> length in metres from nose to tail base along the back. A category is
@@ -115,7 +115,7 @@ class SpeciesScale:
 
 @dataclass(frozen=True)
 class AltitudeScale:
-    """By a camera's known height over the ground that the animal stands on, as a drone reports it.
+    """The scale by a camera's known height over the animal's ground, as a drone reports it.
 
     Attributes:
         altitude_m: one for all images, or image -> metres.

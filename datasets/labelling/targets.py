@@ -100,9 +100,9 @@ def check_one_camera(sample_id: str, labels: Sequence[CuboidLabel]) -> None:
 
 
 def masks_of(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
-    """(N, H, W) 0 and 1, contiguous, of masks (H, W) that are nobody else's.
+    """The masks (H, W) in one contiguous uint8 array (N, H, W) of 0 and 1.
 
-    A single one is not copied.
+    A single mask is not copied, so it must be nobody else's.
     """
     stacked = np.stack(masks) if len(masks) > 1 else np.ascontiguousarray(masks[0])[None]
     return np.ascontiguousarray(stacked).view(np.uint8)

@@ -60,10 +60,10 @@ class Fields:
     """A target, opened and checked.
 
     Attributes:
-        values: the known array fields, all NumPy or all torch (see read_target); floats are
-            float64, the rest keeps its dtype.
+        values: the known array fields, all NumPy or all torch (see read_target); floats but the
+            depth picture's are float64, the rest keeps its dtype.
         forms: how each came.
-        others: everything else, passed on; "meta" among it is a dict of our own.
+        others: everything else, passed on; "meta" among it is a copy.
         per_animal: the names in others that hold one entry an animal.
         unclear: the names in others that could hold one entry an animal, or not.
         count: N.
@@ -139,7 +139,7 @@ def has_entry_per_animal(name: str, value: Any) -> bool:
 
 
 def entries_at(entries: Any, indices: tuple[int, ...]) -> object:
-    """The entries of these indices, in the form of all: a tensor, an array, a list or a tuple."""
+    """The entries of these indices in a container of the same type: tensor, array, list, tuple."""
     if isinstance(entries, Tensor | np.ndarray):
         return entries[list(indices)]
     return type(entries)(entries[index] for index in indices)

@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 AZIMUTHS = 8
 ELEVATIONS_DEG = (-20.0, 15.0, 50.0, 85.0)
 SURE_GAIN = 1e-4
-"""Relative gain in cost below which the descent from a sure start leaves the rest to the joint
-cost's."""
+"""Relative gain in cost at which the descent of a start beyond doubt ends: refine_jointly does the
+rest."""
 WIDE_ROUNDS, MIDDLE_ROUNDS, NARROW_ROUNDS, LAST_ROUNDS = 2, 3, 3, 3
 SURVIVORS = 6
 """Poses that go on once the loss has begun to narrow."""
@@ -39,12 +39,13 @@ CAUCHY_95 = 2.385
 efficiency on clean data."""
 RAYLEIGH_MEDIAN = 1.1774
 SURE_KEYPOINTS, SURE_EXTENT, SURE_DISTANCE = 10, 40.0, 4.0
-"""So many keypoints, over so many sigma in the picture, each explained to so many sigma: another
-view could not do that too."""
+"""A start is beyond doubt if SURE_KEYPOINTS keypoints or more, spread over SURE_EXTENT sigma in the
+picture, all lie within SURE_DISTANCE sigma: no other view could do that too."""
 APART = 0.05
 """Rotations that differ by less, in the Frobenius norm, are one."""
 NEAREST_VIEW, VIEW_CLEARANCE = 1e-3, 4
-"""Least depth of the landmarks' mean in a view's start, and times LEAST_DEPTH that of each."""
+"""Least mean depth of the landmarks at a view's start, in the unit frame; each is at least
+VIEW_CLEARANCE * LEAST_DEPTH deep."""
 VIEWS = orbit_rotations(AZIMUTHS, ELEVATIONS_DEG)
 """R_cam_box (B, 3, 3) of cameras all round a body, its back up in the picture."""
 
@@ -62,8 +63,8 @@ def search_poses(
 
     Returns:
         candidates: the different poses, best first.
-        misfit: standard deviation of the residuals over the keypoints' own, at least 1: how badly
-            the body fits.
+        misfit: the least median Mahalanobis distance of the poses over RAYLEIGH_MEDIAN, at least
+            1: how many times larger the residuals are than the keypoints' own noise.
 
     """
     extent = _extent_in_sigma(problem)
@@ -137,7 +138,7 @@ def _extent_in_sigma(problem: PoseProblem) -> float:
 def _best_of_views(
     problem: PoseProblem, extent: float, starts: list[PoseEstimate]
 ) -> tuple[list[PoseEstimate], float]:
-    """The best of the starts and of views from all round the body, refined."""
+    """The starts and views from all round the body, refined: the different poses and the misfit."""
     R_views = VIEWS @ problem.R_box.T
     t_views = weak_perspective_translation(problem, R_views)
     names = (*(start.hypothesis for start in starts), *(f"view_{i}" for i in range(len(R_views))))

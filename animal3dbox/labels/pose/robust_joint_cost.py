@@ -209,7 +209,7 @@ def outline_candidates(problem: PoseProblem, body_points: Array, R: Array, t: Ar
 def outline_is_complete(
     problem: PoseProblem, body_points: Array, R: Array, t: Array, *, outline: Array
 ) -> bool:
-    """Whether at these poses no other point bounds the body than those of its outline."""
+    """Whether the outline alone has the bounds of the whole body, within BOUNDS_PX."""
     if not body_points.size:
         return True
     of_body, of_outline = (_pixels(problem, points, R, t) for points in (body_points, outline))

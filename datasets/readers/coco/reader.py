@@ -70,14 +70,14 @@ class _Animal:
 def find_coco(path: Path) -> Path:
     """The annotation file of a dataset given by its folder or by that file.
 
-    Raises DatasetNotFoundError if there is none.
+    Raises DatasetNotFoundError unless the folder holds exactly one of FILES.
     """
     if path.is_file():
         return path
     candidates = [path / name for name in FILES if (path / name).is_file()]
     if len(candidates) != 1:
         raise DatasetNotFoundError(
-            f"{path} must hold one of {', '.join(FILES)}: give the file itself (one of"
+            f"{path} must hold exactly one of {', '.join(FILES)}: give the file itself (one of"
             " annotations/*.json in AP-10K)"
         )
     return candidates[0]
@@ -92,7 +92,8 @@ def read_coco(
         path: the file, or the folder it lies in.
         images: the folder that file_name is relative to; None: the first of the usual ones that has
             the first image.
-        vocabulary: what the keypoints are, if the categories' names do not tell.
+        vocabulary: what the keypoints are, by their names; None: the known vocabulary that fits
+            the categories' names.
 
     Returns:
         The records, those of an image together, in the order of "images", and a fault for each that
@@ -208,7 +209,8 @@ def _animal(
 def _keypoints(entry: CocoEntry, count: int, sample_id: str) -> NDArray[np.float64]:
     """The keypoints (N, 3) of an annotation: x, y and COCO's visibility, in the category's order.
 
-    They are zeros if there are none. AnimalPose nests them, three numbers a list.
+    They are zeros if there are none, and where they are not marked (visibility 0).
+    AnimalPose nests them, three numbers a list.
     """
     items = entry.keypoints or [0.0] * (3 * count)
     flat: list[float | None] = []

@@ -330,7 +330,7 @@ def test_a_file_that_is_not_cocos_is_refused(
 
 def test_a_folder_without_its_file_or_images_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
-        DatasetNotFoundError, match=r"must hold one of annotations.json, keypoints.json"
+        DatasetNotFoundError, match=r"must hold exactly one of annotations.json, keypoints.json"
     ):
         read_coco(tmp_path)
     with pytest.raises(DatasetNotFoundError, match="no folder of images"):
