@@ -105,7 +105,8 @@ def _split_file(root: Path, format: str, split: Split) -> Path:
         raise ConfigError(f"split must be {', '.join(get_args(Split))}, got {split!r}")
     if split == "all":
         return root
-    if format not in ("auto", animal3d.FORMAT) or not root.is_dir():
+    has_splits = any((root / name).is_file() for name in animal3d_entries.SPLITS)
+    if format not in ("auto", animal3d.FORMAT) or not has_splits:
         raise ConfigError(
             f"split={split!r} is for a folder that holds {' and '.join(animal3d_entries.SPLITS)}:"
             " of other formats give the annotation file of the split that you want as root"

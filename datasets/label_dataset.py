@@ -110,13 +110,17 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         reuse: bool = True,
         **unknown: object,
     ) -> None:
-        refuse_unknown(type(self).__name__, unknown, list(Options.__annotations__))
+        refuse_unknown(type(self), unknown, Options.__annotations__)
         _check_choices(on_bad, partial, scale)
         if on_bad == "error" and source.faults:
             raise _first_fault(source.faults)
         check_camera_policy(stored_cameras, source.has_cameras or not len(source), source.notes)
         self.source, self.on_bad, self.partial, self.masks = source, on_bad, partial, masks
         self.filters, self.transform = filters or LabelFilter(), transform
+        if isinstance(classes, str):
+            raise ConfigError(
+                f"classes must be several names, got {classes!r}: write [{classes!r}]"
+            )
         self.classes = tuple(source.categories if classes is None else classes)
         self._numbers = {name: number for number, name in enumerate(self.classes)}
         if len(self._numbers) != len(self.classes):

@@ -9,6 +9,7 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError
+from animal3dbox.geometry.checks import check_image_hw
 
 
 class SyntheticDataset(LabelDataset):
@@ -48,6 +49,14 @@ class SyntheticDataset(LabelDataset):
                 )
             scenes = images
         else:
-            world = WorldConfig() if image_hw is None else WorldConfig(image_hw=image_hw)
+            if not isinstance(images, int) or not isinstance(seed, int | None):
+                raise ConfigError(
+                    "images must be a number of scenes or a SyntheticSet, and seed a number, got"
+                    f" {images!r} and {seed!r}"
+                )
+            world = WorldConfig()
+            if image_hw is not None:
+                check_image_hw("image_hw", image_hw)
+                world = WorldConfig(image_hw=(int(image_hw[0]), int(image_hw[1])))
             scenes = SyntheticSet(seed or 0, images, world, faults or FaultConfig())
         super().__init__(SyntheticSource(scenes), **options)

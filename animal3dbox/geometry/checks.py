@@ -132,7 +132,6 @@ def check_intrinsics(name: str, K: Tensor | np.ndarray) -> None:
 
 def check_image_hw(name: str, image_hw: tuple[int, int]) -> None:
     """Raise a ShapeError unless the pair is (height, width) in whole, positive pixels."""
-    if len(image_hw) != 2 or any(not float(side).is_integer() or side <= 0 for side in image_hw):
-        raise ShapeError(
-            f"{name} must be (height, width) in whole pixels > 0, got {tuple(image_hw)}"
-        )
+    is_pair = hasattr(image_hw, "__len__") and len(image_hw) == 2
+    if not is_pair or any(not float(side).is_integer() or side <= 0 for side in image_hw):
+        raise ShapeError(f"{name} must be (height, width) in whole pixels > 0, got {image_hw}")

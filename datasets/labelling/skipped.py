@@ -1,6 +1,8 @@
 """What a Dataset gives: samples of images and targets, and what stands in the place of others."""
 
-from collections.abc import Mapping, Sequence
+import difflib
+import inspect
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -60,27 +62,34 @@ def _refuse_to_leave_out(batch: Sequence[Skipped], **_: object) -> NoReturn:
 default_collate_fn_map[Skipped] = _refuse_to_leave_out
 
 
-RENAMED: Mapping[str, str] = {
-    "transforms": "transform=, one callable for the image and its target together",
-    "target_transform": "transform=, one callable for the image and its target together",
-    "pose": "stored_cameras=, 'hypothesis' or 'exact'",
-    "path": "root=, the dataset's folder or annotation file",
-    "split": "root=, the annotation file of the split that you want: this format keeps each in one",
-    "download": "root=, where you have put the dataset yourself: nothing is downloaded",
+RENAMED: Mapping[str, tuple[str, str]] = {
+    "transforms": ("transform", "one callable for the image and its target together"),
+    "target_transform": ("transform", "one callable for the image and its target together"),
+    "pose": ("stored_cameras", "'hypothesis' or 'exact'"),
+    "path": ("root", "the dataset's folder or annotation file"),
+    "train": ("split", "'train', 'test' or 'all'"),
+    "split": ("root", "the annotation file of the split that you want: each is in its own"),
+    "download": ("root", "where you have put the dataset yourself: nothing is downloaded"),
 }
-"""Keywords that other libraries' Datasets have -> what to write here."""
+"""Keywords that other libraries' Datasets have -> the keyword to write here, and its value."""
 
 
-def refuse_unknown(kind: str, unknown: Mapping[str, object], known: Sequence[str]) -> None:
+def refuse_unknown(kind: type, unknown: Mapping[str, object], options: Iterable[str]) -> None:
     """Raise a TypeError that names the right word for keywords that a Dataset does not know.
 
     Args:
         kind: the Dataset's class.
         unknown: the keywords.
-        known: those that it has.
+        options: those that every Dataset has, besides those that its class names.
 
     """
+    own = inspect.signature(kind).parameters.values()
+    named = (p.name for p in own if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
+    known = sorted({*options, *named})
     for name in unknown:
-        if name in RENAMED:
-            raise TypeError(f"{kind} has no {name}=: write {RENAMED[name]}")
-        raise TypeError(f"{kind} has no {name}=; it has {', '.join(sorted(known))}")
+        word, value = RENAMED.get(name, ("", ""))
+        if word in known:
+            raise TypeError(f"{kind.__name__} has no {name}=: write {word}=, {value}")
+        near = difflib.get_close_matches(name, known, n=1)
+        hint = f" (nearest: {near[0]})" if near else ""
+        raise TypeError(f"{kind.__name__} has no {name}={hint}; it has {', '.join(known)}")

@@ -15,7 +15,7 @@ from animal3dbox.datasets import (
     SyntheticSet,
     collate,
 )
-from animal3dbox.errors import ConfigError
+from animal3dbox.errors import ConfigError, ShapeError
 
 
 def test_the_splits_of_a_folder_are_its_files(animals: Path) -> None:
@@ -52,15 +52,54 @@ def test_a_split_of_one_file_is_refused(animals: Path) -> None:
         ("transforms", "transform="),
         ("target_transform", "transform="),
         ("pose", "stored_cameras="),
-        ("split", "root="),
-        ("path", "root="),
-        ("download", "nothing is downloaded"),
-        ("shuffle", "it has cache, classes, config"),
+        ("split", "it has cache, classes, config"),
+        ("image_wh", "nearest: image_hw"),
+        ("shuffle", "it has .* image_hw, images"),
     ],
 )
 def test_a_word_of_other_libraries_is_refused_with_ours(option: str, word: str) -> None:
     with pytest.raises(TypeError, match=f"SyntheticDataset has no {option}=.*{word}"):
         SyntheticDataset(1, **{option: 1})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("option", "word"),
+    [
+        ("path", "write root=, the dataset's folder"),
+        ("train", "write split=, 'train'"),
+        ("download", "nothing is downloaded"),
+        ("stored_camera", "nearest: stored_cameras"),
+    ],
+)
+def test_a_word_for_files_is_refused_with_ours(animals: Path, option: str, word: str) -> None:
+    with pytest.raises(TypeError, match=f"Animal3DDataset has no {option}=.*{word}"):
+        Animal3DDataset(animals, model_of(animals), **{option: 1})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (("24", 0, None), "images must be a number of scenes"),
+        ((1, "a", None), "seed a number"),
+        ((1, 0, 120), r"image_hw must be \(height, width\)"),
+    ],
+)
+def test_a_synthetic_dataset_of_no_numbers_is_refused_at_once(
+    arguments: tuple[Any, ...], problem: str
+) -> None:
+    images, seed, image_hw = arguments
+    with pytest.raises((ConfigError, ShapeError), match=problem):
+        SyntheticDataset(images, seed=seed, image_hw=image_hw)
+
+
+def test_the_size_of_pictures_may_be_a_list() -> None:
+    image, _ = SyntheticDataset(1, image_hw=[60, 80])[0]  # type: ignore[arg-type,misc]
+    assert tuple(image.shape) == (3, 60, 80)
+
+
+def test_a_class_is_not_taken_for_its_letters() -> None:
+    with pytest.raises(ConfigError, match=r"classes must be several names, got 'dog'"):
+        SyntheticDataset(1, classes="dog")
 
 
 def test_a_split_of_coco_is_a_file_of_its_own(tmp_path: Path) -> None:
