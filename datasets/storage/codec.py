@@ -117,6 +117,9 @@ def _array_bytes(array: np.ndarray) -> bytes:
 def _with_tuples(value: Any) -> Any:
     """A decoded value with its lists, at any depth, made tuples, as frozen dataclasses have."""
     if isinstance(value, list):
+        # A mask's runs are thousands of numbers (benchmarks/loader.py, "mask"): no call for each.
+        if {list, dict}.isdisjoint(map(type, value)):
+            return tuple(value)
         return tuple(_with_tuples(part) for part in value)
     if isinstance(value, dict):
         return {name: _with_tuples(part) for name, part in value.items()}
