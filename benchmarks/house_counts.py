@@ -1,4 +1,4 @@
-"""Count how readable the code base is, as /work/shared/house.md measured it.
+"""Count how readable the code base is, as ../shared/house.md measured it.
 
 Run: python benchmarks/house_counts.py [--against REV] [--json FILE] [--photographs FOLDER]
 [--no-trace]
