@@ -7,6 +7,7 @@ its place among the shared ones.
 
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -93,9 +94,9 @@ class Codec:
         if code == _PATH:
             return Path(bytes(data).decode("utf-8", "surrogateescape"))
         begin, header_length = data[0], data[1]
-        dtype, shape = _HEADER_DECODER.decode(data[2 : 2 + header_length])
+        dtype, shape = _type_and_shape(bytes(data[2 : 2 + header_length]))
         # A copy, so that the array can be written to and does not hold the packed bytes.
-        array = np.ndarray(tuple(shape), dtype, bytearray(data), begin)
+        array = np.ndarray(shape, dtype, bytearray(data), begin)
         return torch.from_numpy(array) if code == _TENSOR else array
 
 
@@ -112,6 +113,13 @@ def _array_bytes(array: np.ndarray) -> bytes:
         + header.ljust(begin - 2, b"\0")
         + np.ascontiguousarray(array).tobytes()
     )
+
+
+@lru_cache(maxsize=1024)
+def _type_and_shape(header: bytes) -> tuple[np.dtype[Any], tuple[int, ...]]:
+    """The type and shape of an array by its header; the headers of a dataset are few."""
+    dtype, shape = _HEADER_DECODER.decode(header)
+    return np.dtype(dtype), tuple(shape)
 
 
 def _with_tuples(value: Any) -> Any:

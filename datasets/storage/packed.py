@@ -11,6 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from animal3dbox.datasets.storage.codec import Codec
 
@@ -29,19 +30,36 @@ class Arena:
         pieces = list(parts)
         offsets = np.cumsum([0, *(len(piece) for piece in pieces)], dtype=np.int64)
         content = np.frombuffer(bytearray(b"".join(pieces)), dtype=np.uint8)
-        # Piece i lies in content[offsets[i] : offsets[i + 1]].
-        self._offsets, self._content = torch.from_numpy(offsets), torch.from_numpy(content.copy())
+        self._hold(torch.from_numpy(offsets), torch.from_numpy(content.copy()))
+
+    def _hold(self, offsets: Tensor, content: Tensor) -> None:
+        """Keep two tensors: piece i lies in content[offsets[i] : offsets[i + 1]].
+
+        Their memory is read through memoryviews: a slice of a tensor costs seven times as much
+        (benchmarks/loader.py, "label, from the cache").
+        """
+        self._offsets, self._content = offsets, content
+        self._offsets_view, self._content_view = offsets.numpy().data, content.numpy().data
+        self._addresses = offsets.data_ptr(), content.data_ptr()
+
+    def __getstate__(self) -> tuple[Tensor, Tensor]:
+        return self._offsets, self._content
+
+    def __setstate__(self, state: tuple[Tensor, Tensor]) -> None:
+        self._hold(*state)
 
     def __len__(self) -> int:
         return self._offsets.shape[0] - 1
 
     def __getitem__(self, index: int) -> bytes:
-        count = len(self)
+        if (self._offsets.data_ptr(), self._content.data_ptr()) != self._addresses:
+            # Torch moves the memory of tensors that it sends to a spawned worker.
+            self._hold(self._offsets, self._content)
+        count = len(self._offsets_view) - 1
         if not -count <= index < count:
             raise IndexError(f"index {index} of {count}")
         index %= count
-        start, end = self._offsets[index : index + 2].tolist()
-        return self._content[start:end].numpy().tobytes()
+        return bytes(self._content_view[self._offsets_view[index] : self._offsets_view[index + 1]])
 
     @property
     def nbytes(self) -> int:
