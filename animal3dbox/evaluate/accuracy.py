@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise, permutations, product
+from itertools import permutations, product
 
 import torch
 from torch import Tensor
 
 from animal3dbox.datasets.synthetic.faults import FaultConfig
+from animal3dbox.datasets.synthetic.foreign.bodies import merged_mesh
 from animal3dbox.evaluate.orientation import RULES, axes_of
 from animal3dbox.evaluate.subject import Annotated, Subject
 from animal3dbox.evaluate.tables import Cell, Table, quantile, table_from_records
@@ -54,9 +55,7 @@ class AccuracyRow:
 
 
 def remeshed(vertices: Tensor, faces: Tensor, landmarks: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Another mesh of the same body, in no correspondence with its template.
-
-    Vertices that share a cell become one.
+    """Another mesh of the same body, as merged_mesh makes it, with its landmarks.
 
     Args:
         vertices: (V, 3).
@@ -68,19 +67,10 @@ def remeshed(vertices: Tensor, faces: Tensor, landmarks: Tensor) -> tuple[Tensor
         ones.
 
     """
-    side = CELL * torch.linalg.vector_norm(vertices.amax(0) - vertices.amin(0))
-    cells = torch.floor(vertices / side).long()
-    _, owner = torch.unique(cells, dim=0, return_inverse=True)
-    count = int(owner.max()) + 1
-    sums = torch.zeros(count, 3, dtype=vertices.dtype).index_add(0, owner, vertices)
-    merged = sums / torch.bincount(owner, minlength=count)[:, None]
-    corners = owner[faces]
-    has_area = torch.stack([corners[:, a] != corners[:, b] for a, b in pairwise((0, 1, 2, 0))]).all(
-        0
-    )
+    merged, corners = merged_mesh(vertices, faces, CELL)
     nearest = torch.cdist(landmarks.nan_to_num(), merged).argmin(1)
     moved = torch.where(torch.isfinite(landmarks), merged[nearest], landmarks)
-    return merged, corners[has_area], moved
+    return merged, corners, moved
 
 
 def accuracy_rows(subject: Subject) -> list[AccuracyRow]:

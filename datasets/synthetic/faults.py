@@ -104,13 +104,16 @@ def faulty(annotation: Annotation, faults: FaultConfig, seed: int = 0) -> Annota
         seed: another seed makes the same faults elsewhere.
 
     """
-    keypoints = annotation.keypoints_2d
-    if faults.swap != "none" and _draw(annotation, seed, "swap", 1)[0] < faults.swapped:
-        keypoints = keypoints[torch.tensor(swap_order(annotation.vocabulary, faults.swap))]
+    name, vocabulary = annotation.sample_id, annotation.vocabulary
+    keypoints = swapped_keypoints(
+        name, vocabulary, annotation.keypoints_2d, faults=faults, seed=seed
+    )
     focal_factors = [faults.focal_factor, faults.focal_factor, 1.0]
     return replace(
         annotation,
-        keypoints_2d=_keypoints(annotation, keypoints, faults, seed),
+        keypoints_2d=faulty_keypoints(
+            name, annotation.image_hw, keypoints, faults=faults, seed=seed
+        ),
         mask=resized_mask(annotation.mask, faults.mask_px),
         K=annotation.K @ torch.diag(torch.tensor(focal_factors, dtype=torch.float64)),
         parameters=_misfit(annotation, faults, seed),
@@ -145,17 +148,37 @@ def resized_mask(mask: Tensor, px: int) -> Tensor:
     return changed if bool(changed.any()) else mask
 
 
-def _keypoints(annotation: Annotation, keypoints: Tensor, faults: FaultConfig, seed: int) -> Tensor:
-    """The keypoints (J, 3) moved, thrown, lost and wrongly flagged; see FaultConfig."""
-    height, width = annotation.image_hw
+def swapped_keypoints(
+    sample_id: str, vocabulary: Vocabulary, keypoints: Tensor, *, faults: FaultConfig, seed: int
+) -> Tensor:
+    """The keypoints (J, 3), their left and right exchanged if the sample is one of those."""
+    if faults.swap == "none" or not _draw(sample_id, seed, "swap", 1)[0] < faults.swapped:
+        return keypoints
+    return keypoints[torch.tensor(swap_order(vocabulary, faults.swap))]
+
+
+def faulty_keypoints(
+    sample_id: str, image_hw: tuple[int, int], keypoints: Tensor, *, faults: FaultConfig, seed: int
+) -> Tensor:
+    """The keypoints (J, 3) moved, thrown, lost and wrongly flagged; see FaultConfig.
+
+    Args:
+        sample_id: by which the faults are drawn.
+        image_hw: height and width.
+        keypoints: (J, 3) x, y in px and 1 if marked.
+        faults: the dials.
+        seed: another seed makes the same faults elsewhere.
+
+    """
+    height, width = image_hw
     count, in_frame = len(keypoints), keypoints[:, :2].any(1)
     marked = keypoints[:, 2] > 0
     chance = {
-        name: _draw(annotation, seed, name, count) < getattr(faults, name)
+        name: _draw(sample_id, seed, name, count) < getattr(faults, name)
         for name in ("outliers", "missing", "zeros", "wrong_flags")
     }
-    px = keypoints[:, :2] + faults.noise_px * _normal(annotation, seed, "noise_px", (count, 2))
-    part_of_frame = _draw(annotation, seed, "anywhere", 2 * count).reshape(count, 2)
+    px = keypoints[:, :2] + faults.noise_px * _normal(sample_id, seed, "noise_px", (count, 2))
+    part_of_frame = _draw(sample_id, seed, "anywhere", 2 * count).reshape(count, 2)
     anywhere = part_of_frame * torch.tensor([width, height]) - 0.5
     px = torch.where((marked & chance["outliers"])[:, None], anywhere, px)
     px = torch.where((marked & chance["zeros"])[:, None], 0.0, px)
@@ -173,7 +196,7 @@ def _misfit(annotation: Annotation, faults: FaultConfig, seed: int) -> SmalParam
     """
     true, model = annotation.parameters, load_quadruped()
     pose = true.pose.clone()
-    turns = _normal(annotation, seed, "joint_deg", tuple(pose[1:].shape))
+    turns = _normal(annotation.sample_id, seed, "joint_deg", tuple(pose[1:].shape))
     pose[1:] += np.deg2rad(faults.joint_deg) * turns
     betas = faults.body_scale * true.betas
     betas[quadruped_names().columns.index("size")] += _size_amount(model, faults.body_scale)
@@ -193,22 +216,20 @@ def _size_amount(model: SmalModel, scale: float) -> float:
     return (scale - 1) / growth
 
 
-def _generator(annotation: Annotation, seed: int, fault: str) -> np.random.Generator:
+def _generator(sample_id: str, seed: int, fault: str) -> np.random.Generator:
     """The random numbers of one fault of one sample."""
     return np.random.Generator(
         np.random.PCG64(
-            np.random.SeedSequence(
-                (seed, zlib.crc32(annotation.sample_id.encode()), *fault.encode())
-            )
+            np.random.SeedSequence((seed, zlib.crc32(sample_id.encode()), *fault.encode()))
         )
     )
 
 
-def _draw(annotation: Annotation, seed: int, fault: str, count: int) -> Tensor:
+def _draw(sample_id: str, seed: int, fault: str, count: int) -> Tensor:
     """Random numbers (count,) from 0 to 1, of one fault of one sample."""
-    return torch.from_numpy(_generator(annotation, seed, fault).random(count))
+    return torch.from_numpy(_generator(sample_id, seed, fault).random(count))
 
 
-def _normal(annotation: Annotation, seed: int, fault: str, shape: tuple[int, ...]) -> Tensor:
+def _normal(sample_id: str, seed: int, fault: str, shape: tuple[int, ...]) -> Tensor:
     """Random numbers of a shape, normally distributed, of one fault of one sample."""
-    return torch.from_numpy(_generator(annotation, seed, fault).standard_normal(shape))
+    return torch.from_numpy(_generator(sample_id, seed, fault).standard_normal(shape))

@@ -71,8 +71,8 @@ def draw_animal(rng: np.random.Generator, preset: str, config: WorldConfig) -> S
     poses = config.poses or WORLD_POSES
     pose_name = poses[int(rng.integers(len(poses)))]
     betas, pose = (
-        _betas(rng, preset, config.shape_spread),
-        _pose(rng, pose_name, config.pose_spread),
+        draw_betas(rng, preset, config.shape_spread),
+        draw_pose(rng, pose_name, config.pose_spread),
     )
     heading = torch.tensor([0.0, 0.0, rng.uniform(-np.pi, np.pi)], dtype=torch.float64)
     root = rotation_from_axis_angle(heading) @ rotation_from_axis_angle(pose[0])
@@ -107,7 +107,7 @@ def _with_tail_off_the_ground(betas: Tensor, pose: Tensor) -> tuple[Tensor, Pose
     return pose, body
 
 
-def _betas(rng: np.random.Generator, preset: str, spread: float) -> Tensor:
+def draw_betas(rng: np.random.Generator, preset: str, spread: float) -> Tensor:
     """The shape (S,) of a species, sometimes with another one mixed in, its measures varied."""
     names = quadruped_names()
     amounts = dict.fromkeys(names.columns, 0.0)
@@ -126,7 +126,7 @@ def _betas(rng: np.random.Generator, preset: str, spread: float) -> Tensor:
     return measure_betas(amounts)
 
 
-def _pose(rng: np.random.Generator, name: str, spread: float) -> Tensor:
+def draw_pose(rng: np.random.Generator, name: str, spread: float) -> Tensor:
     """The pose (J, 3) of a name, its joints but the root turned a little within their limits."""
     if name == "random":
         return random_pose(torch.Generator().manual_seed(int(rng.integers(1 << 62))))

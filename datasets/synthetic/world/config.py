@@ -77,7 +77,7 @@ class WorldConfig:
                 )
         limits = {
             "animals": (1, 50),
-            "elevation_deg": (-10, 85),
+            "elevation_deg": (-60, 85),
             "focal_px": (1, np.inf),
             "fill": (0.02, 1.0),
             "shape_spread": (0, 3),
