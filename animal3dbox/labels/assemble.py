@@ -20,12 +20,18 @@ from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.pixel_boxes import points_box
 from animal3dbox.labels.drafts import LabelDraft
 from animal3dbox.labels.label_row import NOT_MEASURED, rows_of
+from animal3dbox.labels.pose.choice import elevation_and_roll
+from animal3dbox.labels.pose.problem import AS_GIVEN
 from animal3dbox.labels.types import CuboidLabel, Quality
 
 Array = NDArray[np.float64]
 INLIER_PER_EXTENT = 0.1
 """A keypoint fits if it is off by less than this part of the longer side of the keypoints' box
 (PCK at 0.1)."""
+AMBIGUOUS = 2.0
+"""What a runner-up costs more and is still taken for nearly as good."""
+FROM_BELOW_DEG, ROLLED_DEG, UNCERTAIN_DEG = -10.0, 45.0, 15.0
+"""Elevation, roll and standard deviation beyond which a label is flagged."""
 NO_SURFACE = np.full(6, NOT_MEASURED)
 
 
@@ -170,7 +176,7 @@ def _qualities(drafts: Sequence[LabelDraft], K: Array, R: Array, t: Array) -> li
 
 def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: int) -> Quality:
     """How one label came about."""
-    observation = draft.observation
+    observation, evidence = draft.observation, draft.pose.evidence
     return Quality(
         reprojection_error_px=mean_px if n_keypoints else None,
         n_keypoints=n_keypoints,
@@ -183,4 +189,29 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
         mask_source="none" if observation.mask is None else "dataset",
         K_source=observation.K_source,
         warnings=draft.warnings,
+        rotation_sd_deg=None if evidence is None else evidence.rotation_sd_deg,
+        runner_up=None if evidence is None else evidence.runner_up,
+        labeling=AS_GIVEN if evidence is None else evidence.labeling,
+        hidden=None if evidence is None else evidence.hidden,
+        misfit=None if evidence is None else evidence.misfit,
+        log_focal_sd=None if evidence is None else evidence.log_focal_sd,
+        flags=_flags(draft),
     )
+
+
+def _flags(draft: LabelDraft) -> tuple[str, ...]:
+    """The words of FLAGS that hold of a draft whose camera was estimated."""
+    evidence = draft.pose.evidence
+    if evidence is None:
+        return ()
+    rotation = draft.pose.R @ draft.mesh_box[1]
+    center = draft.pose.R @ draft.mesh_box[0] + draft.pose.t
+    elevation, roll = elevation_and_roll(rotation, center)
+    holds = {
+        "exchanged": evidence.labeling != AS_GIVEN,
+        "ambiguous": evidence.runner_up is not None and evidence.runner_up < AMBIGUOUS,
+        "from_below": elevation < FROM_BELOW_DEG,
+        "rolled": abs(roll) > ROLLED_DEG,
+        "uncertain": evidence.rotation_sd_deg > UNCERTAIN_DEG,
+    }
+    return tuple(flag for flag, is_so in holds.items() if is_so)

@@ -10,6 +10,9 @@ Residual = Literal["vector", "literal"]
 Axes = Literal["default", "landmarks", "pca"]
 Tail = Literal["keep", "drop"]
 MaskBox = Literal["keypoints", "mesh", "none"]
+Upright = Literal["prior", "none"]
+Labelings = Literal["mend", "keep"]
+Focal = Literal["estimate", "guess"]
 
 POSITIVE = (
     "xtol", "ftol", "sigma_visible_px", "sigma_occluded_px", "confidence_floor", "edge_gain",
@@ -43,6 +46,14 @@ class LabelConfig:
         ftol: SciPy's tolerance, section 2.2.2.
         mask_box: what is compared with the mask's bounding box in d_bbox. None: "keypoints" for
             paper, "mesh" for default.
+        upright: "prior" lets poses from under the ground and with a rolled camera cost a little
+            more, so that keypoints decide wherever they tell; "none" does not. For method
+            "default".
+        labelings: "mend" tries whether left and right keypoints have been exchanged, where the
+            labeling given is in doubt, and uses the better one; "keep" takes keypoints as they
+            are. For method "default".
+        focal: "estimate" finds the focal length with the pose where K is unknown, one for all
+            animals of an image; "guess" takes focal_guess. For method "default".
         sigma_visible_px: section 2.2.1's sigma_base of a plainly visible keypoint (not given
             there).
         sigma_occluded_px: likewise for one that may be occluded.
@@ -83,6 +94,9 @@ class LabelConfig:
     xtol: float = 1e-8
     ftol: float = 1e-8
     mask_box: MaskBox | None = None
+    upright: Upright = "prior"
+    labelings: Labelings = "mend"
+    focal: Focal = "estimate"
     sigma_visible_px: float = 2.0
     sigma_occluded_px: float = 6.0
     occluded_below: float = 0.5
@@ -99,7 +113,15 @@ class LabelConfig:
     mask_iou: bool = True
 
     def __post_init__(self) -> None:
-        choices = {"method": Method, "axes": Axes, "residual": Residual, "tail": Tail}
+        choices = {
+            "method": Method,
+            "axes": Axes,
+            "residual": Residual,
+            "tail": Tail,
+            "upright": Upright,
+            "labelings": Labelings,
+            "focal": Focal,
+        }
         for field, kind in choices.items():
             if getattr(self, field) not in get_args(kind):
                 raise ConfigError(

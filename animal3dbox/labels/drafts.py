@@ -1,7 +1,8 @@
 """From a checked animal to its box and camera: axes, bounds, pose."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,19 +11,24 @@ from animal3dbox.errors import SampleError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.distortion import beyond_lens
+from animal3dbox.geometry.mask_supports import MaskSupports, even_directions, mask_supports
 from animal3dbox.geometry.pixel_boxes import mask_box
 from animal3dbox.geometry.straightening import straightened_box, straightened_pixels
 from animal3dbox.labels.axes.body_axes import body_axes
 from animal3dbox.labels.bounds import PAPER_MARGIN, tight_boxes
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.observation import Observation
-from animal3dbox.labels.pose.estimate import estimate_pose
+from animal3dbox.labels.pose.estimate import estimate_pose, estimate_zoom
+from animal3dbox.labels.pose.focal_length import common_zoom
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma, misfit_sigma
-from animal3dbox.labels.pose.problem import PoseEstimate, PoseFailure, PoseProblem
+from animal3dbox.labels.pose.problem import AS_GIVEN, PoseEstimate, PoseFailure, PoseProblem
 from animal3dbox.labels.types import Rejection
 from animal3dbox.labels.visibility.body_in_picture import body_in_picture
+from animal3dbox.smal.keypoints.exchanges import PARTS, exchange_order
 
 Array = NDArray[np.float64]
+DIRECTIONS = even_directions(16)
+"""In which the mask's supports are compared with the body's."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,9 @@ def draft_labels(
         bounded = [_bounded_points(observations[i], config) for i in axes]
         R_boxes = np.stack([R_box for R_box, _ in axes.values()])
         boxes = tight_boxes([points for points, *_ in bounded], R_boxes, _margin(config))
+        observations = with_focal_lengths(
+            observations, dict(zip(axes, R_boxes, strict=True)), config
+        )
         for i, (_, rule), (_, source, warnings), *box in zip(
             axes, axes.values(), bounded, *boxes, strict=True
         ):
@@ -157,6 +166,9 @@ def _draft(
         warnings += lens_warnings
     if isinstance(pose, PoseFailure):
         return Rejection(observation.sample_id, pose.reason, pose.detail)
+    if pose.evidence is not None and pose.evidence.labeling != AS_GIVEN:
+        observation, warning = _mended(observation, pose.evidence.labeling)
+        warnings += (warning,)
     if _is_beyond_lens(observation, mesh_box, pose):
         return Rejection(
             observation.sample_id,
@@ -178,6 +190,20 @@ def _draft(
         bounds_source=bounds_source,
         warnings=(*observation.warnings, *warnings),
     )
+
+
+def _mended(observation: Observation, part: str) -> tuple[Observation, str]:
+    """The observation with left and right of a part exchanged, and what to tell of it."""
+    words, keypoints = observation.vocabulary, observation.keypoints_2d
+    order = list(exchange_order(words, part))
+    names = [words.keypoints[j] for j in range(len(words)) if order[j] != j]
+    warning = (
+        f"left and right are exchanged in the file ({part}: {', '.join(names)}): the label uses"
+        " them the other way round"
+    )
+    if keypoints is None:
+        return observation, warning
+    return replace(observation, keypoints_2d=keypoints[order]), warning
 
 
 def _is_beyond_lens(
@@ -211,6 +237,7 @@ def _pose_problem(
     sigma = keypoint_sigma(keypoints, observation.image_hw, config)
     misfit = None if body.landmark_sigma is None else body.landmark_sigma[matched]
     pixels, warnings = keypoints[:, :2], tuple[str, ...]()
+    used = np.flatnonzero(matched)
     if observation.distortion is not None:
         K, lens = observation.K, observation.distortion
         pixels, stretch, shown = straightened_pixels(pixels, K, lens)
@@ -220,8 +247,10 @@ def _pose_problem(
                 " for the pose",
             )
         points, pixels, sigma = points[shown], pixels[shown], (sigma * stretch)[shown]
+        used = used[shown]
         misfit = None if misfit is None else misfit[shown]
         box = None if observation.mask is None else straightened_box(observation.mask, K, lens)
+    noise = sigma
     if config.method == "default" and misfit is not None and body.landmark_sigma.any():
         sigma = np.hypot(sigma, misfit_sigma(points, pixels, misfit))
     problem = PoseProblem(
@@ -233,5 +262,74 @@ def _pose_problem(
         R_box=R_box,
         vertices_world=body.vertices,
         mask_box=box,
+        mask_supports=_supports(observation, config),
+        exchanged=_exchanged_points(observation, used) if config.method == "default" else (),
+        down_cam=observation.down_cam,
+        noise_px=noise,
+        log_focal_sd=observation.log_focal_sd,
     )
     return problem, warnings
+
+
+def _supports(observation: Observation, config: LabelConfig) -> MaskSupports | None:
+    """How far the mask reaches; None without one, or where the method does not use it."""
+    mask = observation.mask
+    if mask is None or config.method != "default" or config.mask_box == "none":
+        return None
+    supports = mask_supports(mask, DIRECTIONS, observation.K, observation.distortion)
+    return supports if len(supports.heights) else None
+
+
+def _exchanged_points(
+    observation: Observation, used: NDArray[np.intp]
+) -> tuple[tuple[str, Array], ...]:
+    """The landmarks (N, 3) of the keypoints in use, for each part with left and right exchanged.
+
+    Parts that come to the same are named once, by the first; those of which the body lacks a
+    landmark, or of which no keypoint is in use, are left out.
+    """
+    landmarks, words = observation.body.landmarks, observation.vocabulary
+    if landmarks is None:
+        return ()
+    known: dict[bytes, tuple[str, Array]] = {}
+    given = np.arange(len(words))[used].tobytes()
+    for part in PARTS:
+        order = np.array(exchange_order(words, part))[used]
+        points = landmarks[order]
+        if order.tobytes() != given and np.isfinite(points).all():
+            known.setdefault(order.tobytes(), (part, points))
+    return tuple(known.values())
+
+
+def with_focal_lengths(
+    observations: Sequence[Observation], axes: Mapping[int, Array], config: LabelConfig
+) -> list[Observation]:
+    """The animals, with focal lengths estimated where only a guess is known.
+
+    Those of one image share one.
+
+    Args:
+        observations: the animals.
+        axes: index of an animal -> its R_world_box (3, 3); the others have no pose.
+        config: the method; basic, paper and focal="guess" leave the guess.
+
+    """
+    if config.method != "default" or config.focal == "guess":
+        return list(observations)
+    images: dict[str | int, list[int]] = {}
+    for i in axes:
+        one = observations[i]
+        if one.K_source == "guessed" and one.pose is None and one.distortion is None:
+            images.setdefault(i if one.image is None else one.image, []).append(i)
+    finished = list(observations)
+    for members in images.values():
+        problems = [_pose_problem(observations[i], axes[i], None, config)[0] for i in members]
+        zooms = [zoom for one in problems if (zoom := estimate_zoom(one, config)) is not None]
+        if not zooms:
+            continue
+        zoom = common_zoom(zooms)
+        for i in members:
+            K = observations[i].K.copy()
+            K[:2, :2] *= math.exp(zoom.log)
+            finished[i] = replace(observations[i], K=K, K_source="estimated", log_focal_sd=zoom.sd)
+    return finished

@@ -38,6 +38,7 @@ def label_animal(
     config: LabelConfig | None = None,
     landmark_sigma: ArrayLike = None,
     distortion: ArrayLike = None,
+    down_cam: ArrayLike = None,
 ) -> CuboidLabel | Rejection:
     """The oriented cuboid of one animal, its camera and the faces seen (the whole of section 2).
 
@@ -53,7 +54,8 @@ def label_animal(
             the label says so.
         faces: (F, 3) its triangles, for the overlap with the mask.
         template: the body template that the vertices correspond to one to one, if any.
-        K: (3, 3) in px; None: guessed (LabelConfig.focal_guess), and the label says so.
+        K: (3, 3) in px; None: its focal length is estimated with the pose, or guessed
+            (LabelConfig.focal), and the label says so.
         pose: (R, t) known exactly, X_cam = R X + t: no keypoints needed, no PnP.
         pose_hypotheses: further (R, t) to start from.
         mask: (H, W), above 0 on the animal.
@@ -68,6 +70,8 @@ def label_animal(
             label, are the distorted picture's. The pose is solved for the keypoints and the mask's
             outline as they would be without the lens; a box that reaches beyond the lens's field of
             view is rejected.
+        down_cam: (3,) unit, gravity's direction in the camera frame, where it is known; helps to
+            choose between poses that explain the keypoints about equally well.
 
     Returns:
         A label, or a rejection with its reason.
@@ -98,6 +102,7 @@ def label_animal(
         mask=mask,
         vocabulary=vocabulary,
         distortion=distortion,
+        down_cam=down_cam,
         sample_id=sample_id,
         config=config,
     )

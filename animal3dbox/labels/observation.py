@@ -38,12 +38,16 @@ class Observation:
             without keypoints.
         body: the animal's body, in world, its vertices coordinate by coordinate in memory.
         K: (3, 3).
-        K_source: "given" or "guessed".
+        K_source: "given" or "guessed"; "estimated" once the focal length has been.
         pose: the camera's, known exactly, or None.
         hypotheses: poses to try.
         mask: (H, W) bool, or None.
         distortion: the lens's coefficients, or None for a pinhole.
         warnings: what a careful person should know of the input, in whole sentences.
+        image: names the picture among those labelled together: its animals share a focal length;
+            None: it shows this animal alone.
+        log_focal_sd: standard deviation of the natural logarithm of an estimated focal length.
+        down_cam: (3,) unit, gravity in the camera frame; None: not known.
     """
 
     sample_id: str | None
@@ -58,6 +62,9 @@ class Observation:
     mask: NDArray[np.bool_] | None
     distortion: Array | None
     warnings: tuple[str, ...]
+    image: str | None = None
+    log_focal_sd: float | None = None
+    down_cam: Array | None = None
 
     @cached_property
     def has_landmark(self) -> NDArray[np.bool_]:
@@ -97,6 +104,8 @@ def observe(
     mask: ArrayLike = None,
     vocabulary: str | Vocabulary = "animal3d26",
     distortion: ArrayLike = None,
+    down_cam: ArrayLike = None,
+    image: str | None = None,
     sample_id: str | None = None,
     config: LabelConfig,
 ) -> Observation:
@@ -137,6 +146,8 @@ def observe(
         ),
         mask=None if mask is None else checks.mask(mask, size),
         warnings=tuple(warnings),
+        image=image,
+        down_cam=_checked_down(checks, down_cam),
     )
 
 
@@ -147,6 +158,22 @@ def _checked_lens(checks: ArgumentChecks, distortion: ArrayLike) -> Array | None
     lens = checks.array("distortion", distortion, "N")
     checks.check(check_distortion, "distortion", lens)
     return lens
+
+
+def _checked_down(checks: ArgumentChecks, down_cam: ArrayLike) -> Array | None:
+    """Gravity's direction (3,) in the camera frame, made unit; None if it is not known."""
+    if down_cam is None:
+        return None
+    down = checks.finite("down_cam", down_cam, "3")
+    length = float(np.linalg.norm(down))
+    if not 0.99 < length < 1.01:
+        raise checks.fail(
+            "down_cam",
+            f"must be a unit vector, gravity's direction in the camera frame, got one {length:.3g}"
+            " long",
+        )
+    unit: Array = down / length
+    return unit
 
 
 def _checked_body(

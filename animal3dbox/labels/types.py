@@ -34,6 +34,15 @@ REASONS = {
 }
 """Why an animal can be left without a label; the keys of every count of rejections."""
 
+FLAGS = {
+    "exchanged": "left and right keypoints were exchanged in the file, and are mended",
+    "ambiguous": "another orientation explains the animal nearly as well",
+    "from_below": "the camera would stand far below the animal's own plane",
+    "rolled": "the camera would be rolled by more than 45 degrees against the animal",
+    "uncertain": "the rotation's standard deviation is more than 15 degrees",
+}
+"""Words of Quality.flags, and what they say."""
+
 VIEWPOINTS = (
     "front",
     "front-left",
@@ -70,6 +79,17 @@ class Quality:
         K_source: "given", "exif" (the picture's header), "dataset" (one for all of its images) or
             "guessed".
         warnings: what a careful person should know, in whole sentences.
+        rotation_sd_deg: standard deviation of the estimated rotation about its least certain axis,
+            by the curvature of the cost; None of a given pose and of methods basic and paper, as
+            are the next four but labeling.
+        runner_up: what the best pose of another orientation or labeling would cost more, in halves
+            of a squared standard deviation; None, too, if there was none.
+        labeling: the part of the body whose left and right keypoints were exchanged in the file
+            and are mended in the label ("all", "legs", "fore", "hind", "head"), or "as given".
+        hidden: part of the marked keypoints that the body itself hides.
+        misfit: how many times larger the keypoints' distances are than their noise, at least 1.
+        log_focal_sd: standard deviation of the natural logarithm of an estimated focal length.
+        flags: the warnings that programs can count, a word each: see FLAGS.
 
     Example:
         >>> from animal3dbox import label_animal
@@ -93,6 +113,13 @@ class Quality:
     mask_source: str
     K_source: str
     warnings: tuple[str, ...]
+    rotation_sd_deg: float | None = None
+    runner_up: float | None = None
+    labeling: str = "as given"
+    hidden: float | None = None
+    misfit: float | None = None
+    log_focal_sd: float | None = None
+    flags: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,6 +56,7 @@ def label_records(
         >>> [type(outcome).__name__ for outcome in label_records([request], LabelConfig())]
         ['CuboidLabel']
     """
+    asked, requests = len(requests), _with_siblings(requests, config)
     outcomes: list[Outcome | None] = [None] * len(requests)
     by_source: dict[int, list[int]] = {}
     for place, request in enumerate(requests):
@@ -72,7 +73,38 @@ def label_records(
         labels = _labels_of_source(animals, config, scale=scale, stored_cameras=stored_cameras)
         for place, outcome in zip(places, labels, strict=True):
             outcomes[place] = outcome
-    return [outcome for outcome in outcomes if outcome is not None]
+    return [outcome for outcome in outcomes[:asked] if outcome is not None]
+
+
+def _with_siblings(requests: Sequence[LabelRequest], config: LabelConfig) -> Sequence[LabelRequest]:
+    """The requests, and after them those for the other animals of images of unknown focal length.
+
+    All animals of an image tell its focal length, whether their labels are asked for or not.
+    """
+    if not estimates_focal_lengths(config):
+        return requests
+    asked = {(id(request.sample), request.place) for request in requests}
+    siblings = []
+    for request in {id(one.sample): one for one in requests}.values():
+        if len(request.sample.animals) < 2 or not _lacks_camera(request):
+            continue
+        siblings += [
+            LabelRequest(request.sample, place, request.facts)
+            for place in range(len(request.sample.animals))
+            if (id(request.sample), place) not in asked
+        ]
+    return [*requests, *siblings]
+
+
+def estimates_focal_lengths(config: LabelConfig) -> bool:
+    """Whether a focal length that nothing tells is estimated from an image's animals."""
+    return config.method == "default" and config.focal == "estimate"
+
+
+def _lacks_camera(request: LabelRequest) -> bool:
+    """Whether nothing tells the focal length of an animal's image."""
+    record = request.record
+    return isinstance(record, AnimalRecord) and camera_of(record, request.facts)[0] is None
 
 
 def _labels_of_source(
@@ -127,6 +159,7 @@ def _observation(
         mask=request.mask,
         vocabulary=record.vocabulary,
         distortion=record.distortion,
+        image=str(id(request.sample)),
         sample_id=record.sample_id,
         config=config,
     )

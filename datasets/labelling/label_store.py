@@ -1,6 +1,7 @@
 """The labels of one dataset under one method: from the cache if they are there, made otherwise."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from animal3dbox.datasets.bodies.sources import BodySource
@@ -8,7 +9,12 @@ from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.cache import LabelCache
 from animal3dbox.datasets.labelling.image_index import AnimalEntry
 from animal3dbox.datasets.labelling.image_samples import ImageSample
-from animal3dbox.datasets.labelling.label_records import CameraPolicy, Outcome, label_records
+from animal3dbox.datasets.labelling.label_records import (
+    CameraPolicy,
+    Outcome,
+    estimates_focal_lengths,
+    label_records,
+)
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.datasets.labelling.scale import ScaleSource
@@ -88,8 +94,23 @@ class LabelStore:
         entry = sample.animals[place]
         is_given_box = entry.vocabulary is None  # nothing is estimated, so nothing is stored
         is_cacheable = self.cache is not None and not is_given_box
-        key = _key(entry, sample.bodies, facts) if is_cacheable else b""
+        key = self._key(sample, place, facts) if is_cacheable else b""
         return LabelRequest(sample, place, facts, key)
+
+    def _key(self, sample: ImageSample, place: int, facts: PhotoFacts) -> bytes:
+        """What the label is computed from, besides what the cache's fingerprint names.
+
+        Where a focal length may be estimated, the other animals of the image count, too; those that
+        cannot be read tell nothing.
+        """
+        header = b"" if facts == _NO_FACTS else content_digest(facts)
+        parts = [*_content(sample.animals[place], sample.bodies), header]
+        if len(sample.animals) > 1 and estimates_focal_lengths(self.config):
+            for i, entry in enumerate(sample.animals):
+                if i != place and entry.vocabulary is not None:
+                    with suppress(SampleError):
+                        parts += _content(entry, sample.bodies)
+        return digest(*parts)
 
     def labels(
         self, requests: Sequence[LabelRequest | SampleError]
@@ -219,8 +240,8 @@ def _cache_case(sample_id: str, problem: str) -> Case:
     return Case(kind="cache", sample_id=sample_id, field="cache", problem=problem)
 
 
-def _key(entry: AnimalEntry, bodies: BodySource | None, facts: PhotoFacts) -> bytes:
-    """What the label is computed from, besides what the cache's fingerprint names."""
+def _content(entry: AnimalEntry, bodies: BodySource | None) -> tuple[bytes, bytes, bytes]:
+    """Digests of an animal's annotation, of its own body and of its mask's file."""
     body = b"" if bodies is None or bodies.lasting else bodies.content(entry.sample_id)
     try:
         mask = file_digest(entry.mask_path) if entry.mask_path else b""
@@ -228,5 +249,4 @@ def _key(entry: AnimalEntry, bodies: BodySource | None, facts: PhotoFacts) -> by
         raise SampleError(
             entry.sample_id, "mask", f"{entry.mask_path} cannot be read: {error}"
         ) from error
-    header = b"" if facts == _NO_FACTS else content_digest(facts)
-    return digest(entry.content, body, mask, header)
+    return entry.content, body, mask

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from animal3dbox.datasets.synthetic.annotation import Annotation, root_joint
 from animal3dbox.errors import ConfigError
+from animal3dbox.smal.keypoints.exchanges import PARTS, exchange_order
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.parameters import SmalParameters
@@ -22,12 +23,6 @@ from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_n
 
 Swap = Literal["none", "all", "legs", "fore", "hind", "head"]
 """Parts of the body whose left and right keypoints may be exchanged."""
-_PARTS: dict[str, tuple[str, ...]] = {
-    "legs": ("front_", "back_"),
-    "fore": ("front_",),
-    "hind": ("back_",),
-    "head": ("eye", "ear", "mouth"),
-}
 
 
 @dataclass(frozen=True)
@@ -82,10 +77,8 @@ class FaultConfig:
                 raise ConfigError(
                     f"{field} must be from {low:g} to {high:g}, got {getattr(self, field)}"
                 )
-        if self.swap not in ("none", "all", *_PARTS):
-            raise ConfigError(
-                f"swap must be one of none, all, {', '.join(_PARTS)}, got {self.swap!r}"
-            )
+        if self.swap not in ("none", *PARTS):
+            raise ConfigError(f"swap must be one of none, {', '.join(PARTS)}, got {self.swap!r}")
 
     @property
     def at_rest(self) -> bool:
@@ -124,15 +117,7 @@ def swap_order(vocabulary: Vocabulary, part: Swap) -> list[int]:
     """The keypoints (J,) that take each keypoint's place when a part's left and right change."""
     if part == "none":
         return list(range(len(vocabulary)))
-    names = [
-        " ".join((keypoint, *places))
-        for keypoint, places in zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)
-    ]
-    in_part = [part == "all" or any(piece in name for piece in _PARTS[part]) for name in names]
-    return [
-        partner if in_part[i] and in_part[partner] else i
-        for i, partner in enumerate(vocabulary.flip)
-    ]
+    return list(exchange_order(vocabulary, part))
 
 
 def resized_mask(mask: Tensor, px: int) -> Tensor:

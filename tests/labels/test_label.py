@@ -1,5 +1,7 @@
 """The door: label_animal."""
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -135,9 +137,11 @@ def test_a_posed_quadruped_with_its_mask_is_labelled_exactly_from_exact_keypoint
             config=LabelConfig(method=method),
         )
     )
-    assert float((label.corners_2d - truth.corners_2d).abs().amax()) < 1e-3
+    # A mask ends with whole pixels, which the default trusts to 0.7 px beside the keypoints' 2.
+    nearly = {"basic": 1e-3, "default": 1.0}[method]
+    assert float((label.corners_2d - truth.corners_2d).abs().amax()) < nearly
     assert label.quality.mask_iou is not None
-    assert label.quality.mask_iou > 0.999
+    assert label.quality.mask_iou > {"basic": 0.999, "default": 0.985}[method]
     assert label.quality.orientation_rule == "torso vertices on the template"
     assert label.face_visible.nonzero()[:, 0].tolist() == faces_entered(
         truth.center.numpy(), truth.rotation.numpy(), truth.size.numpy()
@@ -197,9 +201,32 @@ def test_without_a_mesh_the_box_bounds_the_landmarks_and_says_so() -> None:
     assert bool(label.cuboid_mesh.contains(toy_landmarks()).all())
 
 
+def test_an_unknown_focal_length_is_found_with_the_pose() -> None:
+    R, t = camera_round(33, 21, distance=3.0)
+    keypoints = keypoints_seen(R, t)
+    label = labelled(label_animal(IMAGE_HW, keypoints, toy_landmarks(), MESH))
+    assert label.quality.K_source == "estimated"
+    sd = label.quality.log_focal_sd
+    assert sd is not None
+    assert 0 < sd < 0.5
+    assert abs(math.log(float(label.K[0, 0] / K[0, 0]))) < 3 * sd
+    assert float((label.R - R).norm()) < 0.05
+    known = labelled(label_animal(IMAGE_HW, keypoints, toy_landmarks(), MESH, K=K))
+    assert known.quality.log_focal_sd is None
+    assert label.quality.rotation_sd_deg > known.quality.rotation_sd_deg  # type: ignore[operator]
+
+
 def test_unknown_intrinsics_are_guessed_and_the_label_says_so() -> None:
     R, t = camera_round(33, 21)
-    label = labelled(label_animal(IMAGE_HW, keypoints_seen(R, t), toy_landmarks(), MESH))
+    label = labelled(
+        label_animal(
+            IMAGE_HW,
+            keypoints_seen(R, t),
+            toy_landmarks(),
+            MESH,
+            config=LabelConfig(focal="guess"),
+        )
+    )
     assert label.quality.K_source == "guessed"
     assert label.K.tolist() == [[768, 0, 319.5], [0, 768, 239.5], [0, 0, 1]]  # 1.2 x 640
 

@@ -1,24 +1,52 @@
 """The camera pose of one animal, by the configured method."""
 
 from collections.abc import Iterator
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
 
 from animal3dbox.geometry.unit_frame import translation_in_unit_frame, unit_frame
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.pose.choice import exchange_cost, extra_costs
 from animal3dbox.labels.pose.epnp_ransac import basic_pose, checked_pose, sqpnp_pose
-from animal3dbox.labels.pose.multi_start_search import search_poses
+from animal3dbox.labels.pose.exchanged_sides import likely_exchanges
+from animal3dbox.labels.pose.focal_length import Zoom, zoom_of_pose
+from animal3dbox.labels.pose.levenberg_marquardt import CameraPoses
+from animal3dbox.labels.pose.multi_start_search import (
+    body_misfit,
+    keypoint_distances,
+    search_poses,
+)
 from animal3dbox.labels.pose.paper_refinement import refined_pose
 from animal3dbox.labels.pose.problem import (
+    AS_GIVEN,
     PoseEstimate,
+    PoseEvidence,
     PoseFailure,
     PoseProblem,
     degenerate_points,
     in_unit_scale,
+    unit_problem,
 )
-from animal3dbox.labels.pose.robust_joint_cost import refine_jointly
+from animal3dbox.labels.pose.robust_joint_cost import (
+    RefinedPoses,
+    cost_at,
+    pose_covariance,
+    refine_jointly,
+)
 
+Array = NDArray[np.float64]
 FINALISTS = 3
 """So many of the poses that the search finds are refined by the joint cost."""
+DOUBT_SIGMA, DOUBT_MISFIT, DOUBT_HIDDEN = 4.0, 1.5, 2
+"""Other labelings are tried if a keypoint is off by more than DOUBT_SIGMA, the misfit is more than
+DOUBT_MISFIT, or DOUBT_HIDDEN marked keypoints lie behind the body."""
+EXCHANGED = "exchanged"
+"""The start of poses of another labeling."""
+ANOTHER = 0.73
+"""Rotations that differ by more in the Frobenius norm, by 30 degrees, are another orientation."""
 
 
 def estimate_pose(
@@ -62,6 +90,21 @@ def estimate_pose(
     return in_unit_scale(problem, lambda scaled: _published_pose(scaled, config))
 
 
+def estimate_zoom(problem: PoseProblem, config: LabelConfig) -> Zoom | None:
+    """The focal length that explains an animal best, by that of its K; None if it tells nothing.
+
+    Args:
+        problem: with a guessed K.
+        config: the method.
+
+    """
+    if degenerate_points(problem, config.min_keypoints) is not None:
+        return None
+    scaled = unit_problem(problem)
+    candidates, misfit = search_poses(scaled, _starting_poses(scaled, config, ()))
+    return zoom_of_pose(scaled, candidates[:FINALISTS], misfit, config)
+
+
 def _in_unit_frame(
     problem: PoseProblem, poses: tuple[PoseEstimate, ...]
 ) -> tuple[PoseEstimate, ...]:
@@ -87,16 +130,138 @@ def _published_pose(problem: PoseProblem, config: LabelConfig) -> PoseEstimate |
     return refined_pose(problem, start, config)
 
 
+@dataclass(frozen=True)
+class _Fit:
+    """The refined poses of one labeling.
+
+    Attributes:
+        labeling: the part whose left and right are exchanged, or AS_GIVEN.
+        problem: with that labeling's landmarks.
+        refined: the poses, by the joint cost.
+        hypotheses: (B,) the start that each came from.
+        misfit: see search_poses.
+    """
+
+    labeling: str
+    problem: PoseProblem
+    refined: RefinedPoses
+    hypotheses: tuple[str, ...]
+    misfit: float
+
+    @cached_property
+    def misfit_of_body(self) -> float:
+        """See body_misfit."""
+        return body_misfit(self.problem, self.refined.poses)
+
+
 def _default_pose(
     problem: PoseProblem, config: LabelConfig, hypotheses: tuple[PoseEstimate, ...]
 ) -> PoseEstimate | PoseFailure:
-    """The best of several starts under the robust joint cost."""
-    candidates, misfit = search_poses(problem, _starting_poses(problem, config, hypotheses))
-    for pose in refine_jointly(problem, candidates[:FINALISTS], misfit, config):
-        estimate = checked_pose(problem, pose)
-        if isinstance(estimate, PoseEstimate):
-            return estimate
+    """The best of several starts, and labelings if the given one is in doubt."""
+    found, misfit = search_poses(problem, _starting_poses(problem, config, hypotheses))
+    found = found[:FINALISTS]
+    candidates = CameraPoses(
+        np.stack([pose.R for pose in found]), np.stack([pose.t for pose in found])
+    )
+    refined = refine_jointly(problem, candidates, misfit, config)
+    names = tuple(found[i].hypothesis for i in refined.ids.tolist())
+    fits = [_Fit(AS_GIVEN, problem, refined, names, misfit)]
+    if config.labelings == "mend" and problem.exchanged:
+        fits += _exchanged_fits(fits[0], config)
+    return _choose(fits, config)
+
+
+def _exchanged_fits(given: _Fit, config: LabelConfig) -> list[_Fit]:
+    """The poses of other labelings that may be cheaper; none where the one given is beyond doubt.
+
+    It is in doubt if its best pose leaves a keypoint unexplained, or shows hidden ones.
+    """
+    problem, best = given.problem, given.refined.poses[:1]
+    worst = keypoint_distances(problem, best).max()
+    extras = extra_costs(problem, best.R[0], best.t[0], config)
+    in_doubt = given.misfit > DOUBT_MISFIT or worst > DOUBT_SIGMA * given.misfit
+    if not in_doubt and extras.n_hidden < DOUBT_HIDDEN:
+        return []
+    handicap = exchange_cost(given.misfit_of_body) - extras.total(given.misfit_of_body)
+    fits = []
+    for likely in likely_exchanges(problem, best, given.misfit, handicap=handicap):
+        exchanged = replace(problem, points_world=likely.points_world)
+        refined = refine_jointly(exchanged, likely.poses, likely.misfit, config)
+        names = tuple(EXCHANGED for _ in refined.ids)
+        fits.append(_Fit(likely.part, exchanged, refined, names, likely.misfit))
+    return fits
+
+
+def _choose(fits: list[_Fit], config: LabelConfig) -> PoseEstimate | PoseFailure:
+    """The cheapest pose of all labelings, by the joint cost at a common misfit and the extras."""
+    misfit = min(fit.misfit for fit in fits)
+    of_body = min(fit.misfit_of_body for fit in fits)
+    rated = sorted(
+        (rated for fit in fits for rated in _rated(fit, misfit, of_body, config=config)),
+        key=lambda one: one.score,
+    )
+    for best in rated:
+        pose = checked_pose(best.fit.problem, best.estimate(rated, misfit))
+        if isinstance(pose, PoseEstimate):
+            return pose
     return PoseFailure("behind_camera", "every refined pose puts the animal behind the camera")
+
+
+@dataclass(frozen=True)
+class _Rated:
+    """One refined pose of a labeling, with all that it costs.
+
+    Attributes:
+        fit: the labeling's.
+        index: of the pose in fit.refined.
+        score: joint cost, extras and EXCHANGE_COST, in halves of a squared standard deviation.
+        hidden: part of the marked keypoints that the body hides.
+    """
+
+    fit: _Fit
+    index: int
+    score: float
+    hidden: float
+
+    @property
+    def R(self) -> Array:
+        """The rotation (3, 3)."""
+        R: Array = self.fit.refined.poses.R[self.index]
+        return R
+
+    def estimate(self, others: "list[_Rated]", misfit: float) -> PoseEstimate:
+        """The pose with its evidence, among others."""
+        refined, i = self.fit.refined, self.index
+        behind = [
+            other.score - self.score
+            for other in others
+            if other.fit is not self.fit or np.linalg.norm(other.R - self.R) > ANOTHER
+        ]
+        spread = pose_covariance(self.fit.problem, refined, i)
+        evidence = PoseEvidence(
+            rotation_covariance=spread[:3, :3],
+            misfit=misfit,
+            runner_up=min(behind) if behind else None,
+            labeling=self.fit.labeling,
+            hidden=self.hidden,
+            log_focal_sd=self.fit.problem.log_focal_sd,
+        )
+        return PoseEstimate(
+            self.R.copy(), refined.poses.t[i].copy(), self.fit.hypotheses[i], evidence
+        )
+
+
+def _rated(fit: _Fit, misfit: float, misfit_of_body: float, *, config: LabelConfig) -> list[_Rated]:
+    """The refined poses of a labeling with all that they cost, at common misfits."""
+    poses = fit.refined.poses
+    cost = cost_at(fit.problem, poses, misfit, misfit_of_body=misfit_of_body, config=config)
+    penalty = 0.0 if fit.labeling == AS_GIVEN else exchange_cost(misfit_of_body)
+    rated = []
+    for i in range(len(cost)):
+        extras = extra_costs(fit.problem, poses.R[i], poses.t[i], config)
+        score = float(cost[i]) + extras.total(misfit_of_body) + penalty
+        rated.append(_Rated(fit, i, score, extras.hidden))
+    return rated
 
 
 def _starting_poses(

@@ -2,12 +2,14 @@
 
 Many starts at once, with their derivatives by hand.
 
-A step is (w, d): R becomes small_turns(w) R, t becomes t + d. Depths are held above LEAST_DEPTH by
-not taking steps beyond it.
+A step is (w, d): R becomes small_turns(w) R, t becomes t + d; where the focal length is not known,
+(w, d, s): it is multiplied by exp(s), too. Depths are held above LEAST_DEPTH by not taking steps
+beyond it.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +34,39 @@ ROUNDING, RESIDUAL_ROUNDING = 1e-13, 1e-12
 
 A cost that rises by less has not risen.
 """
-ONES = np.eye(6)
 HALF_CROSS = np.array(CROSS) / 2
 """(3, 9): a vector times this is half its cross_matrix, row by row."""
 NOTHING = 1e-16
 """A cost that is none."""
+
+
+@dataclass(frozen=True)
+class CameraPoses:
+    """Poses of a camera, X_cam = R X + t.
+
+    Attributes:
+        R: (B, 3, 3) R_cam_world.
+        t: (B, 3) t_cam_world.
+        log_zoom: (B,) natural logarithm of the focal length by that of the problem's K; None: K is
+            known, and P = 6 numbers are sought instead of 7.
+    """
+
+    R: Array
+    t: Array
+    log_zoom: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.R)
+
+    def __getitem__(self, ids: Any) -> "CameraPoses":
+        """Those of some indices, or of a mask (B,)."""
+        zoom = None if self.log_zoom is None else self.log_zoom[ids]
+        return CameraPoses(self.R[ids], self.t[ids], zoom)
+
+    def moved(self, step: Array) -> "CameraPoses":
+        """The poses after a step (B, P)."""
+        zoom = None if self.log_zoom is None else self.log_zoom + step[:, 6]
+        return CameraPoses(small_turns(step[:, :3]) @ self.R, self.t + step[:, 3:6], zoom)
 
 
 @dataclass(frozen=True)
@@ -45,8 +75,8 @@ class LocalModel:
 
     Attributes:
         cost: (B,); infinite where a pose is not allowed.
-        A: (B, 6, 6) its Gauss-Newton matrix, positive semidefinite.
-        b: (B, 6) its gradient.
+        A: (B, P, P) its Gauss-Newton matrix, positive semidefinite.
+        b: (B, P) its gradient.
     """
 
     cost: Array
@@ -55,41 +85,42 @@ class LocalModel:
 
 
 def project_with_slopes(
-    points: Array, linear: Array, R: Array, t: Array
+    points: Array, linear: Array, poses: CameraPoses
 ) -> tuple[Array, Array, Array]:
     """Where points stand in the picture, about its principal point, and how that moves with a step.
 
     Args:
         points: (N, 3), or (B, N, 3) of each pose's own.
         linear: (2, 2) K's upper left.
-        R: (B, 3, 3).
-        t: (B, 3).
+        poses: B of them.
 
     Returns:
         px: (B, 2, N) about the principal point.
-        slopes: (B, 6, 2, N).
+        slopes: (B, P, 2, N).
         depth: (B, N).
 
     """
-    turned = R @ points.mT
-    cam = turned + t[..., None]
+    turned = poses.R @ points.mT
+    cam = turned + poses.t[..., None]
     x0, y0, z0 = turned[:, 0], turned[:, 1], turned[:, 2]
     depth = cam[:, 2]
     inverse = 1 / np.maximum(depth, 1e-9)
     plane = cam[:, :2] * inverse[:, None]
     x, y = plane[:, 0], plane[:, 1]
-    slopes = np.zeros((len(R), 6, 2, points.shape[-2]))
+    slopes = np.zeros((len(poses), 6 if poses.log_zoom is None else 7, 2, points.shape[-2]))
     by_x, by_y = slopes[:, :, 0], slopes[:, :, 1]
     by_x[:, 0], by_x[:, 1], by_x[:, 2] = -x * y0, z0 + x * x0, -y0
     by_y[:, 0], by_y[:, 1], by_y[:, 2] = -z0 - y * y0, y * x0, x0
     by_x[:, 3] = by_y[:, 4] = 1.0
     by_x[:, 5], by_y[:, 5] = -x, -y
+    slopes *= inverse[:, None, None]
+    if poses.log_zoom is not None:
+        slopes[:, 6] = plane
+        zoom = np.exp(poses.log_zoom)[:, None, None]
+        plane, slopes = plane * zoom, slopes * zoom[..., None]
     if linear[0, 1] == 0:
         focal = linear.diagonal()[:, None]
-        slopes *= (focal * inverse[:, None])[:, None]
-        plane *= focal
-        return plane, slopes, depth
-    slopes *= inverse[:, None, None]
+        return focal * plane, focal * slopes, depth
     return linear @ plane, linear @ slopes, depth
 
 
@@ -107,61 +138,68 @@ def small_turns(w: Array) -> Array:
 
 
 def descend(
-    local: Callable[[Array, Array], LocalModel],
-    R: Array,
-    t: Array,
+    local: Callable[[CameraPoses], LocalModel],
+    poses: CameraPoses,
     rounds: int,
     *,
     gain: float = SETTLED,
-) -> tuple[Array, Array, Array, bool]:
+) -> tuple[CameraPoses, LocalModel, bool]:
     """Poses that cost less, by at most so many damped steps, each kept only if it helps.
 
     Args:
         local: the cost of poses.
-        R: (B, 3, 3) where to start.
-        t: (B, 3).
+        poses: where to start.
         rounds: most steps.
         gain: relative, in cost: a pose that gains less on an undamped step has settled.
 
     Returns:
-        R, t, their costs (B,), and whether all of them have settled.
+        The poses, their cost there, and whether all of them have settled.
 
     """
-    here, damping = local(R, t), np.full(len(R), FIRST_DAMPING)
+    here, damping = local(poses), np.full(len(poses), FIRST_DAMPING)
+    ones = np.eye(here.b.shape[-1])
     for _ in range(rounds):
         diagonal = here.A.diagonal(axis1=-2, axis2=-1)
         ridge = damping[:, None] * diagonal + RIDGE * diagonal.max(-1)[:, None] + 1e-300
-        step = -np.linalg.solve(here.A + ridge[..., None] * ONES, here.b[..., None])[..., 0]
-        R_new, t_new = small_turns(step[:, :3]) @ R, t + step[:, 3:]
-        there = local(R_new, t_new)
+        step = -np.linalg.solve(here.A + ridge[..., None] * ones, here.b[..., None])[..., 0]
+        moved = poses.moved(step)
+        there = local(moved)
         better = (
             there.cost <= here.cost * (1 + ROUNDING) + RESIDUAL_ROUNDING * np.sqrt(here.cost)
         ) & np.isfinite(there.cost)
         settled = (better & (there.cost >= here.cost * (1 - gain)) & (damping <= FIRST_DAMPING)) | (
             here.cost < NOTHING
         )
-        R, t, here = (
-            (R_new, t_new, there)
-            if better.all()
-            else _where(better, (R_new, t_new, there), (R, t, here))
+        poses, here = (
+            (moved, there) if better.all() else _where(better, (moved, there), (poses, here))
         )
         damping = np.where(better, damping * DAMPING_DOWN, damping * DAMPING_UP)
         damping = np.minimum(np.maximum(damping, LEAST_DAMPING), MOST_DAMPING)
         if settled.all():
-            return R, t, here.cost, True
-    return R, t, here.cost, False
+            return poses, here, True
+    return poses, here, False
 
 
 def _where(
     better: NDArray[np.bool_],
-    there: tuple[Array, Array, LocalModel],
-    here: tuple[Array, Array, LocalModel],
-) -> tuple[Array, Array, LocalModel]:
+    there: tuple[CameraPoses, LocalModel],
+    here: tuple[CameraPoses, LocalModel],
+) -> tuple[CameraPoses, LocalModel]:
     """For each pose what is there if that is better (B,), else what is here."""
     vectors, matrices = better[:, None], better[:, None, None]
     local = LocalModel(
-        np.where(better, there[2].cost, here[2].cost),
-        np.where(matrices, there[2].A, here[2].A),
-        np.where(vectors, there[2].b, here[2].b),
+        np.where(better, there[1].cost, here[1].cost),
+        np.where(matrices, there[1].A, here[1].A),
+        np.where(vectors, there[1].b, here[1].b),
     )
-    return np.where(matrices, there[0], here[0]), np.where(vectors, there[1], here[1]), local
+    zoom = here[0].log_zoom
+    if zoom is not None and there[0].log_zoom is not None:
+        zoom = np.where(better, there[0].log_zoom, zoom)
+    R, t = (
+        np.where(mask, of_there, of_here)
+        for mask, of_there, of_here in (
+            (matrices, there[0].R, here[0].R),
+            (vectors, there[0].t, here[0].t),
+        )
+    )
+    return CameraPoses(R, t, zoom), local

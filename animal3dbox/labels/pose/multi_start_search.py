@@ -14,6 +14,7 @@ from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.view_sphere import orbit_rotations
 from animal3dbox.labels.pose.levenberg_marquardt import (
     LEAST_DEPTH,
+    CameraPoses,
     LocalModel,
     descend,
     project_with_slopes,
@@ -41,8 +42,9 @@ RAYLEIGH_MEDIAN = 1.1774
 SURE_KEYPOINTS, SURE_EXTENT, SURE_DISTANCE = 10, 40.0, 4.0
 """A start is beyond doubt if SURE_KEYPOINTS keypoints or more, spread over SURE_EXTENT sigma in the
 picture, all lie within SURE_DISTANCE sigma: no other view could do that too."""
-APART = 0.05
-"""Rotations that differ by less, in the Frobenius norm, are one."""
+APART, SETTLED_APART = 0.05, 0.35
+"""Rotations that differ by less, in the Frobenius norm, are one: on the way, and at its end (14
+degrees), when like starts have come together."""
 NEAREST_VIEW, VIEW_CLEARANCE = 1e-3, 4
 """Least mean depth of the landmarks at a view's start, in the unit frame; each is at least
 VIEW_CLEARANCE * LEAST_DEPTH deep."""
@@ -77,14 +79,30 @@ def search_poses(
     return _best_of_views(problem, extent, tried)
 
 
-def keypoint_distances(problem: PoseProblem, R: Array, t: Array) -> Array:
-    """Mahalanobis distances (B, N) of the keypoints under poses (B, 3, 3), (B, 3)."""
-    cam = R @ problem.points_world.T + t[..., None]
+def keypoint_distances(
+    problem: PoseProblem, poses: CameraPoses, points: Array | None = None
+) -> Array:
+    """Mahalanobis distances (B, N) of the keypoints under B poses; points as for keypoint_cost."""
+    points = problem.points_world if points is None else points
+    cam = poses.R @ points.mT + poses.t[..., None]
     px = problem.linear @ (cam[:, :2] / np.maximum(cam[:, 2:], 1e-9))
     return norm((px - problem.pixels).swapaxes(-1, -2)) / problem.sigma_px
 
 
-def keypoint_cost(problem: PoseProblem, width: float, R: Array, t: Array) -> LocalModel:
+def body_misfit(problem: PoseProblem, poses: CameraPoses) -> float:
+    """How many times larger the residuals are than the keypoints' own noise, at least 1.
+
+    Unlike the misfit of search_poses it counts what the landmarks may be off on the body, too. It
+    is that of the pose with the least median.
+    """
+    noise = problem.sigma_px if problem.noise_px is None else problem.noise_px
+    in_noise = keypoint_distances(problem, poses) * (problem.sigma_px / noise)
+    return max(1.0, float(np.median(in_noise, -1).min()) / RAYLEIGH_MEDIAN)
+
+
+def keypoint_cost(
+    problem: PoseProblem, width: float, poses: CameraPoses, points: Array | None = None
+) -> LocalModel:
     """The Cauchy loss of each keypoint's distance, summed, and its derivatives by reweighting.
 
     rho(d) = width^2 / 2 log(1 + d^2 / width^2), d the Mahalanobis distance of a keypoint.
@@ -92,11 +110,12 @@ def keypoint_cost(problem: PoseProblem, width: float, R: Array, t: Array) -> Loc
     Args:
         problem: about its own mean, in units of its own spread.
         width: of the loss, in sigma.
-        R: (B, 3, 3).
-        t: (B, 3).
+        poses: B of them.
+        points: (B, N, 3) of each pose's own; None: the problem's.
 
     """
-    residuals, slopes, depth = project_with_slopes(problem.points_world, problem.linear, R, t)
+    points = problem.points_world if points is None else points
+    residuals, slopes, depth = project_with_slopes(points, problem.linear, poses)
     residuals -= problem.pixels
     residuals /= problem.sigma_px
     square = (residuals * residuals).sum(1) / width**2
@@ -105,9 +124,9 @@ def keypoint_cost(problem: PoseProblem, width: float, R: Array, t: Array) -> Loc
     root = np.sqrt(1 / (1 + square))[:, None]
     residuals *= root
     slopes *= (root / problem.sigma_px)[:, None]
-    slopes = slopes.reshape(len(R), 6, -1)
+    slopes = slopes.reshape(len(poses), slopes.shape[1], -1)
     in_front = depth.min(-1) > LEAST_DEPTH
-    gradient = (slopes @ residuals.reshape(len(R), -1, 1))[..., 0]
+    gradient = (slopes @ residuals.reshape(len(poses), -1, 1))[..., 0]
     return LocalModel(np.where(in_front, cost, np.inf), slopes @ slopes.mT, gradient)
 
 
@@ -142,20 +161,23 @@ def _best_of_views(
     R_views = VIEWS @ problem.R_box.T
     t_views = weak_perspective_translation(problem, R_views)
     names = (*(start.hypothesis for start in starts), *(f"view_{i}" for i in range(len(R_views))))
-    R = np.stack([*(start.R for start in starts), *R_views])
-    t = np.stack([*(start.t for start in starts), *t_views])
+    poses = CameraPoses(
+        np.stack([*(start.R for start in starts), *R_views]),
+        np.stack([*(start.t for start in starts), *t_views]),
+    )
     widest = max(INITIAL_SCALE * extent, CAUCHY_95)
-    R, t, *_ = descend(partial(keypoint_cost, problem, widest), R, t, WIDE_ROUNDS)
+    poses, *_ = descend(partial(keypoint_cost, problem, widest), poses, WIDE_ROUNDS)
     middle = math.sqrt(widest * CAUCHY_95)
-    R, t, cost, _ = descend(partial(keypoint_cost, problem, middle), R, t, MIDDLE_ROUNDS)
-    survivors = _different_rotations(R, cost, SURVIVORS)
-    R, t = R[survivors], t[survivors]
-    R, t, *_ = descend(partial(keypoint_cost, problem, CAUCHY_95), R, t, NARROW_ROUNDS)
-    best_median = float(np.median(keypoint_distances(problem, R, t), -1).min())
+    poses, local, _ = descend(partial(keypoint_cost, problem, middle), poses, MIDDLE_ROUNDS)
+    survivors = _different_rotations(poses.R, local.cost, SURVIVORS)
+    poses = poses[survivors]
+    poses, *_ = descend(partial(keypoint_cost, problem, CAUCHY_95), poses, NARROW_ROUNDS)
+    best_median = float(np.median(keypoint_distances(problem, poses), -1).min())
     misfit = max(1.0, best_median / RAYLEIGH_MEDIAN)
-    R, t, cost, _ = descend(partial(keypoint_cost, problem, CAUCHY_95 * misfit), R, t, LAST_ROUNDS)
-    order = _different_rotations(R, cost, SURVIVORS)
-    return [PoseEstimate(R[i], t[i], names[survivors[i]]) for i in order], misfit
+    cost_of = partial(keypoint_cost, problem, CAUCHY_95 * misfit)
+    poses, local, _ = descend(cost_of, poses, LAST_ROUNDS)
+    order = _different_rotations(poses.R, local.cost, SURVIVORS, apart=SETTLED_APART)
+    return [PoseEstimate(poses.R[i], poses.t[i], names[survivors[i]]) for i in order], misfit
 
 
 def _beyond_doubt(
@@ -164,24 +186,24 @@ def _beyond_doubt(
     """The start refined, if it explains so many keypoints so well that no other view can."""
     if len(problem.sigma_px) < SURE_KEYPOINTS or extent < SURE_EXTENT:
         return None
-    R, t = start.R[None], start.t[None]
-    if not keypoint_distances(problem, R, t).max() < 2 * SURE_DISTANCE:
+    pose = CameraPoses(start.R[None], start.t[None])
+    if not keypoint_distances(problem, pose).max() < 2 * SURE_DISTANCE:
         return None
-    R, t, cost, _ = descend(
-        partial(keypoint_cost, problem, CAUCHY_95), R, t, NARROW_ROUNDS, gain=SURE_GAIN
+    pose, local, _ = descend(
+        partial(keypoint_cost, problem, CAUCHY_95), pose, NARROW_ROUNDS, gain=SURE_GAIN
     )
-    distances = keypoint_distances(problem, R, t)
-    if not np.isfinite(cost[0]) or distances.max() > SURE_DISTANCE:
+    distances = keypoint_distances(problem, pose)
+    if not np.isfinite(local.cost[0]) or distances.max() > SURE_DISTANCE:
         return None
     misfit = max(1.0, float(np.median(distances[0])) / RAYLEIGH_MEDIAN)
-    return [PoseEstimate(R[0], t[0], start.hypothesis)], misfit
+    return [PoseEstimate(pose.R[0], pose.t[0], start.hypothesis)], misfit
 
 
-def _different_rotations(R: Array, cost: Array, most: int) -> list[int]:
+def _different_rotations(R: Array, cost: Array, most: int, *, apart: float = APART) -> list[int]:
     """The cheapest of each group of like rotations (B, 3, 3), cheapest first, at most so many."""
-    apart = ((R[:, None] - R[None]) ** 2).sum((-2, -1)) > APART**2
+    differ = ((R[:, None] - R[None]) ** 2).sum((-2, -1)) > apart**2
     chosen: list[int] = []
     for i in np.argsort(cost, kind="stable").tolist():
-        if len(chosen) < most and apart[i, chosen].all():
+        if len(chosen) < most and differ[i, chosen].all():
             chosen.append(i)
     return chosen

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.mask_supports import MaskSupports
 from animal3dbox.geometry.unit_frame import translation_from_unit_frame, unit_frame
+from animal3dbox.labels.pose.self_occlusion import depths_in_flesh
 
 Array = NDArray[np.float64]
 RELATIVE_FLATNESS = 1e-3
@@ -20,6 +22,8 @@ RELATIVE_FLATNESS = 1e-3
 plane."""
 COINCIDENCE = 1e-9
 """Of the points' spread: points that are nearer to each other are one."""
+AS_GIVEN = "as given"
+"""The labeling of keypoints whose left and right are as the file says."""
 SAME_PIXEL = 1e-6
 """Keypoints that are nearer to each other than this, in px, are at the same pixel."""
 
@@ -37,6 +41,14 @@ class PoseProblem:
         R_box: (3, 3) the body's axes, to look at it from named sides.
         vertices_world: (V, 3) the body's surface, or None.
         mask_box: (4,) xyxy px of the mask, pixels from min - 0.5 to max + 0.5, or None.
+        mask_supports: how far the mask reaches in the directions in which nothing cuts it, or None.
+        exchanged: what the points would be if left and right had been exchanged in some part of the
+            body: the part's name, and (N, 3).
+        down_cam: (3,) unit, gravity in the camera frame, or None.
+        noise_px: (N,) the keypoints' own standard deviations, without what the landmarks may be
+            off on the body; None: sigma_px.
+        log_focal_sd: standard deviation of the natural logarithm of K's focal length; None: it is
+            known.
 
     Example:
         >>> import numpy as np
@@ -59,6 +71,11 @@ class PoseProblem:
     R_box: Array
     vertices_world: Array | None
     mask_box: Array | None
+    mask_supports: MaskSupports | None = None
+    exchanged: tuple[tuple[str, Array], ...] = ()
+    down_cam: Array | None = None
+    noise_px: Array | None = None
+    log_focal_sd: float | None = None
 
     @property
     def is_cut(self) -> bool:
@@ -73,6 +90,13 @@ class PoseProblem:
     def linear(self) -> Array:
         """K's upper left, (2, 2)."""
         return self.K[:2, :2]
+
+    @cached_property
+    def depths(self) -> Array:
+        """How deep the points lie in the flesh, (N,), see depths_in_flesh; 0 without vertices."""
+        if self.vertices_world is None:
+            return np.zeros(len(self.points_world))
+        return depths_in_flesh(self.points_world, self.vertices_world)
 
     @cached_property
     def pixels(self) -> Array:
@@ -100,6 +124,40 @@ class PoseEstimate:
     R: Array
     t: Array
     hypothesis: str
+    evidence: "PoseEvidence | None" = None
+
+
+@dataclass(frozen=True)
+class PoseEvidence:
+    """How sure a pose of method "default" is.
+
+    Attributes:
+        rotation_covariance: (3, 3) rad^2, of a turn about the camera's axes.
+        misfit: how many times larger the keypoints' residuals are than their noise, at least 1.
+        runner_up: what the best pose of another orientation, or the best of another labeling, costs
+            more; in units of half a squared standard deviation. None if there was none.
+        labeling: the part of the body whose left and right were taken to be exchanged; "as given".
+        hidden: part of the marked keypoints that the body itself hides.
+        log_focal_sd: standard deviation of the focal length's natural logarithm; None if it was
+            known.
+
+    Example:
+        >>> from animal3dbox.labels.pose.problem import PoseEvidence
+        >>> PoseEvidence(np.eye(3), 1.0, None, "as given", 0.0, None).labeling
+        'as given'
+    """
+
+    rotation_covariance: Array
+    misfit: float
+    runner_up: float | None
+    labeling: str
+    hidden: float
+    log_focal_sd: float | None
+
+    @property
+    def rotation_sd_deg(self) -> float:
+        """Standard deviation of the rotation, in degrees, about its least certain axis."""
+        return float(np.degrees(np.sqrt(np.linalg.eigvalsh(self.rotation_covariance)[-1])))
 
 
 @dataclass(frozen=True)
@@ -167,6 +225,18 @@ def _distinct_points(points: Array, tolerance: float) -> int:
     return 1 + int((np.tril(apart, -1).sum(1)[1:] == np.arange(1, count)).sum())
 
 
+def unit_problem(problem: PoseProblem) -> PoseProblem:
+    """The problem about its landmarks' mean and in units of their spread."""
+    middle, unit = unit_frame(problem.points_world)
+    points = (problem.points_world - middle) / unit
+    vertices = None
+    if problem.vertices_world is not None:
+        vertices = problem.vertices_world - middle
+        vertices /= unit
+    exchanged = tuple((part, (other - middle) / unit) for part, other in problem.exchanged)
+    return replace(problem, points_world=points, vertices_world=vertices, exchanged=exchanged)
+
+
 def in_unit_scale(
     problem: PoseProblem, solve: Callable[[PoseProblem], PoseEstimate | PoseFailure]
 ) -> PoseEstimate | PoseFailure:
@@ -183,13 +253,8 @@ def in_unit_scale(
 
     """
     middle, unit = unit_frame(problem.points_world)
-    points = (problem.points_world - middle) / unit
-    vertices = None
-    if problem.vertices_world is not None:
-        vertices = problem.vertices_world - middle
-        vertices /= unit
-    pose = solve(replace(problem, points_world=points, vertices_world=vertices))
+    pose = solve(unit_problem(problem))
     if isinstance(pose, PoseFailure):
         return pose
     t = translation_from_unit_frame(pose.R, pose.t, middle=middle, unit=unit)
-    return PoseEstimate(pose.R, t, pose.hypothesis)
+    return replace(pose, t=t)

@@ -1,9 +1,10 @@
-"""The robust joint cost of method "default": keypoints, and the body's bounds against the mask's.
+"""The robust joint cost of method "default": keypoints, and how far the body reaches in the mask.
 
-Batched over poses; every coordinate's residual has its own Cauchy loss of width CAUCHY_95.
-docs/solver.md has the formulas.
+Batched over poses; every residual has its own Cauchy loss of width CAUCHY_95. docs/solver.md has
+the formulas.
 """
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -12,225 +13,293 @@ from numpy.typing import NDArray
 from animal3dbox.labels.config import LabelConfig, MaskBox
 from animal3dbox.labels.pose.levenberg_marquardt import (
     LEAST_DEPTH,
-    NOTHING,
+    CameraPoses,
     LocalModel,
     descend,
     project_with_slopes,
 )
-from animal3dbox.labels.pose.multi_start_search import CAUCHY_95
-from animal3dbox.labels.pose.problem import PoseEstimate, PoseProblem
+from animal3dbox.labels.pose.multi_start_search import CAUCHY_95, body_misfit
+from animal3dbox.labels.pose.problem import PoseProblem
 
 Array = NDArray[np.float64]
-MASK_SLACK_PX = 1.0
-"""A mask's border is that of pixel centres, and tips thinner than a pixel fall between them.
-
-Up to 0.8 px (benchmarks/masks_and_visibility.py).
-"""
+SUPPORT_SIGMA_PX = 0.7
+"""Standard deviation of a mask's support about the true body's, of one that fits."""
+MISFIT_POWER = 4
+"""The power of the misfit that a support's standard deviation grows with: a body that does not fit
+its keypoints fits the outline still less (field notes; benchmarks/mask_evidence.py)."""
+USUAL_LAMBDA = 0.8
+"""The lambda_keypoints at which residuals are in standard deviations."""
 ROUNDS = (2, 14, 24)
-BEHIND = 1.5
-"""Times the least cost: what a pose may cost more and still be refined further."""
+BEHIND, BEHIND_AT_MOST = 1.5, 12.0
+"""What a pose may cost and still be refined further: BEHIND times the least cost and
+BEHIND_AT_MOST."""
 BAND = 0.06
-"""Of the body's extent in the picture: vertices so near to its bounds can come to bound it while
-the pose moves a little."""
+"""Of the body's extent in the picture: vertices so near to a support can come to be it while the
+pose moves a little."""
 LEAST_CURVATURE = 0.05
 """Of a residual's weight.
 
 The Cauchy loss bends down beyond its width, which a descent must not follow.
 """
 BOUNDS_PX = 1e-7
-"""Bounds that differ by less are the same."""
-SIDES = (0, 1, 0, 1)
-"""Which coordinate left, top, right and bottom are."""
-ONE_COORDINATE = np.eye(2)[:, SIDES]
+"""Supports that differ by less are the same."""
+ZOOM_SIGMA = 0.7
+"""Standard deviation of the logarithm of a focal length that is not known, about the guess."""
+
+
+@dataclass(frozen=True)
+class JointTerms:
+    """What the joint cost compares poses with.
+
+    Attributes:
+        weights: (N,) 1 / px, by which the keypoints' residuals are multiplied.
+        body: (3, V) the points whose supports are compared with the mask's; V = 0 without that
+            term.
+        directions: (D, 2) unit, of the supports; D = 0 without a mask.
+        heights: (D,) px about the principal point.
+        support_weight: 1 / px, of the supports' residuals.
+    """
+
+    weights: Array
+    body: Array
+    directions: Array
+    heights: Array
+    support_weight: float
+
+
+@dataclass(frozen=True)
+class RefinedPoses:
+    """Poses at the least of the joint cost, cheapest first.
+
+    Attributes:
+        poses: B of them.
+        ids: (B,) the candidate that each came from.
+        local: their costs, and the costs' curvature.
+    """
+
+    poses: CameraPoses
+    ids: NDArray[np.intp]
+    local: LocalModel
 
 
 def refine_jointly(
-    problem: PoseProblem, candidates: list[PoseEstimate], misfit: float, config: LabelConfig
-) -> list[PoseEstimate]:
+    problem: PoseProblem, candidates: CameraPoses, misfit: float, config: LabelConfig
+) -> RefinedPoses:
     """Candidate poses refined by the joint cost, cheapest first.
 
     Those that fall far behind the best are left on the way; at least one remains.
 
     Args:
         problem: about its own mean, in units of its own spread.
-        candidates: at least one.
+        candidates: at least one; with a zoom if the focal length is not known.
         misfit: how badly the body fits, see search_poses.
         config: lambda, and what is compared with the mask: by default the mesh.
 
     """
-    targets, weights = joint_terms(problem, misfit, config)
-    body_points = bounded_points(problem, config)
-    names = [pose.hypothesis for pose in candidates]
-    R = np.stack([pose.R for pose in candidates])
-    t = np.stack([pose.t for pose in candidates])
-    for rounds in ROUNDS if len(R) > 1 else ROUNDS[1:]:
-        outline = outline_candidates(problem, body_points, R, t)
-        cost_of = partial(joint_cost, problem, targets=targets, weights=weights, outline=outline)
-        R, t, cost, settled = descend(cost_of, R, t, rounds)
-        order = np.argsort(cost, kind="stable")
-        order = order[cost[order] <= BEHIND * cost[order[0]] + NOTHING]
-        R, t, names = R[order], t[order], [names[i] for i in order.tolist()]
-        if settled and outline_is_complete(problem, body_points, R, t, outline=outline[order]):
+    terms = joint_terms(problem, misfit, body_misfit(problem, candidates), config=config)
+    poses, ids = candidates, np.arange(len(candidates))
+    for rounds in ROUNDS if len(poses) > 1 else ROUNDS[1:]:
+        outline = outline_candidates(problem, terms, poses)
+        cost_of = partial(joint_cost, problem, terms=terms, outline=outline)
+        poses, local, settled = descend(cost_of, poses, rounds)
+        order = np.argsort(local.cost, kind="stable")
+        least = local.cost[order[0]]
+        order = order[local.cost[order] <= BEHIND * least + BEHIND_AT_MOST]
+        poses, ids, outline = poses[order], ids[order], outline[order]
+        local = LocalModel(local.cost[order], local.A[order], local.b[order])
+        if settled and outline_is_complete(problem, terms, poses, outline=outline):
             break
-    return [PoseEstimate(R[i].copy(), t[i].copy(), name) for i, name in enumerate(names)]
+    return RefinedPoses(poses, ids, local)
 
 
-def joint_terms(problem: PoseProblem, misfit: float, config: LabelConfig) -> tuple[Array, Array]:
-    """The targets and weights of the joint cost's residuals.
+def pose_covariance(problem: PoseProblem, refined: RefinedPoses, index: int) -> Array:
+    """The covariance (6, 6) of a step (w, d) from a refined pose, by the cost's curvature.
 
-    With a mask, the points that bound the body to the left, top, right and bottom are four more
-    points, each of which has a target and a weight in one coordinate only.
+    Where the focal length was estimated before, its standard deviation is propagated: with A and a
+    the curvature of the pose and its product with the zoom's, the inverse of A plus s^2 g g^T,
+    g = A^-1 a.
+    """
+    A = refined.local.A[index]
+    spread: Array = np.linalg.pinv(A, hermitian=True)
+    if problem.log_focal_sd is None:
+        return spread
+    R, t = refined.poses.R[index : index + 1], refined.poses.t[index : index + 1]
+    zoomed = CameraPoses(R, t, np.zeros(1))
+    _, slopes, _ = project_with_slopes(problem.points_world, problem.linear, zoomed)
+    slopes = (slopes / problem.sigma_px)[0].reshape(7, -1)
+    by_zoom = np.linalg.lstsq(slopes[:6].T, -slopes[6], rcond=None)[0]
+    return spread + problem.log_focal_sd**2 * np.outer(by_zoom, by_zoom)
+
+
+def joint_terms(
+    problem: PoseProblem, misfit: float, misfit_of_body: float, *, config: LabelConfig
+) -> JointTerms:
+    """The weights of the joint cost, and the mask's supports.
 
     Args:
         problem: about its own mean, in units of its own spread.
-        misfit: how badly the body fits, see search_poses.
+        misfit: by which the keypoints' standard deviations are multiplied, see search_poses.
+        misfit_of_body: by which those of the supports grow, see body_misfit.
         config: lambda, and whether the mask counts.
 
-    Returns:
-        targets: (2, N) keypoints about the principal point; (2, N + 4) with a mask, whose box is
-            the last four's.
-        weights: (2, N) or (2, N + 4) in 1 / px, by which residuals are multiplied.
-
     """
-    sigma = problem.sigma_px
-    by_keypoint = np.sqrt(config.lambda_keypoints) / (misfit * sigma)
-    weights = np.stack((by_keypoint, by_keypoint))
-    if problem.mask_box is None or _extent(problem, config) == "none":
-        return problem.pixels, weights
-    by_bound = np.sqrt(1 - config.lambda_keypoints) / (misfit * float(np.median(sigma)))
-    bounds = ONE_COORDINATE * (problem.mask_box - problem.K[SIDES, 2])
-    targets = np.concatenate((problem.pixels, bounds), 1)
-    return targets, np.concatenate((weights, by_bound * ONE_COORDINATE), 1)
+    by_keypoints = np.sqrt(config.lambda_keypoints / USUAL_LAMBDA)
+    by_mask = np.sqrt((1 - config.lambda_keypoints) / (1 - USUAL_LAMBDA))
+    supports, extent = problem.mask_supports, _extent(problem, config)
+    nothing = extent == "none" or supports is None
+    body = np.zeros((3, 0))
+    if not nothing:
+        on_mesh = extent == "mesh" and problem.vertices_world is not None
+        points = problem.vertices_world if on_mesh else problem.points_world
+        body = np.zeros((3, 0)) if points is None else points.T
+    directions, heights = np.zeros((0, 2)), np.zeros(0)
+    if supports is not None and body.size:
+        directions = supports.directions
+        heights = supports.heights - directions @ problem.K[:2, 2]
+    return JointTerms(
+        weights=by_keypoints / (misfit * problem.sigma_px),
+        body=body,
+        directions=directions,
+        heights=heights,
+        support_weight=float(by_mask) / (SUPPORT_SIGMA_PX * misfit_of_body**MISFIT_POWER),
+    )
 
 
-def bounded_points(problem: PoseProblem, config: LabelConfig) -> Array:
-    """The points (3, V) whose bounds are compared with the mask's; V = 0 without that term."""
-    extent = _extent(problem, config)
-    if extent == "none":
-        return np.zeros((3, 0))
-    if extent == "keypoints" or problem.vertices_world is None:
-        return problem.points_world.T
-    return problem.vertices_world.T
+def cost_at(
+    problem: PoseProblem,
+    poses: CameraPoses,
+    misfit: float,
+    *,
+    misfit_of_body: float,
+    config: LabelConfig,
+) -> Array:
+    """The joint cost (B,) of poses as it is, see joint_terms."""
+    terms = joint_terms(problem, misfit, misfit_of_body, config=config)
+    outline = outline_candidates(problem, terms, poses)
+    return joint_cost(problem, poses, terms=terms, outline=outline).cost
 
 
 def _extent(problem: PoseProblem, config: LabelConfig) -> MaskBox:
-    """What is compared with the mask: nothing, if it touches the border of the image."""
-    if problem.is_cut or problem.mask_box is None:
+    """What is compared with the mask: nothing, if it shows less than half of its outline."""
+    if problem.mask_supports is None:
         return "none"
     return config.mask_box or "mesh"
 
 
 def joint_cost(
-    problem: PoseProblem, R: Array, t: Array, *, targets: Array, weights: Array, outline: Array
+    problem: PoseProblem, poses: CameraPoses, *, terms: JointTerms, outline: Array
 ) -> LocalModel:
     """The joint cost of poses and its derivatives.
 
-    The sum over all coordinates of the Cauchy loss of residual times weight,
-    rho(r) = c^2 / 2 log(1 + r^2 / c^2) with c = CAUCHY_95.
+    The sum over all residuals of the Cauchy loss rho(r) = c^2 / 2 log(1 + r^2 / c^2) with
+    c = CAUCHY_95, and half the square of the zoom's, if it is sought.
 
     Args:
         problem: about its own mean, in units of its own spread.
-        R: (B, 3, 3).
-        t: (B, 3).
-        targets: see joint_terms.
-        weights: see joint_terms.
+        poses: B of them.
+        terms: see joint_terms.
         outline: (B, 3, M) see outline_candidates.
 
     """
-    residuals, slopes, in_front = joint_residuals(
-        problem, R, t, targets=targets, weights=weights, outline=outline
-    )
+    residuals, slopes, in_front = joint_residuals(problem, poses, terms=terms, outline=outline)
     square = (residuals / CAUCHY_95) ** 2
     weight = 1 / (1 + square)
     curvature = weight * np.maximum((1 - square) * weight, LEAST_CURVATURE)
     cost = CAUCHY_95**2 / 2 * np.log1p(square).sum(-1)
     A = (slopes * curvature[:, None]) @ slopes.mT
     b = (slopes @ (weight * residuals)[..., None])[..., 0]
+    if poses.log_zoom is not None:
+        in_sigma = poses.log_zoom / ZOOM_SIGMA
+        cost = cost + in_sigma**2 / 2
+        A[:, 6, 6] += 1 / ZOOM_SIGMA**2
+        b[:, 6] += in_sigma / ZOOM_SIGMA
     return LocalModel(np.where(in_front, cost, np.inf), A, b)
 
 
 def joint_residuals(
-    problem: PoseProblem, R: Array, t: Array, *, targets: Array, weights: Array, outline: Array
+    problem: PoseProblem, poses: CameraPoses, *, terms: JointTerms, outline: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Weighted residuals of poses, coordinate by coordinate; arguments as in joint_cost.
+    """Weighted residuals of poses; arguments as in joint_cost.
 
     Returns:
-        residuals: (B, D).
-        slopes: (B, 6, D) their derivatives by a step.
+        residuals: (B, 2 N + D).
+        slopes: (B, P, 2 N + D) their derivatives by a step.
         in_front: (B,) whether all landmarks are before the camera.
 
     """
     points, count = problem.points_world, len(problem.points_world)
-    has_bounds = outline.shape[-1] > 0
-    if has_bounds:
-        landmarks = np.broadcast_to(points, (len(R), count, 3))
-        points = np.concatenate((landmarks, _outermost(problem, outline, R, t)), 1)
-    residuals, slopes, depth = project_with_slopes(points, problem.linear, R, t)
-    residuals -= targets
-    if has_bounds:  # how far they are beyond the mask's, as the paper's d_bbox
-        beyond = residuals[..., count:]
-        beyond -= np.minimum(np.maximum(beyond, -MASK_SLACK_PX), MASK_SLACK_PX)
-        slopes[..., count:] *= (beyond != 0)[:, None]
-    residuals *= weights
-    slopes *= weights
-    return (
-        residuals.reshape(len(R), -1),
-        slopes.reshape(len(R), 6, -1),
-        depth[:, :count].min(-1) > LEAST_DEPTH,
-    )
+    has_supports = outline.shape[-1] > 0
+    if has_supports:
+        landmarks = np.broadcast_to(points, (len(poses), count, 3))
+        points = np.concatenate((landmarks, _supporting(problem, outline, poses, terms)), 1)
+    px, slopes, depth = project_with_slopes(points, problem.linear, poses)
+    of_keypoints = (px[..., :count] - problem.pixels) * terms.weights
+    residuals = of_keypoints.reshape(len(poses), -1)
+    turned = (slopes[..., :count] * terms.weights).reshape(len(poses), slopes.shape[1], -1)
+    if has_supports:
+        along = terms.directions.T  # (2, D)
+        reach = (px[..., count:] * along).sum(1) - terms.heights
+        residuals = np.concatenate((residuals, terms.support_weight * reach), 1)
+        by_support = (slopes[..., count:] * (terms.support_weight * along)).sum(2)
+        turned = np.concatenate((turned, by_support), 2)
+    return residuals, turned, depth[:, :count].min(-1) > LEAST_DEPTH
 
 
-def outline_candidates(problem: PoseProblem, body_points: Array, R: Array, t: Array) -> Array:
-    """The few points (B, 3, M) that can bound the body near these poses.
+def outline_candidates(problem: PoseProblem, terms: JointTerms, poses: CameraPoses) -> Array:
+    """The few points (B, 3, M) of the body that can support it near these poses.
 
-    The bounding box of all projected points is set by four of them. While a pose moves a little,
-    only points within BAND of the box's sides can take over, so the descent projects those instead
-    of the whole mesh. `outline_is_complete` checks afterwards that no other point sticks out; if
-    one does, the search goes on from there. Rows with fewer candidates repeat some of theirs.
+    While a pose moves a little, only points within BAND of a support can take over, so the descent
+    projects those instead of the whole mesh. `outline_is_complete` checks afterwards that no other
+    point reaches farther; if one does, the search goes on from there. Rows with fewer candidates
+    repeat some of theirs.
 
     Args:
         problem: about its own mean, in units of its own spread.
-        body_points: (3, V) see bounded_points.
-        R: (B, 3, 3).
-        t: (B, 3).
+        terms: see joint_terms.
+        poses: B of them.
 
     """
-    if not body_points.size:
-        return np.zeros((len(R), 3, 0))
-    px = _pixels(problem, body_points, R, t)
-    least, greatest = px.min(-1)[..., None], px.max(-1)[..., None]
-    band = BAND * (greatest - least)
-    near_a_side = ((px < least + band) | (px > greatest - band)).any(1)
-    ids = [np.flatnonzero(row) for row in near_a_side]
+    if not len(terms.directions):
+        return np.zeros((len(poses), 3, 0))
+    px = _pixels(problem, terms.body, poses)
+    band = BAND * (px.max(-1) - px.min(-1)).max(-1)
+    reach = terms.directions @ px  # (B, D, V)
+    near = (reach > reach.max(-1, keepdims=True) - band[:, None, None]).any(1)
+    ids = [np.flatnonzero(row) for row in near]
     most = max(map(len, ids))
-    return np.stack([body_points[:, np.resize(row, most)] for row in ids])
+    return np.stack([terms.body[:, np.resize(row, most)] for row in ids])
 
 
 def outline_is_complete(
-    problem: PoseProblem, body_points: Array, R: Array, t: Array, *, outline: Array
+    problem: PoseProblem, terms: JointTerms, poses: CameraPoses, *, outline: Array
 ) -> bool:
-    """Whether the outline alone has the bounds of the whole body, within BOUNDS_PX."""
-    if not body_points.size:
+    """Whether the outline alone has the supports of the whole body, within BOUNDS_PX."""
+    if not len(terms.directions):
         return True
-    of_body, of_outline = (_pixels(problem, points, R, t) for points in (body_points, outline))
-    apart = np.maximum(of_outline.min(-1) - of_body.min(-1), of_body.max(-1) - of_outline.max(-1))
-    return bool(apart.max() <= BOUNDS_PX)
+    of_body, of_outline = (
+        (terms.directions @ _pixels(problem, points, poses)).max(-1)
+        for points in (terms.body, outline)
+    )
+    return bool((of_body - of_outline).max() <= BOUNDS_PX)
 
 
-def _pixels(problem: PoseProblem, points: Array, R: Array, t: Array) -> Array:
+def _pixels(problem: PoseProblem, points: Array, poses: CameraPoses) -> Array:
     """Where points (3, M) or (B, 3, M) are seen about the principal point, (B, 2, M)."""
     lens = np.eye(3)
     lens[:2, :2] = problem.linear
-    cam = lens @ R @ points
-    cam += (t @ lens.T)[..., None]
+    cam = lens @ poses.R @ points
+    cam += (poses.t @ lens.T)[..., None]
     px: Array = cam[:, :2]
     px /= np.maximum(cam[:, 2:], 1e-9)
+    if poses.log_zoom is not None:
+        px *= np.exp(poses.log_zoom)[:, None, None]
     return px
 
 
-def _outermost(problem: PoseProblem, outline: Array, R: Array, t: Array) -> Array:
-    """The points (B, 4, 3) of the outline that are farthest left, up, right and down."""
-    px = _pixels(problem, outline, R, t)
-    ids = np.concatenate((px.argmin(-1), px.argmax(-1)), -1)
-    outermost: Array = outline[np.arange(len(R))[:, None], :, ids]
-    return outermost
+def _supporting(
+    problem: PoseProblem, outline: Array, poses: CameraPoses, terms: JointTerms
+) -> Array:
+    """The points (B, D, 3) of the outline that reach farthest in each direction."""
+    ids = (terms.directions @ _pixels(problem, outline, poses)).argmax(-1)
+    farthest: Array = outline[np.arange(len(poses))[:, None], :, ids]
+    return farthest
