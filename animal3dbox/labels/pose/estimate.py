@@ -201,7 +201,7 @@ def _choose(fits: list[_Fit], config: LabelConfig) -> PoseEstimate | PoseFailure
         key=lambda one: one.score,
     )
     for best in rated:
-        pose = checked_pose(best.fit.problem, best.estimate(rated, misfit))
+        pose = checked_pose(best.fit.problem, best.estimate(rated, of_body))
         if isinstance(pose, PoseEstimate):
             return pose
     return PoseFailure("behind_camera", "every refined pose puts the animal behind the camera")
@@ -229,7 +229,7 @@ class _Rated:
         R: Array = self.fit.refined.poses.R[self.index]
         return R
 
-    def estimate(self, others: "list[_Rated]", misfit: float) -> PoseEstimate:
+    def estimate(self, others: "list[_Rated]", misfit_of_body: float) -> PoseEstimate:
         """The pose with its evidence, among others."""
         refined, i = self.fit.refined, self.index
         behind = [
@@ -240,7 +240,7 @@ class _Rated:
         spread = pose_covariance(self.fit.problem, refined, i)
         evidence = PoseEvidence(
             rotation_covariance=spread[:3, :3],
-            misfit=misfit,
+            misfit=misfit_of_body,
             runner_up=min(behind) if behind else None,
             labeling=self.fit.labeling,
             hidden=self.hidden,

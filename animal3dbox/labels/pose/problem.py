@@ -133,7 +133,8 @@ class PoseEvidence:
 
     Attributes:
         rotation_covariance: (3, 3) rad^2, of a turn about the camera's axes.
-        misfit: how many times larger the keypoints' residuals are than their noise, at least 1.
+        misfit: how many times larger the keypoints' residuals are than their noise, at least 1,
+            see body_misfit.
         runner_up: what the best pose of another orientation, or the best of another labeling, costs
             more; in units of half a squared standard deviation. None if there was none.
         labeling: the part of the body whose left and right were taken to be exchanged; "as given".
