@@ -4,6 +4,7 @@ Many animals at once.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from animal3dbox.geometry.box_visibility import (
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.pixel_boxes import points_box
+from animal3dbox.labels.confidence import confidence_of
 from animal3dbox.labels.drafts import LabelDraft
 from animal3dbox.labels.label_row import NOT_MEASURED, rows_of
 from animal3dbox.labels.pose.choice import elevation_and_roll
@@ -177,7 +179,7 @@ def _qualities(drafts: Sequence[LabelDraft], K: Array, R: Array, t: Array) -> li
 def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: int) -> Quality:
     """How one label came about."""
     observation, evidence = draft.observation, draft.pose.evidence
-    return Quality(
+    quality = Quality(
         reprojection_error_px=mean_px if n_keypoints else None,
         n_keypoints=n_keypoints,
         n_inliers=n_inliers,
@@ -197,6 +199,15 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
         log_focal_sd=None if evidence is None else evidence.log_focal_sd,
         flags=_flags(draft),
     )
+    if draft.method != "default":
+        return quality
+    body = observation.body
+    told = confidence_of(
+        quality,
+        has_template=body.template is not None and body.vertices is not None,
+        is_rigid=body.landmark_sigma is not None,
+    )
+    return replace(quality, confidence=told.probability, expected_corner_error=told.corner_error)
 
 
 def _flags(draft: LabelDraft) -> tuple[str, ...]:

@@ -45,6 +45,7 @@ class LabelDraft:
         orientation_rule: which rule gave the axes.
         bounds_source: "vertices" or "keypoints": what the box bounds.
         warnings: of the body and the pose, in whole sentences.
+        method: LabelConfig.method.
     """
 
     observation: Observation
@@ -56,6 +57,7 @@ class LabelDraft:
     orientation_rule: str
     bounds_source: str
     warnings: tuple[str, ...]
+    method: str
 
 
 def draft_labels(
@@ -189,6 +191,7 @@ def _draft(
         orientation_rule=orientation_rule,
         bounds_source=bounds_source,
         warnings=(*observation.warnings, *warnings),
+        method=config.method,
     )
 
 

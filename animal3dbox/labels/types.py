@@ -90,6 +90,12 @@ class Quality:
         misfit: how many times larger the keypoints' distances are than their noise, at least 1.
         log_focal_sd: standard deviation of the natural logarithm of an estimated focal length.
         flags: the warnings that programs can count, a word each: see FLAGS.
+        confidence: the probability that the cuboid is turned by less than 15 degrees from the
+            trunk's truth, see labels/confidence.py; of a pose that was given, the axes' part alone.
+            None of methods basic and paper.
+        expected_corner_error: the mean distance of the corners from the true ones that is to be
+            expected, as a part of the diagonal, beside distance and size; None of a pose that was
+            given.
 
     Example:
         >>> from animal3dbox import label_animal
@@ -120,6 +126,8 @@ class Quality:
     misfit: float | None = None
     log_focal_sd: float | None = None
     flags: tuple[str, ...] = ()
+    confidence: float | None = None
+    expected_corner_error: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,11 +349,15 @@ class CuboidLabel:
 
     @property
     def confidence(self) -> float:
-        """Rank of the fit, 0 to 1, not a probability.
+        """The probability that the box is right, see Quality.confidence.
 
-        The part of the keypoints that fit times the mask's overlap, of those there are.
+        Of methods basic and paper and of boxes that come as they are it is no probability but a
+        rank, 0 to 1: the part of the keypoints that fit times the mask's overlap, of those there
+        are.
         """
         quality = self.quality
+        if quality.confidence is not None:
+            return quality.confidence
         inliers = quality.n_inliers / quality.n_keypoints if quality.n_keypoints else 1.0
         return inliers * (1.0 if quality.mask_iou is None else quality.mask_iou)
 

@@ -1,0 +1,140 @@
+"""How well confidence tells good labels from bad ones, and whether it is a probability."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.evaluate.tables import Cell, Table, table_from_records
+
+Array = NDArray[np.float64]
+BINS = 10
+BASE_RATES = (0.15, 0.3, 0.5)
+"""Parts of bad labels for which the calibration error is told."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One label's confidence beside the truth.
+
+    Attributes:
+        body: the body source, see confidence_mix.Family.
+        has_mask: whether it was made with a mask.
+        probability: that the label is good, as told.
+        is_good: whether it is.
+        corner_error: the mean distance of corners that was told to be expected.
+        corner_part: what it is; both as parts of the diagonal.
+    """
+
+    body: str
+    has_mask: bool
+    probability: float
+    is_good: bool
+    corner_error: float
+    corner_part: float
+
+
+def area_under_curve(score: Array, is_good: NDArray[np.bool_]) -> float | None:
+    """The probability that a good label's score is above a bad one's; ties count half.
+
+    Example:
+        >>> area_under_curve(np.array([0.9, 0.4, 0.4]), np.array([True, True, False]))
+        0.75
+    """
+    good, bad = score[is_good], score[~is_good]
+    if not len(good) or not len(bad):
+        return None
+    above = (good[:, None] > bad).mean() + (good[:, None] == bad).mean() / 2
+    return float(above)
+
+
+def calibration_error(
+    probability: Array, is_good: NDArray[np.bool_], bad: float | None = None
+) -> float | None:
+    """The mean difference of told and true frequency over BINS bins of equal count.
+
+    Args:
+        probability: (N,).
+        is_good: (N,).
+        bad: the part of bad labels for which it is told: labels are weighted to that, and the
+            probabilities are moved by the odds of that part to the labels' own. None: as they are.
+
+    Example:
+        >>> calibration_error(np.full(20, 0.5), np.arange(20) % 2 == 0)
+        0.0
+    """
+    own = float(1 - is_good.mean())
+    if bad is None or not 0 < own < 1:
+        weight = np.ones(len(is_good))
+    else:
+        weight = np.where(is_good, (1 - bad) / (1 - own), bad / own)
+    if len(is_good) < BINS:
+        return None
+    order = np.argsort(probability, kind="stable")
+    edges = np.cumsum(weight[order]) / weight.sum() * BINS
+    bins = np.minimum(edges.astype(int), BINS - 1)
+    error = 0.0
+    for k in range(BINS):
+        ids = order[bins == k]
+        if len(ids):
+            told = np.average(probability[ids], weights=weight[ids])
+            true = np.average(is_good[ids], weights=weight[ids])
+            error += weight[ids].sum() / weight.sum() * abs(told - true)
+    return float(error)
+
+
+def reliability_table(judged: Sequence[Judged]) -> Table:
+    """Confidence against truth, by body source and with and without a mask."""
+    groups: list[tuple[str, list[Judged]]] = [
+        ("all, with mask", [one for one in judged if one.has_mask]),
+        ("all, without mask", [one for one in judged if not one.has_mask]),
+    ]
+    for body in sorted({one.body for one in judged}):
+        for has_mask in (True, False):
+            group = [one for one in judged if (one.body, one.has_mask) == (body, has_mask)]
+            groups.append((f"{body}, {'with' if has_mask else 'without'} mask", group))
+    records = [{"labels": name, **_row(group)} for name, group in groups if group]
+    notes = (
+        "good: the cuboid is turned by less than 15 degrees from the trunk's truth. AUC: the"
+        " probability that a good label has more confidence than a bad one.",
+        "ECE: mean difference of told and true frequency over ten bins of equal count, labels"
+        " weighted so that the part named of them are bad.",
+        "corner error: as told and as it is, in % of the diagonal, medians.",
+    )
+    return table_from_records("reliability", "Reliability of confidence", records, notes=notes)
+
+
+def curve_table(judged: Sequence[Judged]) -> Table:
+    """The reliability curve: told and true frequency, bin by bin, with and without a mask."""
+    records: list[dict[str, Cell]] = []
+    for has_mask in (True, False):
+        group = [one for one in judged if one.has_mask == has_mask]
+        told = np.array([one.probability for one in group])
+        good = np.array([one.is_good for one in group])
+        for k, ids in enumerate(np.array_split(np.argsort(told, kind="stable"), BINS)):
+            if len(ids):
+                records.append(
+                    {
+                        "labels": "with mask" if has_mask else "without mask",
+                        "bin": k + 1,
+                        "n": len(ids),
+                        "told": float(told[ids].mean()),
+                        "true": float(good[ids].mean()),
+                    }
+                )
+    return table_from_records("reliability-curve", "Reliability curve", records, notes=())
+
+
+def _row(group: Sequence[Judged]) -> dict[str, Cell]:
+    """The cells of the table for one group."""
+    told = np.array([one.probability for one in group])
+    good = np.array([one.is_good for one in group])
+    return {
+        "n": len(group),
+        "bad %": 100 * float(1 - good.mean()),
+        "AUC": area_under_curve(told, good),
+        **{f"ECE at {rate:.0%} bad": calibration_error(told, good, rate) for rate in BASE_RATES},
+        "corner error told %": 100 * float(np.median([one.corner_error for one in group])),
+        "corner error %": 100 * float(np.median([one.corner_part for one in group])),
+    }

@@ -1,0 +1,169 @@
+"""Fit the coefficients of a label's confidence, and judge them on another mix of animals.
+
+    python benchmarks/fit_confidence.py --n 1400 --judge 1000
+
+The coefficients are made with the mix "learned" of animal3dbox.evaluate.confidence_mix, its labels
+weighted so that part BASE_RATE of each kind are bad, and go into
+animal3dbox/labels/assets/confidence.json. The table is of the mix "judged". --draws FOLDER keeps
+and reuses the labels of both.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from animal3dbox.evaluate.confidence_mix import BAD_DEG, FAMILIES, outcomes
+from animal3dbox.evaluate.reliability import Judged, reliability_table
+from animal3dbox.evaluate.tables import shown
+from animal3dbox.labels.confidence import (
+    FEATURES,
+    Coefficients,
+    KindCoefficients,
+    confidence_of,
+    features,
+    kind_of,
+)
+from animal3dbox.labels.types import Quality
+
+Array = NDArray[np.float64]
+ASSET = Path(__file__).parents[1] / "animal3dbox" / "labels" / "assets" / "confidence.json"
+BASE_RATE = 0.3
+RIDGE = 1.0
+"""Strength of the penalty on weights of standardised features."""
+KINDS = ("own", "own+mask", "rigid", "rigid+mask")
+RIGID = ("species", "dog")
+
+
+class Draw(msgspec.Struct):
+    """One label of a mix beside its truth; see evaluate.confidence_mix.Outcome."""
+
+    body: str
+    quality: Quality
+    rotation_deg: float
+    corner_part: float
+
+    @property
+    def is_rigid(self) -> bool:
+        """See confidence_of."""
+        return self.body in RIGID
+
+    @property
+    def has_template(self) -> bool:
+        """See confidence_of."""
+        return self.body != "alone"
+
+
+def draws_of(name: str, count: int, folder: Path | None) -> list[Draw]:
+    """The labels of a mix, kept in a folder if there is one."""
+    kept = None if folder is None else folder / f"{name}-{count}.json"
+    if kept is not None and kept.exists():
+        return msgspec.json.decode(kept.read_bytes(), type=list[Draw])
+    draws = [
+        Draw(one.body, one.label.quality, one.rotation_deg, one.corner_part)
+        for one in outcomes(FAMILIES[name], iter(range(count)))
+    ]
+    if kept is not None:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.write_bytes(msgspec.json.encode(draws))
+    return draws
+
+
+def coefficients_of(draws: Sequence[Draw]) -> KindCoefficients:
+    """The coefficients of the labels of one kind."""
+    X = np.array([features(one.quality, has_template=one.has_template) for one in draws])
+    good = np.array([one.rotation_deg < BAD_DEG for one in draws])
+    bad_part = float(1 - good.mean())
+    weight = np.where(good, (1 - BASE_RATE) / (1 - bad_part), BASE_RATE / bad_part)
+    middle, spread = X.mean(0), X.std(0)
+    middle[0], spread = 0.0, np.where(spread > 1e-9, spread, np.inf)
+    spread[0] = 1.0
+    Z = (X - middle) / spread
+
+    def loss(w: Array) -> tuple[float, Array]:
+        score = Z @ w
+        probability = 1 / (1 + np.exp(-score))
+        value = (weight * (np.logaddexp(0, score) - good * score)).sum()
+        slope = Z.T @ (weight * (probability - good))
+        held = np.concatenate(([0.0], w[1:]))
+        return float(value + RIDGE / 2 * (held @ held)), slope + RIDGE * held
+
+    w = minimize(loss, np.zeros(Z.shape[1]), jac=True, method="BFGS").x
+    log_error = np.log(np.maximum([one.corner_part for one in draws], 1e-4))
+    ridge = RIDGE * np.diag([0.0] + [1.0] * (Z.shape[1] - 1))
+    v = np.linalg.solve(Z.T @ (weight[:, None] * Z) + ridge, Z.T @ (weight * log_error))
+    factor = np.average(np.exp(log_error - Z @ v), weights=weight)
+    return KindCoefficients(
+        weights=_plain(w, middle, spread),
+        corner_weights=_plain(v, middle, spread),
+        corner_factor=round(float(factor), 4),
+        n=len(draws),
+        bad=round(bad_part, 4),
+    )
+
+
+def _plain(w: Array, middle: Array, spread: Array) -> tuple[float, ...]:
+    """Weights of features as they are, of those of standardised ones."""
+    plain = w / spread
+    plain[0] = w[0] - (w[1:] / spread[1:] * middle[1:]).sum()
+    return tuple(round(float(value), 4) for value in plain)
+
+
+def axes_part(draws: Sequence[Draw]) -> float:
+    """Part of the well fitting labels whose box is right: what is left is the axes' fault."""
+    sure = [one for one in draws if (one.quality.rotation_sd_deg or 99.0) < 3]
+    return round(float(np.mean([one.rotation_deg < BAD_DEG for one in sure])), 4)
+
+
+def main() -> None:
+    """Fit, write, judge and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--n", type=int, default=1400)
+    parser.add_argument("--judge", type=int, default=1000)
+    parser.add_argument("--draws", type=Path, default=None)
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    learned = draws_of("learned", options.n, options.draws)
+    by_kind: dict[str, list[Draw]] = {kind: [] for kind in KINDS}
+    for one in learned:
+        by_kind[kind_of(one.quality, is_rigid=one.is_rigid)].append(one)
+    made = Coefficients(
+        command=f"python benchmarks/fit_confidence.py --n {options.n} --judge {options.judge}",
+        mix=f"learned, {len(learned)} labels; weighted to {BASE_RATE:.0%} bad in each kind",
+        features=FEATURES,
+        kinds={kind: coefficients_of(draws) for kind, draws in by_kind.items()},
+        axes={
+            "template": axes_part([one for one in learned if one.body == "own"]),
+            "landmarks": axes_part([one for one in learned if one.body == "alone"]),
+        },
+    )
+    ASSET.write_bytes(msgspec.json.format(msgspec.json.encode(made), indent=1) + b"\n")
+    judged = []
+    for one in draws_of("judged", options.judge, options.draws):
+        told = confidence_of(one.quality, has_template=one.has_template, is_rigid=one.is_rigid)
+        judged.append(_judged(one, told.probability, told.corner_error))
+    table: Any = reliability_table(judged)
+    print(table.title)
+    for row in (table.columns, *table.rows):
+        print("  ".join(f"{shown(cell):>16}" for cell in row))
+
+
+def _judged(one: Draw, probability: float, corner_error: float | None) -> Judged:
+    return Judged(
+        body=one.body,
+        has_mask=one.quality.mask_iou is not None,
+        probability=probability,
+        is_good=one.rotation_deg < BAD_DEG,
+        corner_error=corner_error or 0.0,
+        corner_part=one.corner_part,
+    )
+
+
+if __name__ == "__main__":
+    main()
