@@ -75,7 +75,7 @@ def test_known_gravity_decides_whatever_the_view() -> None:
 
 def test_a_landmark_behind_the_body_is_hidden_and_one_before_it_is_not() -> None:
     rng = np.random.default_rng(0)
-    sphere = rng.normal(size=(60000, 3))
+    sphere = rng.normal(size=(300000, 3))
     sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
     landmarks = np.array([[0, 0, -1.0], [0, 0, 1.0], [0, 0, -0.6], [3.0, 0, 0]])
     depths = depths_in_flesh(landmarks, sphere)
