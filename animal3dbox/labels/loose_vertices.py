@@ -11,7 +11,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.labels.body import Array, Body
+from animal3dbox.geometry.arrays import AnyArray
+from animal3dbox.labels.body import Body
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,8 @@ def without_loose_vertices(body: Body, used: NDArray[np.bool_] | None) -> Surfac
 
 
 def read_off_surface(
-    read: Callable[[Array], Array], vertices: Array, used: NDArray[np.bool_] | None
-) -> Array:
+    read: Callable[[AnyArray], AnyArray], vertices: AnyArray, used: NDArray[np.bool_] | None
+) -> AnyArray:
     """Landmarks (J, 3) read off the vertices that some face uses.
 
     A landmark that is a mean of vertices is the mean of those that are used; NaN if none is.
@@ -56,7 +57,7 @@ def read_off_surface(
     Args:
         read: the landmarks (J, 3), weighted means, of vertices (V, 3).
         vertices: (V, 3).
-        used: (V,) see geometry.used_vertices.
+        used: (V,) see geometry.used_vertices; None: all.
 
     Example:
         >>> vertices = np.array([[0.0, 0, 0], [1, 0, 0], [9, 9, 9]])
@@ -65,7 +66,11 @@ def read_off_surface(
     """
     if used is None:
         return read(vertices)
-    weight = read(np.repeat(used[:, None], 3, axis=1).astype(np.float64))
-    landmarks = np.full(weight.shape, np.nan)
-    np.divide(read(np.where(used[:, None], vertices, 0.0)), weight, out=landmarks, where=weight > 0)
-    return landmarks
+    is_loose = ~used
+    seen, weight = vertices + 0.0, vertices * 0.0
+    seen[is_loose] = 0.0
+    weight[used] = 1.0
+    # 0 / 0 is NaN: no vertex of such a landmark is used
+    with np.errstate(invalid="ignore"):
+        landmarks: AnyArray = read(seen) / read(weight)
+        return landmarks

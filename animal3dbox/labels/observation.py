@@ -5,7 +5,7 @@ Every fault is an error that names the sample and the field.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ from animal3dbox.geometry.used_vertices import used_vertices
 from animal3dbox.labels.argument_checks import ArgumentChecks
 from animal3dbox.labels.body import Array, ArrayLike, Body
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.loose_vertices import read_off_surface, without_loose_vertices
+from animal3dbox.labels.loose_vertices import without_loose_vertices
+from animal3dbox.labels.mesh_landmarks import SMAL_NOTE, template_landmarks, topology_landmarks
 from animal3dbox.labels.pose.problem import PoseEstimate
 from animal3dbox.smal.keypoints.vocabularies import find_vocabulary
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -198,13 +199,14 @@ def _checked_body(
     if body.faces is not None and vertices is not None:
         faces = checks.faces(body.faces, len(vertices), body.template)
     used = None if vertices is None else _used(body, faces, len(vertices))
+    landmarks, notes = _landmarks(checks, body, words, vertices=vertices, faces=faces, used=used)
     whole = Body(
         vertices=vertices,
-        landmarks=_landmarks(checks, body, vertices, words, used=used),
+        landmarks=landmarks,
         landmark_sigma=None if sigma is None else checks.sigma(sigma, words),
         faces=faces,
         template=body.template,
-        notes=body.notes,
+        notes=(*body.notes, *notes),
     )
     surface = without_loose_vertices(whole, used)
     if used is None or surface.vertex_ids is None:
@@ -275,20 +277,28 @@ def _checked_vertices(checks: ArgumentChecks, body: Body) -> Array | None:
 def _landmarks(
     checks: ArgumentChecks,
     body: Body,
-    vertices: Array | None,
     words: Vocabulary,
     *,
+    vertices: Array | None,
+    faces: Tensor | None,
     used: NDArray[np.bool_] | None,
-) -> Array | None:
-    """The landmarks (J, 3) as given, else read off the template's vertex groups.
+) -> tuple[Array | None, tuple[str, ...]]:
+    """The landmarks (J, 3) as given, else by the template, else by SMAL's topology; and notes.
 
     Rows of NaN are landmarks that the body lacks.
     """
-    if body.landmarks is None:
-        template = body.template
-        if template is None or vertices is None:
-            return None
-        return read_off_surface(partial(template.read_keypoints, words), vertices, used)
+    if body.landmarks is not None:
+        return _given_landmarks(checks, body, words), ()
+    if vertices is None:
+        return None, ()
+    if body.template is not None:
+        return template_landmarks(body.template, words, vertices, used), ()
+    found = topology_landmarks(words, vertices, faces, used)
+    return (None, ()) if isinstance(found, str) else (found, (SMAL_NOTE,))
+
+
+def _given_landmarks(checks: ArgumentChecks, body: Body, words: Vocabulary) -> Array:
+    """The landmarks (J, 3) as given, checked."""
     landmarks = checks.array("keypoints_3d", body.landmarks, "J 3")
     if len(landmarks) != len(words):
         raise checks.fail(
