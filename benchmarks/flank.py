@@ -135,7 +135,7 @@ def seen_flanks(first_seed: int, count: int, config: ForeignConfig, *, mask: boo
 
 def _sigma(label: CuboidLabel) -> float:
     """Deviation of a pose's rotation, radians; 0 where the label does not tell it."""
-    sd_deg = getattr(label.quality, "rotation_sd_deg", None)
+    sd_deg = label.quality.rotation_sd_deg
     return 0.0 if sd_deg is None else float(np.radians(sd_deg))
 
 

@@ -152,9 +152,9 @@ def _flanks(
 ) -> tuple[NDArray[np.int64], Array]:
     """The flanks (B,) that drafts show, and the probability (B,) of each; see decided_flanks."""
     known_camera = np.array([draft.observation.pose is not None for draft in drafts])
-    flank, confidence = decided_flanks(
-        theta, shares, np.zeros(len(drafts)), known_camera=known_camera
-    )
+    told = [draft.pose.evidence for draft in drafts]
+    sigma = np.radians([0.0 if one is None else one.rotation_sd_deg for one in told])
+    flank, confidence = decided_flanks(theta, shares, sigma, known_camera=known_camera)
     by_chance = np.array([draft.orientation_rule == "principal components" for draft in drafts])
     return np.where(by_chance, 0, flank), np.where(by_chance, 0.5, confidence)
 
