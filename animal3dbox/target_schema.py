@@ -17,7 +17,7 @@ from typing import Literal
 
 Per = Literal["animal", "image", "either"]
 Kind = Literal["float", "flag", "whole"]
-UnderMap = Literal["mapped", "unmoved"]
+UnderMap = Literal["mapped", "unmoved", "mirrored"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,9 @@ class Field:
         per: whether a target holds one entry an "animal", one an "image", or "either".
         kind: "float", "flag" (booleans) or "whole" (whole numbers).
         dtype: of a Dataset's target, as torch and NumPy call it.
-        under_map: what a map of pixels does to it: it is "mapped" by the camera law, or "unmoved".
+        under_map: what a map of pixels does to it: it is "mapped" by the camera law, or "unmoved",
+            or names a side of the animal (0 neither, 1 left, 2 right), which a map that mirrors
+            exchanges: "mirrored".
         camera_frame: whether it means nothing without the camera's frame, and so needs K.
         is_length: whether it grows with the unit of the body, and so becomes metric with it.
         label_name: its name in a CuboidLabel, in cached rows and in labels.json; None: not there.
@@ -109,6 +111,11 @@ FIELDS: tuple[Field, ...] = (
           meaning="part of the projected cuboid outside the frame"),
     Field(name="surface_share", shape="6", label_name="surface_share",
           meaning="part of the animal's own visible surface by the side it faces"),
+    Field(name="flank_confidence", shape="", under_map="unmoved", label_name="flank_confidence",
+          named_faces=True, in_labels_json="optional", meaning="probability of `flank`"),
+    Field(name="flank", shape="", kind="whole", dtype="int64", under_map="mirrored",
+          label_name="flank", named_faces=True, in_labels_json="never",
+          meaning="the flank that is seen: 0 undecided, 1 left, 2 right"),
     Field(name="corner_in_front", shape="8", kind="flag", dtype="bool",
           label_name="corner_in_front", in_labels_json="never",
           meaning="which corners are in front of the camera"),
@@ -149,7 +156,7 @@ META_PER_IMAGE = ("sample_key", "K_source")
 
 _BY_NAME = {field.name: field for field in FIELDS}
 LABEL_FIELDS: tuple[Field, ...] = tuple(field for field in FIELDS if field.label_name is not None)
-"""The fields that a label holds as numbers, the flags last."""
+"""The fields that a label holds as numbers, whole numbers and then flags last."""
 FILE_FIELDS = tuple(field for field in LABEL_FIELDS if field.in_labels_json != "never")
 """The fields of a row of labels.json."""
 

@@ -38,11 +38,11 @@ def test_shapes_are_read_axis_by_axis() -> None:
         _ = field_of("keypoints").width
 
 
-def test_the_fields_of_a_label_have_fixed_shapes_and_end_with_the_flags() -> None:
+def test_the_fields_of_a_label_have_fixed_shapes_and_end_with_whole_numbers_and_flags() -> None:
     assert all(field.entry_shape is not None for field in LABEL_FIELDS)
     kinds = [field.kind for field in LABEL_FIELDS]
-    assert kinds == sorted(kinds, key=lambda kind: kind == "flag")
-    assert set(kinds) == {"float", "flag"}
+    assert kinds == sorted(kinds, key=("float", "whole", "flag").index)
+    assert set(kinds) == {"float", "whole", "flag"}
 
 
 def test_names_are_chosen_by_what_they_are() -> None:

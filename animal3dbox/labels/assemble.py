@@ -21,6 +21,7 @@ from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.pixel_boxes import points_box
 from animal3dbox.labels.confidence import confidence_of
 from animal3dbox.labels.drafts import LabelDraft
+from animal3dbox.labels.flank import decided_flanks, lateral_angle
 from animal3dbox.labels.label_row import NOT_MEASURED, rows_of
 from animal3dbox.labels.pose.choice import elevation_and_roll
 from animal3dbox.labels.pose.problem import AS_GIVEN
@@ -126,9 +127,12 @@ def _label_rows(drafts: Sequence[LabelDraft], *, K: Array, R: Array, t: Array) -
     shares = [
         NO_SURFACE if draft.surface_share is None else draft.surface_share for draft in drafts
     ]
+    flank, flank_confidence = _flanks(drafts, lateral_angle(center, rotation), np.array(shares))
     return rows_of(
         {
             **fields,
+            "flank": flank,
+            "flank_confidence": flank_confidence,
             "center": center,
             "rotation": rotation,
             "size": size,
@@ -143,6 +147,18 @@ def _label_rows(drafts: Sequence[LabelDraft], *, K: Array, R: Array, t: Array) -
             "mesh_size": size,
         }
     )
+
+
+def _flanks(
+    drafts: Sequence[LabelDraft], theta: Array, shares: Array
+) -> tuple[NDArray[np.int64], Array]:
+    """The flanks (B,) that drafts show, and the probability (B,) of each; see decided_flanks."""
+    known_camera = np.array([draft.observation.pose is not None for draft in drafts])
+    told = [draft.pose.evidence for draft in drafts]
+    sigma = np.radians([0.0 if one is None else one.rotation_sd_deg for one in told])
+    flank, confidence = decided_flanks(theta, shares, sigma, known_camera=known_camera)
+    by_chance = np.array([draft.orientation_rule == "principal components" for draft in drafts])
+    return np.where(by_chance, 0, flank), np.where(by_chance, 0.5, confidence)
 
 
 def _qualities(drafts: Sequence[LabelDraft], K: Array, R: Array, t: Array) -> list[Quality]:

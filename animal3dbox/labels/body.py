@@ -25,6 +25,8 @@ class Body:
         landmark_sigma: (J,) how far each may be from where the body has it, in the body's unit, for
             a body that is not in the animal's own pose; None: the body is.
         template: what the vertices correspond to one to one; None if nothing is known of that.
+        notes: what a careful person should know of the body, in whole sentences; they become
+            warnings of its label.
 
     Example:
         >>> import numpy as np
@@ -40,3 +42,4 @@ class Body:
     landmarks: ArrayLike
     landmark_sigma: ArrayLike
     template: SmalModel | None
+    notes: tuple[str, ...] = ()

@@ -142,8 +142,10 @@ def _bounded_points(
             "template",
             "is missing, but tail='drop' needs it to know which vertices are the tail's",
         )
-    without_tail = np.ones(len(body.vertices), dtype=np.bool_)
+    without_tail = np.ones(body.template.vertex_count, dtype=np.bool_)
     without_tail[as_numpy(body.template.tail_vertices)] = False
+    if observation.vertex_ids is not None:
+        without_tail = without_tail[observation.vertex_ids]
     return body.vertices[without_tail], "vertices", ()
 
 

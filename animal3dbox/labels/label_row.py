@@ -1,8 +1,8 @@
 """The numbers of one label in one row of float64, of a fixed layout.
 
 A row is what the cache stores and what targets are cut out of: reading one costs no more than
-looking at it. Its layout follows from `target_schema.LABEL_FIELDS`; flags are 0 and 1, and stand
-last.
+looking at it. Its layout follows from `target_schema.LABEL_FIELDS`; whole numbers stand behind the
+other numbers, and flags, which are 0 and 1, last.
 """
 
 from collections.abc import Mapping
@@ -24,13 +24,12 @@ MESH_BOX: dict[str, tuple[int, ...]] = {
 
 def _layout() -> dict[str, tuple[int, ...]]:
     """Name in a label -> shape, in the row's order."""
-    numbers: dict[str, tuple[int, ...]] = {}
-    flags: dict[str, tuple[int, ...]] = {}
+    by_kind: dict[str, dict[str, tuple[int, ...]]] = {"float": {}, "whole": {}, "flag": {}}
     for field in LABEL_FIELDS:
         if field.label_name is None or field.entry_shape is None:
             raise ValueError(f"{field.name} is of no fixed shape: it cannot be part of a label")
-        (flags if field.kind == "flag" else numbers)[field.label_name] = field.entry_shape
-    return {**numbers, **MESH_BOX, **flags}
+        by_kind[field.kind][field.label_name] = field.entry_shape
+    return {**by_kind["float"], **MESH_BOX, **by_kind["whole"], **by_kind["flag"]}
 
 
 LAYOUT = _layout()
@@ -55,6 +54,12 @@ def _spans() -> dict[str, slice]:
 SPANS = _spans()
 """Where each field stands in the row."""
 WIDTH = max(span.stop for span in SPANS.values())
+FIRST_WHOLE = min(
+    SPANS[field.label_name].start
+    for field in LABEL_FIELDS
+    if field.kind == "whole" and field.label_name is not None
+)
+"""Where the whole numbers begin."""
 FIRST_FLAG = min(SPANS[name].start for name in LAYOUT if name in FLAGS)
 """Where the numbers end and the flags begin."""
 

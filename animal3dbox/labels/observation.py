@@ -4,26 +4,32 @@ Every fault is an error that names the sample and the field.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.checks import check_image_hw, check_intrinsics
 from animal3dbox.geometry.distortion import check_distortion
+from animal3dbox.geometry.used_vertices import used_vertices
 from animal3dbox.labels.argument_checks import ArgumentChecks
 from animal3dbox.labels.body import Array, ArrayLike, Body
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.loose_vertices import without_loose_vertices
+from animal3dbox.labels.mesh_landmarks import SMAL_NOTE, template_landmarks, topology_landmarks
 from animal3dbox.labels.pose.problem import PoseEstimate
 from animal3dbox.smal.keypoints.vocabularies import find_vocabulary
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 LEAST_FOCAL = 0.05
 """Of the longer side of the image: a field of view of 169 degrees."""
+LEAST_VERTICES = 4
+"""Fewer points than this enclose nothing."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,10 @@ class Observation:
         vocabulary: what the keypoints are.
         keypoints_2d: (J, 3) x, y, confidence; x = y = 0 and confidence 0 where missing; None
             without keypoints.
-        body: the animal's body, in world, its vertices coordinate by coordinate in memory.
+        body: the animal's body, in world, its vertices coordinate by coordinate in memory; only
+            those that some face uses.
+        vertex_ids: (V,) the template's vertex that each of the body's is; None: they are all there,
+            in the template's order.
         K: (3, 3).
         K_source: "given" or "guessed"; "estimated" once the focal length has been.
         pose: the camera's, known exactly, or None.
@@ -65,6 +74,7 @@ class Observation:
     image: str | None = None
     log_focal_sd: float | None = None
     down_cam: Array | None = None
+    vertex_ids: NDArray[np.intp] | None = None
 
     @cached_property
     def has_landmark(self) -> NDArray[np.bool_]:
@@ -122,8 +132,7 @@ def observe(
     except (ShapeError, TypeError, ValueError) as error:
         raise checks.fail("image_hw", str(error)) from error
     size = (int(image_hw[0]), int(image_hw[1]))
-    vertices = _checked_vertices(checks, body)
-    landmarks = _landmarks(checks, body, vertices, words)
+    checked, vertex_ids = _checked_body(checks, body, words)
     keypoints, warnings = (
         (None, [])
         if keypoints_2d is None
@@ -138,16 +147,17 @@ def observe(
         K=matrix,
         K_source="guessed" if K is None else "given",
         distortion=_checked_lens(checks, distortion),
-        body=_checked_body(checks, body, vertices=vertices, landmarks=landmarks, words=words),
+        body=checked,
+        vertex_ids=vertex_ids,
         pose=None if pose is None else checks.pose("pose", pose, "given"),
         hypotheses=tuple(
             checks.pose(f"pose_hypotheses[{i}]", hypothesis, f"hypothesis_{i}")
             for i, hypothesis in enumerate(pose_hypotheses)
         ),
         mask=None if mask is None else checks.mask(mask, size),
-        warnings=tuple(warnings),
         image=image,
         down_cam=_checked_down(checks, down_cam),
+        warnings=(*warnings, *checked.notes),
     )
 
 
@@ -177,26 +187,49 @@ def _checked_down(checks: ArgumentChecks, down_cam: ArrayLike) -> Array | None:
 
 
 def _checked_body(
-    checks: ArgumentChecks,
-    body: Body,
-    *,
-    vertices: Array | None,
-    landmarks: Array | None,
-    words: Vocabulary,
-) -> Body:
-    """The body with its arrays checked; vertices and landmarks have been."""
-    sigma, faces = body.landmark_sigma, body.faces
-    return Body(
+    checks: ArgumentChecks, body: Body, words: Vocabulary
+) -> tuple[Body, NDArray[np.intp] | None]:
+    """The body with its arrays checked, without the vertices that no face uses.
+
+    Returns:
+        The body, and the numbers that its vertices had; None if none was left out.
+
+    """
+    vertices, sigma, faces = _checked_vertices(checks, body), body.landmark_sigma, None
+    if body.faces is not None and vertices is not None:
+        faces = checks.faces(body.faces, len(vertices), body.template)
+    used = None if vertices is None else _used(body, faces, len(vertices))
+    landmarks, notes = _landmarks(checks, body, words, vertices=vertices, faces=faces, used=used)
+    whole = Body(
         vertices=vertices,
         landmarks=landmarks,
         landmark_sigma=None if sigma is None else checks.sigma(sigma, words),
-        faces=(
-            None
-            if faces is None or vertices is None
-            else checks.faces(faces, len(vertices), body.template)
-        ),
+        faces=faces,
         template=body.template,
+        notes=(*body.notes, *notes),
     )
+    surface = without_loose_vertices(whole, used)
+    if used is None or surface.vertex_ids is None:
+        return whole, None
+    if len(surface.vertex_ids) < LEAST_VERTICES:
+        raise checks.fail(
+            "faces",
+            f"use {len(surface.vertex_ids)} of the {len(used)} vertices, which is no body: give all"
+            " of its triangles, or none",
+        )
+    note = f"{np.count_nonzero(~used)} of {len(used)} vertices count for nothing: no face uses them"
+    return replace(surface.body, notes=(*whole.notes, note)), surface.vertex_ids
+
+
+def _used(body: Body, faces: Tensor | None, count: int) -> NDArray[np.bool_] | None:
+    """Which vertices (V,) count: those that a face uses, of the template's where none are given.
+
+    None if all do.
+    """
+    template = body.template
+    if template is not None and (faces is None or faces is template.faces):
+        return template.used_vertices  # looked for once a model
+    return used_vertices(faces, count)
 
 
 def _checked_intrinsics(
@@ -229,7 +262,7 @@ def _checked_vertices(checks: ArgumentChecks, body: Body) -> Array | None:
             "vertices",
             "give vertices or keypoints_3d: without either there is nothing to put a box around",
         )
-    if vertices is not None and len(vertices) < 4:
+    if vertices is not None and len(vertices) < LEAST_VERTICES:
         raise checks.fail("vertices", f"must be a body, got {len(vertices)} points")
     template = body.template
     if template is not None and vertices is not None and len(vertices) != template.vertex_count:
@@ -242,19 +275,30 @@ def _checked_vertices(checks: ArgumentChecks, body: Body) -> Array | None:
 
 
 def _landmarks(
-    checks: ArgumentChecks, body: Body, vertices: Array | None, words: Vocabulary
-) -> Array | None:
-    """The landmarks (J, 3) as given, else read off the template's vertex groups.
+    checks: ArgumentChecks,
+    body: Body,
+    words: Vocabulary,
+    *,
+    vertices: Array | None,
+    faces: Tensor | None,
+    used: NDArray[np.bool_] | None,
+) -> tuple[Array | None, tuple[str, ...]]:
+    """The landmarks (J, 3) as given, else by the template, else by SMAL's topology; and notes.
 
     Rows of NaN are landmarks that the body lacks.
     """
-    if body.landmarks is None:
-        template = body.template
-        return (
-            None
-            if template is None or vertices is None
-            else template.read_keypoints(words, vertices)
-        )
+    if body.landmarks is not None:
+        return _given_landmarks(checks, body, words), ()
+    if vertices is None:
+        return None, ()
+    if body.template is not None:
+        return template_landmarks(body.template, words, vertices, used), ()
+    found = topology_landmarks(words, vertices, faces, used)
+    return (None, ()) if isinstance(found, str) else (found, (SMAL_NOTE,))
+
+
+def _given_landmarks(checks: ArgumentChecks, body: Body, words: Vocabulary) -> Array:
+    """The landmarks (J, 3) as given, checked."""
     landmarks = checks.array("keypoints_3d", body.landmarks, "J 3")
     if len(landmarks) != len(words):
         raise checks.fail(

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.geometry.cuboid import FACE_NAMES, Cuboid
+from animal3dbox.labels.flank import FLANKS, Flank
 from animal3dbox.labels.label_row import Array, row_field, with_fields
 
 REASONS = {
@@ -346,6 +347,16 @@ class CuboidLabel:
         """
         shares = self.field("surface_share")
         return FACE_NAMES[int(shares.argmax())] if shares.max() > 0 else None
+
+    @property
+    def flank(self) -> Flank:
+        """The flank that is seen: "left", "right", or "undecided"."""
+        return FLANKS[int(self.field("flank"))]
+
+    @property
+    def flank_confidence(self) -> float:
+        """Probability of that flank, 0.5 to 1; of the likelier one if it is undecided."""
+        return float(self.field("flank_confidence"))
 
     @property
     def confidence(self) -> float:

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     from animal3dbox.report.label_files import LabelFile as LabelFile
     from animal3dbox.report.label_files import RejectedRow as RejectedRow
     from animal3dbox.report.label_files import animal_row as animal_row
-    from animal3dbox.report.label_files import write_labels_csv as write_labels_csv
     from animal3dbox.report.label_files import write_labels_json as write_labels_json
     from animal3dbox.report.label_reading import read_label_rows as read_label_rows
     from animal3dbox.report.label_reading import read_labels_json as read_labels_json
+    from animal3dbox.report.label_table import write_labels_csv as write_labels_csv
     from animal3dbox.report.label_targets import target_of_row as target_of_row
     from animal3dbox.report.overlay import draw_cuboid as draw_cuboid
     from animal3dbox.report.overlay import draw_label as draw_label
@@ -59,9 +59,9 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "LabelFile",
             "RejectedRow",
             "animal_row",
-            "write_labels_csv",
             "write_labels_json",
         ),
+        "label_table": ("write_labels_csv",),
         "label_reading": ("read_label_rows", "read_labels_json"),
         "label_targets": ("target_of_row",),
         "overlay": ("draw_cuboid", "draw_label"),

@@ -1,8 +1,5 @@
-"""labels.json and labels.csv: one row an animal, in the documented schema."""
+"""labels.json: one row an animal, in the documented schema."""
 
-import csv
-import io
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -12,16 +9,12 @@ import msgspec
 from animal3dbox.errors import DatasetFormatError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
+from animal3dbox.labels.flank import Flank
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.target_schema import FILE_FIELDS, Field
 
 SCHEMA: Final = "animal3dbox.labels"
 SCHEMA_VERSION: Final = 1
-CSV_COLUMNS = (
-    *("image", "animal", "side", "viewpoint"),
-    *(f"share_{name}" for name in FACE_NAMES),
-    *("azimuth_deg", "elevation_deg", "confidence"),
-)
 
 
 def _file_type(field: Field) -> Any:
@@ -79,6 +72,7 @@ class AnimalRow(_Numbers, kw_only=True):
     azimuth_deg: float
     elevation_deg: float
     confidence: float
+    flank: Flank | None = None
     quality: dict[str, float | int | str | list[str] | None]
     scale_m_per_unit: float | None = None
     scale_source: str = "unknown"
@@ -168,6 +162,7 @@ def animal_row(label: CuboidLabel, *, image: str, animal: int, category: str) ->
         azimuth_deg=label.azimuth_deg,
         elevation_deg=label.elevation_deg,
         confidence=label.confidence,
+        flank=label.flank,
         quality=quality,
         scale_m_per_unit=label.scale_m_per_unit,
         scale_source=label.scale_source,
@@ -209,23 +204,3 @@ def labels_file(path: Path) -> Path:
     Any other path is the file itself.
     """
     return path / "labels.json" if path.is_dir() else path
-
-
-def write_labels_csv(path: Path, animals: Sequence[AnimalRow]) -> None:
-    """Write labels.csv: a row an animal, the columns an ecologist wants.
-
-    Example:
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_labels_csv(Path(folder) / "labels.csv", animals=[])
-        ...     (Path(folder) / "labels.csv").read_text().split(",")[:4]
-        ['image', 'animal', 'side', 'viewpoint']
-    """
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(CSV_COLUMNS)
-    for row in animals:
-        shares = [f"{share:.4f}" for share in row.face_share]
-        angles = [f"{row.azimuth_deg:.1f}", f"{row.elevation_deg:.1f}", f"{row.confidence:.3f}"]
-        writer.writerow([row.image, row.animal, row.side or "", row.viewpoint, *shares, *angles])
-    write_whole(path, text.getvalue().encode())

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.errors import SampleError
+from animal3dbox.labels.flank import FLANKS
 from animal3dbox.report.label_files import AnimalRow
 from animal3dbox.target_schema import FILE_FIELDS
 
@@ -41,6 +42,8 @@ def target_of_row(row: AnimalRow) -> dict[str, Any]:
             continue
         tensor = torch.tensor(value) if field.kind == "flag" else _tensor(row, field.name, value)
         target[field.name] = tensor if field.per == "image" else tensor[None]
+    if row.flank is not None:
+        target["flank"] = torch.tensor([FLANKS.index(row.flank)])
     target["corner_in_front"] = torch.tensor([[px is not None for px in row.corners_2d]])
     if row.distortion is not None:
         target["distortion"] = _tensor(row, "distortion", row.distortion)

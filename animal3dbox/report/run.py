@@ -22,9 +22,9 @@ from animal3dbox.report.label_files import (
     LabelFile,
     RejectedRow,
     animal_row,
-    write_labels_csv,
     write_labels_json,
 )
+from animal3dbox.report.label_table import write_labels_csv
 from animal3dbox.report.overlay import draw_label
 from animal3dbox.report.summary import Summary, flags_of, summarize
 
@@ -136,7 +136,7 @@ class RunWriter:
             rejected=self._rejected,
         )
         write_labels_json(self.out / "labels.json", labels)
-        write_labels_csv(self.out / "labels.csv", self._animals)
+        write_labels_csv(self.out / "labels.csv", self._animals, self._flags)
         write_gallery(self.out / "gallery.html", self._cards, summary)
         report = msgspec.json.format(msgspec.json.encode(summary), indent=1)
         write_whole(self.out / "report.json", report)
@@ -225,7 +225,8 @@ def _card(
     quality = label.quality
     facts = [
         f"side {label.side or 'none'}, seen from {label.viewpoint}"
-        f" (azimuth {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)"
+        f" (azimuth {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)",
+        f"flank {label.flank} ({label.flank_confidence:.0%})",
     ]
     if quality.reprojection_error_px is not None:
         facts.append(

@@ -19,6 +19,7 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import AnyArray, as_numpy, is_plain
 from animal3dbox.geometry.checks import check_shape
 from animal3dbox.geometry.rigid_transforms import nearest_rotation
+from animal3dbox.geometry.used_vertices import used_vertices
 from animal3dbox.smal.array_skinning import (
     BODIES_AT_ONCE,
     SkinningTables,
@@ -296,6 +297,11 @@ class SmalModel:
     def face_range(self) -> tuple[int, int]:
         """The least and the greatest vertex number in faces; (0, -1) without any."""
         return (int(self.faces.min()), int(self.faces.max())) if self.faces.numel() else (0, -1)
+
+    @cached_property
+    def used_vertices(self) -> np.ndarray | None:
+        """Which vertices (V,) some face uses, bool; None if all are, or if there are no faces."""
+        return used_vertices(self.faces, self.vertex_count)
 
     @cached_property
     def torso_layout(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Checks of the fields about the six faces of a box."""
+"""Checks of the fields about the six faces of a box, and the flank that is seen."""
 
 from collections.abc import Iterator
 
@@ -13,13 +13,15 @@ from animal3dbox.training.places import animal_findings
 
 SHARES = ("face_share", "face_share_in_image", "surface_share")
 SHARE_TOLERANCE = 1e-4
+FLANK_SLACK = 0.35
+"""Sine of the angle by which a camera may stand on the other side of the plane of symmetry."""
 AREA_TOLERANCE = (0.5, 2e-4)
 """Pixels squared, and a part of the visible area; besides, float32 coordinates round by 1e-7 of
 themselves along the outline."""
 
 
 def face_findings(packed: Packed) -> Iterator[Finding]:
-    """Faults of face_visible, face_area, face_share, face_share_in_image and surface_share."""
+    """Faults of face_visible, face_area, the shares and the flank."""
     visible = packed.others.get("face_visible")
     if visible is not None:
         both = visible[:, 0::2] & visible[:, 1::2]
@@ -39,6 +41,37 @@ def face_findings(packed: Packed) -> Iterator[Finding]:
         yield from _shares(packed, names, visible)
     if "face_area" in packed.floats:
         yield from _areas(packed, packed.floats["face_area"], visible)
+    if "flank" in packed.others:
+        yield from _flanks(packed, packed.others["flank"])
+
+
+def _flanks(packed: Packed, flank: NDArray[np.int64]) -> Iterator[Finding]:
+    """Flanks (N,) that are no number of one, or that the camera cannot see.
+
+    What the picture shows of the surface may decide near the plane of symmetry, and no farther from
+    it than FLANK_SLACK.
+    """
+    no_flank = (flank < 0) | (flank > 2)
+    hidden = np.zeros_like(no_flank)
+    if packed.has_box:
+        camera_box = -(packed.floats["center"][:, None] @ packed.floats["rotation"])[:, 0]
+        leftward = camera_box[:, 1] / np.maximum(np.linalg.norm(camera_box, axis=1), 1e-12)
+        hidden = np.where(flank == 1, -leftward, np.where(flank == 2, leftward, 0)) > FLANK_SLACK
+    if not (no_flank | hidden).any():
+        return
+
+    def problem(n: int) -> str:
+        if no_flank[n]:
+            return f"must be 0 (undecided), 1 (left) or 2 (right), got {flank[n]}"
+        named, other = ("left", "right") if flank[n] == 1 else ("right", "left")
+        return (
+            f"is {named}, but the camera stands on the {other}: a mirror must exchange the flanks"
+            " with the box"
+        )
+
+    yield from animal_findings(
+        packed, no_flank | hidden, check="flank", field="flank", problem=problem
+    )
 
 
 def _visibility(packed: Packed, visible: NDArray[np.bool_]) -> Iterator[Finding]:

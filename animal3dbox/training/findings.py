@@ -30,6 +30,7 @@ CHECKS = {
     "face_area": "areas are not those of the projected faces; together they fill the outline",
     "share_of_area": "face_share is not face_area over its sum",
     "shares": "shares are negative, of hidden faces, or do not add to 1 or 0",
+    "flank": "flank is not 0, 1 or 2, or is the one that the camera does not see",
     "boxes": "a box has no area, or its corners are exchanged",
     "boxes_in_frame": "a box leaves the frame",
     "boxes_on_cuboid": "a box does not touch the projected cuboid",

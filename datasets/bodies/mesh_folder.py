@@ -15,12 +15,12 @@ from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.storage.packed import PackedMapping
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
+from animal3dbox.geometry.used_vertices import used_vertices
 from animal3dbox.labels.body import Body
-from animal3dbox.smal.keypoints.smal_topology import (
-    SMAL_EXTRA_LANDMARKS,
-    SMAL_LANDMARKS,
-    SMAL_VERTICES,
-)
+from animal3dbox.labels.mesh_landmarks import SMAL_NOTE, template_landmarks, topology_landmarks
+from animal3dbox.smal.correspondence import corresponds
+from animal3dbox.smal.keypoints.smal_recognition import why_not_smal
+from animal3dbox.smal.keypoints.smal_topology import SMAL_VERTICES
 from animal3dbox.smal.model import SmalModel
 
 CACHED = 32
@@ -111,14 +111,14 @@ class MeshFolderBodies:
             raise SampleError(record.sample_id, "mesh", str(error)) from error
         if self.model is not None:
             _check_order(self.model, vertices, faces, sample_id=record.sample_id, path=path)
-        landmarks = self._keypoints(record, vertices, points, path)
+        landmarks, notes = self._keypoints(record, _Mesh(path, vertices, faces, points))
         if not bool(torch.isfinite(landmarks).any()):
             raise SampleError(
                 record.sample_id,
                 "landmarks",
-                f"nothing tells where {path.name} has its nose or tail: give landmarks.json with"
-                " the vertices' ids, landmarks in the npz, or --model if it corresponds to a SMAL"
-                " model",
+                f"nothing tells where {path.name} has its nose or tail"
+                f"{_why_not_smal(vertices, faces)}: give landmarks.json with the vertices' ids,"
+                " landmarks in the npz, or --model if it corresponds to a SMAL model",
             )
         return Body(
             vertices=vertices,
@@ -126,25 +126,32 @@ class MeshFolderBodies:
             landmarks=landmarks,
             landmark_sigma=None,
             template=self.model,
+            notes=notes,
         )
 
-    def _keypoints(
-        self, record: AnimalRecord, vertices: Tensor, points: dict[str, Tensor], path: Path
-    ) -> Tensor:
+    def _keypoints(self, record: AnimalRecord, mesh: "_Mesh") -> tuple[Tensor, tuple[str, ...]]:
         """The record's keypoints (J, 3) on its mesh, from the first source that has places.
 
-        The sources are the mesh's own points, landmarks.json, the model, and, of a mesh of SMAL's
-        vertex count, SMAL's public topology.
+        The sources are the mesh's own points, landmarks.json, the model, and SMAL's public
+        topology.
+
+        Returns:
+            The keypoints, NaN where there is no place, and notes on them.
+
         """
-        if points:
-            return keypoints_of(points, record.vocabulary)
+        words, vertices = record.vocabulary, mesh.vertices
+        if mesh.points:
+            return keypoints_of(mesh.points, words), ()
         if self.landmarks:
-            return keypoints_of(self._places(record.sample_id, vertices, path), record.vocabulary)
-        groups = {} if self.model is None else self.model.landmark_groups
-        if self.model is None and len(vertices) == SMAL_VERTICES:
-            groups = {**SMAL_LANDMARKS, **SMAL_EXTRA_LANDMARKS}
+            return keypoints_of(self._places(record.sample_id, vertices, mesh.path), words), ()
+        used = used_vertices(mesh.faces, len(vertices))
         try:
-            return record.vocabulary.on_body(groups, vertices)
+            if self.model is not None:
+                return template_landmarks(self.model, words, vertices, used), ()
+            found = topology_landmarks(words, vertices, mesh.faces, used)
+            if not isinstance(found, str):
+                return found, (SMAL_NOTE,)
+            return words.on_body({}, vertices), ()
         except ConfigError as error:
             raise SampleError(record.sample_id, "vocabulary", str(error)) from error
 
@@ -163,24 +170,46 @@ class MeshFolderBodies:
         return places
 
 
+@dataclass(frozen=True)
+class _Mesh:
+    """A mesh file's arrays.
+
+    Attributes:
+        path: the file.
+        vertices: (V, 3).
+        faces: (F, 3).
+        points: landmark name -> place (3,); empty if the file names none.
+    """
+
+    path: Path
+    vertices: Tensor
+    faces: Tensor
+    points: dict[str, Tensor]
+
+
+def _why_not_smal(vertices: Tensor, faces: Tensor) -> str:
+    """Why a mesh of SMAL's count of vertices is not taken for SMAL's, in brackets; else nothing."""
+    if len(vertices) != SMAL_VERTICES:
+        return ""
+    used = used_vertices(faces, len(vertices))
+    reason = why_not_smal(vertices.numpy(), len(faces), used)
+    return f" (it has as many vertices as SMAL, but {reason})"
+
+
 def _check_order(
     model: SmalModel, vertices: Tensor, faces: Tensor, *, sample_id: str, path: Path
 ) -> None:
     """Raise a SampleError unless a mesh has the model's vertices in the model's order.
 
-    The order shows in the triangles, which must be the model's own.
+    The order shows in the triangles, each of which must be one of the model's.
     """
-    if (
-        len(vertices) != model.vertex_count
-        or faces.shape != model.faces.shape
-        or not bool((faces == model.faces).all())
-    ):
+    if not corresponds(model, len(vertices), faces):
         raise SampleError(
             sample_id,
             "mesh",
-            f"{path.name} has {len(vertices)} vertices and {len(faces)} faces that are not those of"
-            f" --model ({model.vertex_count} and {len(model.faces)}): leave --model out and give"
-            " landmarks.json",
+            f"{path.name} has {len(vertices)} vertices and {len(faces)} faces that are not among"
+            f" those of --model ({model.vertex_count} and {len(model.faces)}): leave --model out"
+            " and give landmarks.json",
         )
 
 

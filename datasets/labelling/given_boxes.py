@@ -13,6 +13,7 @@ from animal3dbox.geometry.checks import check_intrinsics, check_rotation
 from animal3dbox.geometry.cuboid import Cuboid, corners_of
 from animal3dbox.geometry.pixel_boxes import points_box
 from animal3dbox.labels.assemble import NO_SURFACE, box_fields
+from animal3dbox.labels.flank import decided_flanks, lateral_angle
 from animal3dbox.labels.label_row import rows_of
 from animal3dbox.labels.types import CuboidLabel, Quality
 
@@ -45,6 +46,7 @@ def given_label(record: CuboidRecord) -> CuboidLabel:
     camera_frame = {"center": center, "rotation": rotation, "size": size, "R": rotation}
     alone = {
         **camera_frame,
+        **_flank(center, rotation),
         "t": center,
         "K": K,
         "distance": norm(center),
@@ -64,6 +66,15 @@ def given_label(record: CuboidRecord) -> CuboidLabel:
         scale_m_per_unit=1.0 if record.metric else None,
         scale_source="dataset" if record.metric else "unknown",
     )
+
+
+def _flank(center: Array, rotation: Array) -> dict[str, float]:
+    """The flank of a box whose camera is known, and its probability, as a label's row has them."""
+    theta = lateral_angle(center[None], rotation[None])
+    flank, confidence = decided_flanks(
+        theta, NO_SURFACE[None], np.zeros(1), known_camera=np.array([True])
+    )
+    return {"flank": float(flank[0]), "flank_confidence": float(confidence[0])}
 
 
 _QUALITY = Quality(

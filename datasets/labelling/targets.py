@@ -10,15 +10,23 @@ from numpy.typing import NDArray
 
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.frame import in_frame
-from animal3dbox.labels.label_row import FIRST_FLAG, SPANS, WIDTH
+from animal3dbox.labels.label_row import FIRST_FLAG, FIRST_WHOLE, SPANS, WIDTH
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.target_schema import LABEL_FIELDS, Field
 
-_FLOAT32, _BOOL = np.dtype(np.float32), np.dtype(np.bool_)
+_TYPES: dict[str, np.dtype[Any]] = {
+    "float": np.dtype(np.float32),
+    "whole": np.dtype(np.int64),
+    "flag": np.dtype(np.bool_),
+}
+"""The types of a target's fields, kind by kind in the order of a row."""
+_FIRST = {"float": 0, "whole": FIRST_WHOLE, "flag": FIRST_FLAG}
+"""Where the numbers of a kind begin in a row."""
 _SURFACE_SHARE = SPANS["surface_share"].start
 _Place = tuple[str, tuple[int, ...], int]
-"""A field's name in the target, its shape there, and the byte at which its numbers begin."""
+"""A field's name in the target, its shape there, and the byte at which its numbers begin, of those
+of its kind."""
 
 
 def target_of(
@@ -137,23 +145,19 @@ def _label_fields(
         by_field = rows[0]
     else:
         by_field = np.concatenate(rows)[_field_order(count)] if rows else np.zeros(0)
-    numbers = by_field[: FIRST_FLAG * count].astype(np.float32)
-    flags = by_field[FIRST_FLAG * count :].astype(np.bool_)
-    of_numbers, of_flags = _places(count, named_faces, measured)
-    target: dict[str, Any] = {
-        name: torch.from_numpy(np.ndarray(shape, _FLOAT32, numbers, start))
-        for name, shape, start in of_numbers
-    }
-    for name, shape, start in of_flags:
-        target[name] = torch.from_numpy(np.ndarray(shape, _BOOL, flags, start))
+    ends = [first * count for first in (FIRST_WHOLE, FIRST_FLAG, WIDTH)]
+    places = _places(count, named_faces, measured)
+    target: dict[str, Any] = {}
+    for (kind, dtype), end in zip(_TYPES.items(), ends, strict=True):
+        values = by_field[_FIRST[kind] * count : end].astype(dtype)
+        for name, shape, start in places[kind]:
+            target[name] = torch.from_numpy(np.ndarray(shape, dtype, values, start))
     return target
 
 
 @lru_cache(maxsize=256)
-def _places(
-    count: int, named_faces: bool, measured: bool
-) -> tuple[tuple[_Place, ...], tuple[_Place, ...]]:
-    """Where the fields of a target stand among the numbers of its labels, and among their flags.
+def _places(count: int, named_faces: bool, measured: bool) -> dict[str, list[_Place]]:
+    """Where the fields of a target stand among the numbers of its labels, kind by kind.
 
     K is the first animal's, which all share.
     """
@@ -163,16 +167,13 @@ def _places(
             return measured
         return bool(count) if field.per == "image" else named_faces or not field.named_faces
 
-    numbers, flags = list[_Place](), list[_Place]()
+    places: dict[str, list[_Place]] = {kind: [] for kind in _TYPES}
     for field in filter(is_there, LABEL_FIELDS):
         shape = field.entry_shape or ()
-        start = SPANS[field.label_name or field.name].start * count
+        start = (SPANS[field.label_name or field.name].start - _FIRST[field.kind]) * count
         whole_shape = shape if field.per == "image" else (count, *shape)
-        if field.kind == "flag":
-            flags.append((field.name, whole_shape, start - FIRST_FLAG * count))
-        else:
-            numbers.append((field.name, whole_shape, start * _FLOAT32.itemsize))
-    return tuple(numbers), tuple(flags)
+        places[field.kind].append((field.name, whole_shape, start * _TYPES[field.kind].itemsize))
+    return places
 
 
 @lru_cache(maxsize=64)

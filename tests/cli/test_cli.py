@@ -277,6 +277,7 @@ def test_labels_csv_has_a_row_an_animal_with_the_same_numbers(good: Path) -> Non
     ]
     assert all(
         float(written["share_left"]) == pytest.approx(row.face_share[2], abs=1e-4)
+        and (written["flank"], written["category"]) == (row.flank, row.category)
         for written, row in zip(table, rows_of(good), strict=True)
     )
 

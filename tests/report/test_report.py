@@ -1,6 +1,5 @@
 """Label files, overlays, gallery, counts: what a run leaves on disk."""
 
-import csv
 import io
 import json
 import re
@@ -34,11 +33,9 @@ from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import REASONS, CuboidLabel, Quality, Rejection
 from animal3dbox.report.gallery import Card, card_picture, small_picture, write_gallery
 from animal3dbox.report.label_files import (
-    CSV_COLUMNS,
     LabelFile,
     RejectedRow,
     animal_row,
-    write_labels_csv,
     write_labels_json,
 )
 from animal3dbox.report.label_reading import read_labels_json
@@ -108,7 +105,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
     assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
 
 
-# labels.json and labels.csv
+# labels.json
 # -------------------------------------------------------------------------------------------
 
 
@@ -191,42 +188,6 @@ def test_labels_json_of_another_form_is_refused(
 def test_missing_labels_json_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DatasetNotFoundError):
         read_labels_json(tmp_path / "labels.json")
-
-
-def test_labels_csv_has_exactly_the_documented_columns(tmp_path: Path, label: CuboidLabel) -> None:
-    shares_of = ", ".join(
-        f"share_{face}" for face in ("front", "back", "left", "right", "top", "bottom")
-    )
-    documented = (
-        f"image, animal, side, viewpoint, {shares_of}, azimuth_deg, elevation_deg, confidence"
-    )
-    name = 'dogs, "wet"/ö\n.jpg'
-    write_labels_csv(
-        tmp_path / "labels.csv", [animal_row(label, image=name, animal=3, category="dog")]
-    )
-    with (tmp_path / "labels.csv").open(newline="", encoding="utf-8") as file:
-        header, row = csv.reader(file)
-    assert header == documented.split(", ") == list(CSV_COLUMNS)
-    values = dict(zip(header, row, strict=True))
-    assert (values["image"], values["animal"], values["side"], values["viewpoint"]) == (
-        name,
-        "3",
-        "left",
-        "front-left",
-    )
-    shares = [
-        float(values[f"share_{face}"])
-        for face in ("front", "back", "left", "right", "top", "bottom")
-    ]
-    assert sum(shares) == pytest.approx(1, abs=3e-4)
-    assert shares == pytest.approx(label.face_share.tolist(), abs=5e-5)
-    assert shares[2] == max(shares)
-    assert float(values["azimuth_deg"]) == pytest.approx(label.azimuth_deg, abs=0.05)
-
-
-def test_labels_csv_without_animals_is_its_header(tmp_path: Path) -> None:
-    write_labels_csv(tmp_path / "labels.csv", [])
-    assert (tmp_path / "labels.csv").read_text().splitlines() == [",".join(CSV_COLUMNS)]
 
 
 # Overlays

@@ -63,6 +63,8 @@ def target_of(
         "face_share": seen.share,
         "face_share_in_image": seen.share_in_image,
         "surface_share": seen.share.flip(-1),
+        "flank": torch.where((box.rotation[:, :, 1] * box.center).sum(-1) < 0, 1, 2),
+        "flank_confidence": torch.full((count,), 0.75, dtype=F64),
         "truncation": seen.truncation,
         "behind_camera": ~corners_in_front(box).all(-1),
         "K": K,

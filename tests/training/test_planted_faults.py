@@ -118,6 +118,8 @@ FAULTS: dict[str, tuple[Callable[[Batch], None], str, str]] = {
         "share_of_area",
         "face_share",
     ),
+    "flanks not mirrored with the box": (put("flank", lambda v: 3 - v), "flank", "flank"),
+    "no flank": (put("flank", at(1, 7)), "flank", "flank"),
     "shares not normalised": (put("face_share", lambda v: v * 0.9), "shares", "face_share"),
     "negative share": (put("surface_share", at((1, 0), -0.2)), "shares", "surface_share"),
     "in-image shares of another box": (

@@ -116,3 +116,15 @@ def test_a_map_of_pixels_loses_no_field_of_the_schema() -> None:
     for field in FIELDS:
         if field.under_map == "unmoved":
             assert torch.equal(after[field.name], values[field.name]), field.name
+
+
+def test_a_mirror_exchanges_the_flanks_and_nothing_else_does() -> None:
+    target = {"flank": torch.tensor([0, 1, 2]), "flank_confidence": torch.tensor([0.6, 0.99, 0.98])}
+    _, mirrored = RandomHorizontalFlip(1)(picture(), target)
+    assert mirrored["flank"].tolist() == [0, 2, 1]
+    assert mirrored["flank"].dtype == torch.int64
+    assert torch.equal(mirrored["flank_confidence"], target["flank_confidence"])
+    _, twice = RandomHorizontalFlip(1)(picture(), mirrored)
+    assert twice["flank"].tolist() == [0, 1, 2]
+    _, resized = Resize((60, 80))(picture(), target)
+    assert resized["flank"].tolist() == [0, 1, 2]

@@ -36,6 +36,8 @@ from animal3dbox.transforms.camera_law.relabel import Relabelling
 
 UNMOVED = frozenset(names_of(under_map="unmoved"))
 """Fields that no map of pixels changes: sizes, distances, classes, identities."""
+SIDES = names_of(under_map="mirrored")
+"""Fields that name a side of the animal: a mirror exchanges left and right."""
 SKEW_TOLERANCE = 1e-6
 """Skew below this fraction of the focal length counts as none: it is rounding."""
 VISIBILITY = {
@@ -83,7 +85,7 @@ def map_fields(
         H_out_in,
     )
     relabel = Relabelling(handedness(H) < 0)
-    out = {name: value for name, value in values.items() if name in UNMOVED}
+    out = _without_pixels(values, relabel)
     out["H_out_in"] = H @ values["H_out_in"] if "H_out_in" in values else H
     update = _updated_camera(fields, H, allow_skew) if "K" in values else None
     if update is not None:
@@ -113,6 +115,12 @@ def map_fields(
     mirrored = bool(fields.others.get("mirrored", False)) ^ bool(relabel.mirrored)
     pixels = {name: value for name, value in values.items() if name in ("masks", "depth")}
     return replace(fields, values={**pixels, **out}, others={**fields.others, "mirrored": mirrored})
+
+
+def _without_pixels(values: dict[str, Any], relabel: Relabelling) -> dict[str, Any]:
+    """The fields that a map of pixels leaves as they are, or whose sides a mirror exchanges."""
+    unmoved = {name: value for name, value in values.items() if name in UNMOVED}
+    return unmoved | {name: relabel.sides(values[name]) for name in SIDES if name in values}
 
 
 def _renamed_faces(

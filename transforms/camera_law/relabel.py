@@ -56,6 +56,16 @@ class Relabelling:
         check_shape("values", values, "... 6")
         return self._pick(values, values[..., list(MIRRORED_FACES)])
 
+    def sides(self, values: AnyArray) -> AnyArray:
+        """Sides of the animal (...,) under their new names: 1 left, 2 right change places, 0 stays.
+
+        Example:
+            >>> Relabelling(np.array(True)).sides(np.array([0, 1, 2])).tolist()
+            [0, 2, 1]
+        """
+        exchanged: AnyArray = namespace(values).where(values > 0, 3 - values, values)
+        return self._pick(values, exchanged)
+
     def keypoints(self, values: AnyArray, permutation: Tensor | np.ndarray) -> AnyArray:
         """Per-keypoint values (..., J, D) under their new names.
 

@@ -34,6 +34,11 @@ NEAR_TRUNK = (
 """For vocabularies that lack the trunk's own: these follow the legs and the neck a little."""
 
 
+LEAST_TORSO = 0.5
+"""A body with a smaller part of its template's torso vertices than this gets its axes from
+landmarks."""
+
+
 def body_axes(observations: Sequence[Observation], axes: Axes) -> list[AxesAndRule | None]:
     """The axes of bodies (section 2.1.1); those on one template are found together.
 
@@ -52,7 +57,10 @@ def body_axes(observations: Sequence[Observation], axes: Axes) -> list[AxesAndRu
     for i, observation in enumerate(observations):
         body = observation.body
         if axes == "default" and body.template is not None and body.vertices is not None:
-            on_template.setdefault(body.template, {})[i] = body.vertices
+            if observation.vertex_ids is None:
+                on_template.setdefault(body.template, {})[i] = body.vertices
+            else:
+                results[i] = _axes_of_part(observation, body.template, observation.vertex_ids)
         else:
             results[i] = _axes_of_landmarks(observation, axes)
     for template, bodies in on_template.items():
@@ -135,6 +143,19 @@ def _axes_of_landmarks(observation: Observation, axes: Axes) -> AxesAndRule | No
         flags = {name: bool(visible[row]) for name, row in rows.items() if row is not None}
         return landmark_axes(landmarks, flags)
     return trunk_axes(landmarks)
+
+
+def _axes_of_part(
+    observation: Observation, template: SmalModel, vertex_ids: NDArray[np.intp]
+) -> AxesAndRule | None:
+    """The axes of a body that lacks some of its template's vertices: by those of its torso left."""
+    left = np.isin(vertex_ids, template.torso_ids)
+    layout = as_numpy(template.v_template)[vertex_ids[left]].astype(np.float64)
+    if len(layout) < LEAST_TORSO * len(template.torso_ids):
+        return _axes_of_landmarks(observation, "default")
+    torso = observation.body.vertices[left]
+    about: Array = (torso - torso[0]).T @ (layout - layout.mean(0))
+    return nearest_rotation(about), "torso vertices on the template"
 
 
 def _named_landmarks(observation: Observation) -> dict[str, Array]:

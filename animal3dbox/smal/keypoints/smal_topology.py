@@ -6,6 +6,8 @@ from torch import Tensor
 
 SMAL_VERTICES = 3889
 """How many vertices the models have that these facts are about."""
+SMAL_FACES = 7774
+"""How many triangles they have."""
 
 SMAL_LANDMARKS: dict[str, tuple[int, ...]] = {
     "left_eye": (1068, 1080, 1029, 1226),

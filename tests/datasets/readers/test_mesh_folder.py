@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 from one_label import label_of
 from photo_dataset import HW, K
 from PIL import Image
+from smal_like import smal_like_mesh
+from torch import Tensor
 from torch.testing import assert_close
 
 from animal3dbox.cli.main import main
@@ -41,6 +43,7 @@ from animal3dbox.datasets.labelling.skipped import Skipped
 from animal3dbox.datasets.readers.mesh_folder.reader import MeshFolder, read_mesh_folder
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.mesh_landmarks import SMAL_NOTE
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.smal.files.safetensors_file import save_safetensors
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
@@ -287,12 +290,62 @@ def test_a_mesh_of_the_models_topology_gets_its_template(tmp_path: Path) -> None
     (label,) = labels_of(read_mesh_folder(root, model=file), LabelConfig(tail="drop"))
     assert label.quality.orientation_rule == "torso vertices on the template"
     assert_close(label.rotation, turn, atol=1e-6, rtol=0)
-    (root / "meshes" / "a.obj").write_text(obj_text(standing, model.faces.flip(0)))
+    order = torch.randperm(model.vertex_count, generator=torch.Generator().manual_seed(0))
+    (root / "meshes" / "a.obj").write_text(obj_text(standing, order[model.faces]))
     with pytest.raises(
         SampleError,
-        match=r"a\.jpg: mesh: a\.obj has .* not those of --model .* give landmarks\.json",
+        match=r"a\.jpg: mesh: a\.obj has .* not among those of --model .* give landmarks\.json",
     ):
         labels_of(read_mesh_folder(root, model=file))
+
+
+def write_one_mesh(root: Path, vertices: Tensor, faces: Tensor) -> Path:
+    """A folder of one picture whose camera sees a body from the front and its left."""
+    turn, t = camera_round(60, 12.0, 2.4)
+    scale = 1.0 / float(vertices[:, 0].max() - vertices[:, 0].min())
+    write_picture(root / "images" / "a.jpg")
+    (root / "meshes").mkdir(exist_ok=True)
+    standing = (vertices - vertices.mean(0)) * scale
+    (root / "meshes" / "a.obj").write_text(obj_text(standing @ turn.mT + t, faces))
+    write_json(
+        root / "camera.json",
+        {"focal_over_side": 1.2, "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [0, 0, 0]},
+    )
+    return root
+
+
+def test_a_model_whose_tail_faces_were_cut_away_still_corresponds(tmp_path: Path) -> None:
+    model, file = load_quadruped(), tmp_path / "model.safetensors"
+    save_safetensors(model, file)
+    faces = model.without_tail_faces().flip(0)
+    root = write_one_mesh(tmp_path / "folder", model.v_template, faces)
+    (label,) = labels_of(read_mesh_folder(root, model=file))
+    assert label.quality.orientation_rule == "torso vertices on the template"
+    assert_close(label.rotation, camera_round(60, 12.0, 2.4)[0], atol=1e-6, rtol=0)
+    assert "count for nothing" in label.quality.warnings[0]
+    write_one_mesh(root, model.v_template, model.faces)
+    (whole,) = labels_of(read_mesh_folder(root, model=file))
+    assert label.size[0] < 0.97 * whole.size[0]
+
+
+def test_smals_order_is_recognised_without_the_model_and_said(tmp_path: Path) -> None:
+    root = write_one_mesh(tmp_path, *smal_like_mesh())
+    (label,) = labels_of(read_mesh_folder(root))
+    assert label.quality.warnings == (SMAL_NOTE,)
+    assert "shoulder" in label.quality.orientation_rule
+    assert label.viewpoint == "front-left"
+
+
+def test_3889_vertices_in_another_order_get_no_landmarks_of_smals(tmp_path: Path) -> None:
+    vertices, faces = smal_like_mesh()
+    order = torch.randperm(3889, generator=torch.Generator().manual_seed(0))
+    root = write_one_mesh(tmp_path, vertices[order], order.argsort()[faces])
+    with pytest.raises(
+        SampleError,
+        match=r"a\.jpg: landmarks: nothing tells where a\.obj has its nose or tail \(it has as many"
+        r" vertices as SMAL, but the vertices of SMAL's landmarks do not lie together\): give",
+    ):
+        labels_of(read_mesh_folder(root))
 
 
 def test_meshes_of_a_y_up_regressor_are_seen_right_by_the_documented_camera(tmp_path: Path) -> None:
