@@ -183,4 +183,5 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
         mask_source="none" if observation.mask is None else "dataset",
         K_source=observation.K_source,
         warnings=draft.warnings,
+        calibration=draft.calibration,
     )

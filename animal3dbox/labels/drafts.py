@@ -12,7 +12,7 @@ from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.distortion import beyond_lens
 from animal3dbox.geometry.pixel_boxes import mask_box
 from animal3dbox.geometry.straightening import straightened_box, straightened_pixels
-from animal3dbox.labels.axes.body_axes import body_axes
+from animal3dbox.labels.axes.body_axes import BodyAxes, body_axes
 from animal3dbox.labels.bounds import PAPER_MARGIN, tight_boxes
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.observation import Observation
@@ -39,6 +39,7 @@ class LabelDraft:
         orientation_rule: which rule gave the axes.
         bounds_source: "vertices" or "keypoints": what the box bounds.
         warnings: of the body and the pose, in whole sentences.
+        calibration: digest of the calibration that had a part in the axes; None without.
     """
 
     observation: Observation
@@ -50,6 +51,7 @@ class LabelDraft:
     orientation_rule: str
     bounds_source: str
     warnings: tuple[str, ...]
+    calibration: str | None
 
 
 def draft_labels(
@@ -67,7 +69,7 @@ def draft_labels(
         _without_points(observation, config) for observation in observations
     ]
     remaining = [i for i, rejection in enumerate(outcomes) if rejection is None]
-    axes: dict[int, tuple[Array, str]] = {}
+    axes: dict[int, BodyAxes] = {}
     for i, result in zip(
         remaining, body_axes([observations[i] for i in remaining], config.axes), strict=True
     ):
@@ -82,17 +84,15 @@ def draft_labels(
             axes[i] = result
     if axes:
         bounded = [_bounded_points(observations[i], config) for i in axes]
-        R_boxes = np.stack([R_box for R_box, _ in axes.values()])
+        R_boxes = np.stack([body.R_box for body in axes.values()])
         boxes = tight_boxes([points for points, *_ in bounded], R_boxes, _margin(config))
-        for i, (_, rule), (_, source, warnings), *box in zip(
-            axes, axes.values(), bounded, *boxes, strict=True
-        ):
+        for i, (_, source, warnings), *box in zip(axes, bounded, *boxes, strict=True):
             outcomes[i] = _draft(
                 observations[i],
                 (box[0], box[1], box[2]),
-                orientation_rule=rule,
+                axes=axes[i],
                 bounds_source=source,
-                warnings=warnings,
+                warnings=(*axes[i].warnings, *warnings),
                 config=config,
             )
     return [outcome for outcome in outcomes if outcome is not None]
@@ -140,7 +140,7 @@ def _draft(
     observation: Observation,
     mesh_box: tuple[Array, Array, Array],
     *,
-    orientation_rule: str,
+    axes: BodyAxes,
     bounds_source: str,
     warnings: tuple[str, ...],
     config: LabelConfig,
@@ -174,9 +174,10 @@ def _draft(
         flat_box=flat_box,
         mask_iou=mask_iou,
         surface_share=surface_share,
-        orientation_rule=orientation_rule,
+        orientation_rule=axes.rule,
         bounds_source=bounds_source,
         warnings=(*observation.warnings, *warnings),
+        calibration=axes.calibration,
     )
 
 

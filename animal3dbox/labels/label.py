@@ -1,12 +1,14 @@
 """The doors: one animal from arrays to a label, or many at once."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from animal3dbox.labels.assemble import assemble_labels
 from animal3dbox.labels.body import ArrayLike, Body
+from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.drafts import LabelDraft, draft_labels
 from animal3dbox.labels.observation import Observation, observe
@@ -38,6 +40,8 @@ def label_animal(
     config: LabelConfig | None = None,
     landmark_sigma: ArrayLike = None,
     distortion: ArrayLike = None,
+    species: str | None = None,
+    calibration: Calibration | Path | str | None = None,
 ) -> CuboidLabel | Rejection:
     """The oriented cuboid of one animal, its camera and the faces seen (the whole of section 2).
 
@@ -68,13 +72,16 @@ def label_animal(
             label, are the distorted picture's. The pose is solved for the keypoints and the mask's
             outline as they would be without the lens; a box that reaches beyond the lens's field of
             view is rejected.
+        species: the animal's category, by which a calibration tells animals apart.
+        calibration: what the animal's dataset taught about its keypoints' places, or the file of it
+            (`animal3dbox calibrate`); it counts for bodies without a template.
 
     Returns:
         A label, or a rejection with its reason.
 
     Raises:
         SampleError: an argument is wrong; names the sample, the argument and the remedy.
-        ConfigError: the vocabulary is not known.
+        ConfigError: the vocabulary is not known, or the calibration's file is none.
 
     Example:
         >>> from animal3dbox import label_animal
@@ -99,6 +106,8 @@ def label_animal(
         vocabulary=vocabulary,
         distortion=distortion,
         sample_id=sample_id,
+        species=species,
+        calibration=calibration,
         config=config,
     )
     return label_observations([observation], config)[0]

@@ -6,6 +6,7 @@ Every fault is an error that names the sample and the field.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from animal3dbox.geometry.checks import check_image_hw, check_intrinsics
 from animal3dbox.geometry.distortion import check_distortion
 from animal3dbox.labels.argument_checks import ArgumentChecks
 from animal3dbox.labels.body import Array, ArrayLike, Body
+from animal3dbox.labels.calibration import Calibration, calibration_of
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.pose.problem import PoseEstimate
 from animal3dbox.smal.keypoints.vocabularies import find_vocabulary
@@ -44,6 +46,8 @@ class Observation:
         mask: (H, W) bool, or None.
         distortion: the lens's coefficients, or None for a pinhole.
         warnings: what a careful person should know of the input, in whole sentences.
+        species: the animal's category, by which a calibration tells animals apart; None if unknown.
+        calibration: what its dataset taught; None if nothing was asked for.
     """
 
     sample_id: str | None
@@ -58,6 +62,8 @@ class Observation:
     mask: NDArray[np.bool_] | None
     distortion: Array | None
     warnings: tuple[str, ...]
+    species: str | None = None
+    calibration: Calibration | None = None
 
     @cached_property
     def has_landmark(self) -> NDArray[np.bool_]:
@@ -98,13 +104,15 @@ def observe(
     vocabulary: str | Vocabulary = "animal3d26",
     distortion: ArrayLike = None,
     sample_id: str | None = None,
+    species: str | None = None,
+    calibration: Calibration | Path | str | None = None,
     config: LabelConfig,
 ) -> Observation:
     """Check the arguments of label_animal, which see.
 
     Raises:
         SampleError: naming the sample, the argument, what is wrong and the remedy.
-        ConfigError: the vocabulary is not known.
+        ConfigError: the vocabulary is not known, or the calibration's file is none.
 
     """
     checks, words = ArgumentChecks(sample_id), find_vocabulary(vocabulary)
@@ -136,7 +144,9 @@ def observe(
             for i, hypothesis in enumerate(pose_hypotheses)
         ),
         mask=None if mask is None else checks.mask(mask, size),
-        warnings=tuple(warnings),
+        warnings=(*warnings, *words.notes),
+        species=species,
+        calibration=calibration_of(calibration),
     )
 
 

@@ -70,6 +70,7 @@ class Quality:
         K_source: "given", "exif" (the picture's header), "dataset" (one for all of its images) or
             "guessed".
         warnings: what a careful person should know, in whole sentences.
+        calibration: the digest of the calibration that had a part in the label; None without.
 
     Example:
         >>> from animal3dbox import label_animal
@@ -93,6 +94,7 @@ class Quality:
     mask_source: str
     K_source: str
     warnings: tuple[str, ...]
+    calibration: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
