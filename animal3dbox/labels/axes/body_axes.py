@@ -234,7 +234,7 @@ def _disagreement(off_deg: float) -> str:
 
 def _angle_deg(a: Array, b: Array) -> float:
     """The angle between two frames (3, 3)."""
-    return float(np.rad2deg(rotation_angle(torch.from_numpy(a), torch.from_numpy(b))))
+    return float(torch.rad2deg(rotation_angle(torch.from_numpy(a), torch.from_numpy(b))))
 
 
 def _line_rule(axes: LineAxes) -> str:
