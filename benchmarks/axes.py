@@ -9,7 +9,7 @@ from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.axes.body_axes import torso_axes, trunk_axes
 from animal3dbox.labels.axes.landmarks import landmark_axes
 from animal3dbox.labels.axes.pca import pca_axes
-from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_LANDMARKS
 from animal3dbox.smal.model import trunk_rotation
 from animal3dbox.smal.quadruped.poses import POSES, named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas, quadruped_names
@@ -30,7 +30,7 @@ def main() -> None:
         for vertices, truth in zip(body.vertices, trunk_rotation(body.R_world_joint), strict=True):
             mesh = vertices.numpy()
             every = {name: mesh[list(ids)].mean(0) for name, ids in groups.items()}
-            of_26 = {name: every[name] for name in ANIMAL3D_26}
+            of_26 = {name: every[name] for name in ANIMAL3D_LANDMARKS}
             rules = {
                 "torso vertices on the template": torso_axes(mesh, model),
                 "pca": pca_axes(mesh),

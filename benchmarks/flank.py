@@ -5,8 +5,8 @@ Run: python benchmarks/flank.py fit [--animals 1000]
 
 The body is the standing preset of the animal's species, rigid, whatever the animal does; K is
 known. Azimuths of cameras are uniform. The truth is the sign of the camera's y in the true trunk's
-frame. `fit` takes seeds 0 to 99 and TUNED, and writes animal3dbox/labels/flank.json; `report` takes
-seeds from 1000 on and UNSEEN, and prints a table by 15 degrees of azimuth.
+frame. `fit` takes seeds 0 to 99 and TUNED, and writes animal3dbox/labels/assets/flank.json.
+`report` takes seeds from 1000 on and UNSEEN, and prints a table by 15 degrees of azimuth.
 """
 
 import argparse
@@ -46,7 +46,7 @@ PER_SEED = 100
 FIRST_UNSEEN_SEED = 1000
 UNDECIDED = 0.09
 """Part of the tuned world's animals that the fitted model leaves undecided."""
-FILE = Path(__file__).resolve().parents[1] / "animal3dbox" / "labels" / "flank.json"
+FILE = Path(__file__).resolve().parents[1] / "animal3dbox" / "labels" / "assets" / "flank.json"
 
 Array = NDArray[np.float64]
 

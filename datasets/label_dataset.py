@@ -11,6 +11,7 @@ from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
 from animal3dbox.datasets.batches import collate
+from animal3dbox.datasets.labelling.calibrate import dataset_calibration
 from animal3dbox.datasets.labelling.dataset_options import (
     OnBad,
     Options,
@@ -39,6 +40,7 @@ from animal3dbox.datasets.labelling.skipped import (
 from animal3dbox.datasets.labelling.targets import empty_target, image_tensor
 from animal3dbox.datasets.labelling.threads import one_thread
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 
 SampleIndex = int | tuple[int, int]
@@ -73,9 +75,12 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         masks: whether targets hold masks, of images whose every animal has one.
         report_to: file that cases are appended to; None: a temporary one.
         reuse: whether labels in the cache are used; False makes them all anew.
+        calibration: what the dataset taught about its keypoints' places (`animal3dbox calibrate`),
+            or the file of it; "auto": learned here, of 10 animals or more; None: nothing is.
 
     Attributes:
         collate_fn: what a DataLoader needs, since images differ in size and number of animals.
+        notes: remarks about the dataset and its calibration, in whole sentences.
 
     Raises:
         ConfigError: an option has a value that it cannot have, or contradicts the dataset.
@@ -108,6 +113,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         masks: bool = True,
         report_to: Path | str | None = None,
         reuse: bool = True,
+        calibration: Calibration | Path | str | None = None,
         **unknown: object,
     ) -> None:
         refuse_unknown(type(self), unknown, Options.__annotations__)
@@ -126,13 +132,17 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         if len(self._numbers) != len(self.classes):
             raise ConfigError(f"classes must differ, got {self.classes}")
         self.case_file = CaseFile(report_to)
+        config = config or default_config(stored_cameras, self.filters)
+        learned, notes = dataset_calibration(calibration, source, config)
+        self.notes: tuple[str, ...] = (*source.notes, *notes)
         self._store = LabelStore(
             source.fingerprint,
-            config or default_config(stored_cameras, self.filters),
+            config,
             scale=scale,
             stored_cameras=stored_cameras,
             cache=cache,
             reuse=reuse,
+            calibration=learned,
         )
         self._epoch: Tensor = torch.zeros((), dtype=torch.int64).share_memory_()  # type: ignore[no-untyped-call]
         for fault in source.faults:

@@ -69,6 +69,7 @@ def run_fill(job: LabelJob) -> ExitCode:
         stored_cameras=job.camera.stored_camera,
         cache=job.cache.folder,
         reuse=job.cache.resume,
+        calibration=job.calibration,
     )
     first, step = shard_of(job.cache.shard)
     indices = range(first, len(dataset), step)

@@ -69,6 +69,8 @@ class LabelJob:
     camera: CameraOptions
     scale: ScaleOptions
     cache: CacheOptions
+    calibration: Path | None = None
+    """what `animal3dbox calibrate` learned of this dataset; for bodies without a template"""
     json: bool = False
     """print report.json instead of words; no progress bar"""
 
@@ -196,6 +198,26 @@ class InspectJob:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CalibrateJob:
+    """Learn from a dataset's own animals where its keypoints lie on their bodies.
+
+    For bodies without a template, such as a folder of meshes: labels that are given the file have
+    truer axes.
+
+    Example: animal3dbox calibrate capture --out calibration.json
+    """
+
+    path: Annotated[Positional[Path], arg(metavar="PATH")]
+    """a dataset's folder or its annotation file"""
+    out: Path = Path("calibration.json")
+    """the file to write"""
+    dataset: KeypointDatasetOptions
+    body: BodyOptions
+    json: bool = False
+    """print the file's content instead of words"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ConvertModelJob:
     """Convert a SMAL pickle to safetensors, without running anything the pickle names.
 
@@ -217,6 +239,7 @@ Job = (
     | CheckJob
     | InspectJob
     | ConvertModelJob
+    | CalibrateJob
 )
 """Any command with its options."""
 COMMANDS: dict[str, Callable[..., Job]] = {
@@ -228,5 +251,6 @@ COMMANDS: dict[str, Callable[..., Job]] = {
     "check": CheckJob,
     "inspect": InspectJob,
     "convert-model": ConvertModelJob,
+    "calibrate": CalibrateJob,
 }
 """Every command by its name on the command line, in the order of `--help`."""

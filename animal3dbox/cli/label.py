@@ -18,6 +18,7 @@ from animal3dbox.datasets.labelling.label_records import check_camera_policy, la
 from animal3dbox.datasets.labelling.label_requests import LabelRequest, request_of_record
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.labels.calibration import Calibration, calibration_of
 from animal3dbox.report.run import Labelled, RunWriter
 from animal3dbox.report.summary import Summary
 
@@ -40,6 +41,7 @@ def run_label(job: LabelJob) -> ExitCode:
         if value:
             raise ConfigError(f"{name} is for filling a label cache: give --cache, or leave it out")
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
+    calibration = calibration_of(job.calibration)
     own_body = job.body.source(job.dataset.model)
     options = job.dataset.read_options(job.camera.focal_px)
     dataset = read_dataset(job.path, job.dataset.format, options)
@@ -60,7 +62,7 @@ def run_label(job: LabelJob) -> ExitCode:
     )
     for first in range(0, len(records.records), AT_ONCE):
         batch = records.records[first : first + AT_ONCE]
-        writer.add(_labelled(batch, bodies, job))
+        writer.add(_labelled(batch, bodies, job, calibration))
         progress.update(len(batch))
     progress.close()
     summary = writer.finish()
@@ -69,7 +71,10 @@ def run_label(job: LabelJob) -> ExitCode:
 
 
 def _labelled(
-    records: Sequence[AnimalRecord], bodies: BodySource, job: LabelJob
+    records: Sequence[AnimalRecord],
+    bodies: BodySource,
+    job: LabelJob,
+    calibration: Calibration | None,
 ) -> list[Labelled | SampleError]:
     """Animals read and labelled together, in order."""
     results: list[Labelled | SampleError | None] = [None] * len(records)
@@ -86,6 +91,7 @@ def _labelled(
         job.config,
         scale=job.scale_source,
         stored_cameras=job.camera.stored_camera,
+        calibration=calibration,
     )
     for place, outcome in zip(requests, outcomes, strict=True):
         if isinstance(outcome, SampleError):

@@ -1,8 +1,8 @@
 """The command line: parse a job, run it, and turn what it raises into an exit code.
 
-`animal3dbox demo`, `label`, `synth`, `evaluate`, `export`, `check`, `inspect` and `convert-model`
-(see jobs.py and runners.py). Nothing heavy is imported until a command runs, so that `--help`
-answers at once.
+`animal3dbox demo`, `label`, `synth`, `evaluate`, `export`, `check`, `inspect`, `convert-model` and
+`calibrate` (see jobs.py and runners.py). Nothing heavy is imported until a command runs, so that
+`--help` answers at once.
 """
 
 import sys

@@ -2,6 +2,7 @@
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import (
+    CalibrateJob,
     CheckJob,
     ConvertModelJob,
     DemoJob,
@@ -54,6 +55,10 @@ def run_job(job: Job) -> ExitCode:
             from animal3dbox.cli.convert import convert_model
 
             return convert_model(job.source, job.target)
+        case CalibrateJob():
+            from animal3dbox.cli.calibrate import run_calibrate
+
+            return run_calibrate(job)
 
 
 def _label(job: LabelJob) -> ExitCode:

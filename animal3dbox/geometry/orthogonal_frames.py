@@ -4,13 +4,9 @@ Arrays come and go as float64 NumPy arrays. The sums run in torch, whose order o
 one that labels have been made with: they stay the same to the last bit.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
-
-from animal3dbox.geometry.rigid_transforms import nearest_rotation
 
 Array = NDArray[np.float64]
 PARALLEL = 1e-6
@@ -66,26 +62,3 @@ def principal_axes(points: Array) -> Array:
     third = frame[:, 2:] * torch.sign(torch.linalg.det(frame))
     axes: Array = torch.cat((frame[:, :2], third), dim=1).numpy()
     return axes
-
-
-def mean_alignment(points: Array, layouts: Sequence[Array]) -> Array:
-    """The mean of the rotations that best turn each of several layouts onto the same points.
-
-    Each layout is turned on its own (Kabsch's algorithm, no scale), and the rotations are averaged
-    (chordal mean), so that no single layout's proportions decide.
-
-    Args:
-        points: (N, 3).
-        layouts: of (N, 3) each, point by point the same.
-
-    Returns:
-        (3, 3) R_points_layout.
-
-    """
-    here = torch.from_numpy(points)
-    turns = []
-    for layout in layouts:
-        there = torch.from_numpy(layout)
-        turns.append(nearest_rotation((here - here.mean(0)).mT @ (there - there.mean(0))))
-    mean: Array = nearest_rotation(torch.stack(turns).sum(0)).numpy()
-    return mean

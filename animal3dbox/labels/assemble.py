@@ -214,6 +214,7 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
         misfit=None if evidence is None else evidence.misfit,
         log_focal_sd=None if evidence is None else evidence.log_focal_sd,
         flags=_flags(draft),
+        calibration=draft.calibration,
     )
     if draft.method != "default":
         return quality

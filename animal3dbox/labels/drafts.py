@@ -14,7 +14,7 @@ from animal3dbox.geometry.distortion import beyond_lens
 from animal3dbox.geometry.mask_supports import MaskSupports, even_directions, mask_supports
 from animal3dbox.geometry.pixel_boxes import mask_box
 from animal3dbox.geometry.straightening import straightened_box, straightened_pixels
-from animal3dbox.labels.axes.body_axes import body_axes
+from animal3dbox.labels.axes.body_axes import BodyAxes, body_axes
 from animal3dbox.labels.bounds import PAPER_MARGIN, tight_boxes
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.observation import Observation
@@ -46,6 +46,7 @@ class LabelDraft:
         bounds_source: "vertices" or "keypoints": what the box bounds.
         warnings: of the body and the pose, in whole sentences.
         method: LabelConfig.method.
+        calibration: digest of the calibration that had a part in the axes; None without.
     """
 
     observation: Observation
@@ -58,6 +59,7 @@ class LabelDraft:
     bounds_source: str
     warnings: tuple[str, ...]
     method: str
+    calibration: str | None
 
 
 def draft_labels(
@@ -75,7 +77,7 @@ def draft_labels(
         _without_points(observation, config) for observation in observations
     ]
     remaining = [i for i, rejection in enumerate(outcomes) if rejection is None]
-    axes: dict[int, tuple[Array, str]] = {}
+    axes: dict[int, BodyAxes] = {}
     for i, result in zip(
         remaining, body_axes([observations[i] for i in remaining], config.axes), strict=True
     ):
@@ -90,20 +92,17 @@ def draft_labels(
             axes[i] = result
     if axes:
         bounded = [_bounded_points(observations[i], config) for i in axes]
-        R_boxes = np.stack([R_box for R_box, _ in axes.values()])
+        R_boxes = np.stack([body.R_box for body in axes.values()])
         boxes = tight_boxes([points for points, *_ in bounded], R_boxes, _margin(config))
-        observations = with_focal_lengths(
-            observations, dict(zip(axes, R_boxes, strict=True)), config
-        )
-        for i, (_, rule), (_, source, warnings), *box in zip(
-            axes, axes.values(), bounded, *boxes, strict=True
-        ):
+        R_of = dict(zip(axes, R_boxes, strict=True))
+        observations = with_focal_lengths(observations, R_of, config)
+        for i, (_, source, warnings), *box in zip(axes, bounded, *boxes, strict=True):
             outcomes[i] = _draft(
                 observations[i],
                 (box[0], box[1], box[2]),
-                orientation_rule=rule,
+                axes=axes[i],
                 bounds_source=source,
-                warnings=warnings,
+                warnings=(*axes[i].warnings, *warnings),
                 config=config,
             )
     return [outcome for outcome in outcomes if outcome is not None]
@@ -153,7 +152,7 @@ def _draft(
     observation: Observation,
     mesh_box: tuple[Array, Array, Array],
     *,
-    orientation_rule: str,
+    axes: BodyAxes,
     bounds_source: str,
     warnings: tuple[str, ...],
     config: LabelConfig,
@@ -190,10 +189,11 @@ def _draft(
         flat_box=flat_box,
         mask_iou=mask_iou,
         surface_share=surface_share,
-        orientation_rule=orientation_rule,
+        orientation_rule=axes.rule,
         bounds_source=bounds_source,
         warnings=(*observation.warnings, *warnings),
         method=config.method,
+        calibration=axes.calibration,
     )
 
 

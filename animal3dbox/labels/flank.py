@@ -76,8 +76,8 @@ class FlankModel:
 
 @cache
 def flank_model() -> FlankModel:
-    """The shipped numbers, of flank.json beside this file."""
-    file = resources.files("animal3dbox.labels").joinpath("flank.json")
+    """The shipped numbers, of assets/flank.json."""
+    file = resources.files("animal3dbox.labels").joinpath("assets", "flank.json")
     numbers = json.loads(file.read_bytes())["model"]
     return FlankModel(**{field.name: float(numbers[field.name]) for field in fields(FlankModel)})
 

@@ -1,12 +1,14 @@
 """The doors: one animal from arrays to a label, or many at once."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from animal3dbox.labels.assemble import assemble_labels
 from animal3dbox.labels.body import ArrayLike, Body
+from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.drafts import LabelDraft, draft_labels
 from animal3dbox.labels.observation import Observation, observe
@@ -39,6 +41,8 @@ def label_animal(
     landmark_sigma: ArrayLike = None,
     distortion: ArrayLike = None,
     down_cam: ArrayLike = None,
+    species: str | None = None,
+    calibration: Calibration | Path | str | None = None,
 ) -> CuboidLabel | Rejection:
     """The oriented cuboid of one animal, its camera and the faces seen (the whole of section 2).
 
@@ -72,13 +76,16 @@ def label_animal(
             view is rejected.
         down_cam: (3,) unit, gravity's direction in the camera frame, where it is known; helps to
             choose between poses that explain the keypoints about equally well.
+        species: the animal's category, by which a calibration tells animals apart.
+        calibration: what the animal's dataset taught about its keypoints' places, or the file of it
+            (`animal3dbox calibrate`); it counts for bodies without a template.
 
     Returns:
         A label, or a rejection with its reason.
 
     Raises:
         SampleError: an argument is wrong; names the sample, the argument and the remedy.
-        ConfigError: the vocabulary is not known.
+        ConfigError: the vocabulary is not known, or the calibration's file is none.
 
     Example:
         >>> from animal3dbox import label_animal
@@ -104,6 +111,8 @@ def label_animal(
         distortion=distortion,
         down_cam=down_cam,
         sample_id=sample_id,
+        species=species,
+        calibration=calibration,
         config=config,
     )
     return label_observations([observation], config)[0]

@@ -6,6 +6,7 @@ Every fault is an error that names the sample and the field.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from animal3dbox.geometry.distortion import check_distortion
 from animal3dbox.geometry.used_vertices import used_vertices
 from animal3dbox.labels.argument_checks import ArgumentChecks
 from animal3dbox.labels.body import Array, ArrayLike, Body
+from animal3dbox.labels.calibration import Calibration, calibration_of
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.loose_vertices import without_loose_vertices
 from animal3dbox.labels.mesh_landmarks import SMAL_NOTE, template_landmarks, topology_landmarks
@@ -57,6 +59,8 @@ class Observation:
             None: it shows this animal alone.
         log_focal_sd: standard deviation of the natural logarithm of an estimated focal length.
         down_cam: (3,) unit, gravity in the camera frame; None: not known.
+        species: the animal's category, by which a calibration tells animals apart; None if unknown.
+        calibration: what its dataset taught; None if nothing was asked for.
     """
 
     sample_id: str | None
@@ -75,6 +79,8 @@ class Observation:
     log_focal_sd: float | None = None
     down_cam: Array | None = None
     vertex_ids: NDArray[np.intp] | None = None
+    species: str | None = None
+    calibration: Calibration | None = None
 
     @cached_property
     def has_landmark(self) -> NDArray[np.bool_]:
@@ -117,13 +123,15 @@ def observe(
     down_cam: ArrayLike = None,
     image: str | None = None,
     sample_id: str | None = None,
+    species: str | None = None,
+    calibration: Calibration | Path | str | None = None,
     config: LabelConfig,
 ) -> Observation:
     """Check the arguments of label_animal, which see.
 
     Raises:
         SampleError: naming the sample, the argument, what is wrong and the remedy.
-        ConfigError: the vocabulary is not known.
+        ConfigError: the vocabulary is not known, or the calibration's file is none.
 
     """
     checks, words = ArgumentChecks(sample_id), find_vocabulary(vocabulary)
@@ -157,7 +165,9 @@ def observe(
         mask=None if mask is None else checks.mask(mask, size),
         image=image,
         down_cam=_checked_down(checks, down_cam),
-        warnings=(*warnings, *checked.notes),
+        warnings=(*warnings, *checked.notes, *words.notes),
+        species=species,
+        calibration=calibration_of(calibration),
     )
 
 

@@ -97,6 +97,7 @@ class Quality:
         expected_corner_error: the mean distance of the corners from the true ones that is to be
             expected, as a part of the diagonal, beside distance and size; None of a pose that was
             given.
+        calibration: the digest of the calibration that had a part in the label; None without.
 
     Example:
         >>> from animal3dbox import label_animal
@@ -129,6 +130,7 @@ class Quality:
     flags: tuple[str, ...] = ()
     confidence: float | None = None
     expected_corner_error: float | None = None
+    calibration: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.labels.body import Body
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
-from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary, aliases
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
 
 Place = list[int] | dict[str, list[float]]
@@ -91,7 +91,8 @@ def keypoints_of(points: Mapping[str, Tensor], vocabulary: Vocabulary) -> Tensor
     for row, (keypoint, names) in enumerate(
         zip(vocabulary.keypoints, vocabulary.landmarks, strict=True)
     ):
-        point = next((points[name] for name in (keypoint, *names) if name in points), None)
+        candidates = (keypoint, *(alias for name in names for alias in aliases(name)))
+        point = next((points[name] for name in candidates if name in points), None)
         if point is not None:
             rows[row] = point
     return rows

@@ -10,6 +10,7 @@ from animal3dbox.datasets.labelling.filters import LabelFilter
 from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.skipped import Target
+from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 
 OnBad = Literal["error", "skip"]
@@ -32,3 +33,4 @@ class Options(TypedDict, total=False):
     masks: bool
     report_to: Path | str | None
     reuse: bool
+    calibration: Calibration | Path | str | None

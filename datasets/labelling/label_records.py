@@ -18,6 +18,7 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.labels.body import Body
+from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_observations
 from animal3dbox.labels.observation import Observation, observe
@@ -35,6 +36,7 @@ def label_records(
     *,
     scale: ScaleSource | None = None,
     stored_cameras: CameraPolicy = "hypothesis",
+    calibration: Calibration | None = None,
 ) -> list[Outcome]:
     """The labels of many animals, each the same as alone; an unusable one spoils no other.
 
@@ -44,6 +46,7 @@ def label_records(
         scale: what makes labels metric where the dataset itself does not say; None: nothing, they
             are in the body's unit.
         stored_cameras: what a camera pose that the dataset stores is taken for.
+        calibration: what the dataset taught about its keypoints' places; None: nothing.
 
     Returns:
         Labels, rejections and errors, in order.
@@ -70,7 +73,9 @@ def label_records(
             outcomes[place] = error
     for places in by_source.values():
         animals = [requests[place] for place in places]
-        labels = _labels_of_source(animals, config, scale=scale, stored_cameras=stored_cameras)
+        labels = _labels_of_source(
+            animals, config, scale=scale, stored_cameras=stored_cameras, calibration=calibration
+        )
         for place, outcome in zip(places, labels, strict=True):
             outcomes[place] = outcome
     return [outcome for outcome in outcomes[:asked] if outcome is not None]
@@ -113,13 +118,14 @@ def _labels_of_source(
     *,
     scale: ScaleSource | None,
     stored_cameras: CameraPolicy,
+    calibration: Calibration | None,
 ) -> list[Outcome]:
     """The labels of animals whose bodies come from one source, made together where that works."""
     try:
         records = [_with_camera(request.record, stored_cameras) for request in requests]
         bodies = many_bodies(requests[0].bodies, records)
         observations = [
-            _observation(request, record, body, config)
+            _observation(request, record, body, config, calibration=calibration)
             for request, record, body in zip(requests, records, bodies, strict=True)
         ]
         labels = label_observations(observations, config)
@@ -132,7 +138,9 @@ def _labels_of_source(
             return [error]
     outcomes: list[Outcome] = []  # one of them is unusable: which, is told one by one
     for request in requests:
-        outcomes += _labels_of_source([request], config, scale=scale, stored_cameras=stored_cameras)
+        outcomes += _labels_of_source(
+            [request], config, scale=scale, stored_cameras=stored_cameras, calibration=calibration
+        )
     return outcomes
 
 
@@ -146,7 +154,12 @@ def _with_camera(record: Record, policy: CameraPolicy) -> AnimalRecord:
 
 
 def _observation(
-    request: LabelRequest, record: AnimalRecord, body: Body, config: LabelConfig
+    request: LabelRequest,
+    record: AnimalRecord,
+    body: Body,
+    config: LabelConfig,
+    *,
+    calibration: Calibration | None,
 ) -> Observation:
     """A record with its picture's header, its mask and its body, checked."""
     return observe(
@@ -161,6 +174,8 @@ def _observation(
         distortion=record.distortion,
         image=str(id(request.sample)),
         sample_id=record.sample_id,
+        species=record.category,
+        calibration=calibration,
         config=config,
     )
 

@@ -25,6 +25,7 @@ from animal3dbox.datasets.storage.fingerprint import (
     file_digest,
 )
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
@@ -43,6 +44,7 @@ class LabelStore:
         stored_cameras: what a stored camera pose is taken for.
         cache: folder of the label cache, or None.
         reuse: whether stored labels are read; new ones are stored either way.
+        calibration: what the dataset taught; it names the cache's folder too.
 
     Raises:
         ConfigError: an option has a value that it cannot have.
@@ -58,13 +60,14 @@ class LabelStore:
         stored_cameras: CameraPolicy,
         cache: Path | str | None,
         reuse: bool = True,
+        calibration: Calibration | None = None,
     ) -> None:
         if stored_cameras not in ("hypothesis", "exact"):
             raise ConfigError(
                 f"stored_cameras must be 'hypothesis' or 'exact', got {stored_cameras!r}"
             )
         self.config, self.scale, self.stored_cameras = config, scale, stored_cameras
-        self.reuse = reuse
+        self.reuse, self.calibration = reuse, calibration
         self.cache: LabelCache | None = None
         self._reported: set[str] = set()
         if cache is not None:
@@ -81,6 +84,7 @@ class LabelStore:
                 content_digest(config),
                 scale_digest,
                 stored_cameras.encode(),
+                b"" if calibration is None else calibration.digest.encode(),
             )
             self.cache = LabelCache(Path(cache), fingerprint)
 
@@ -140,6 +144,7 @@ class LabelStore:
             self.config,
             scale=self.scale,
             stored_cameras=self.stored_cameras,
+            calibration=self.calibration,
         )
         for (place, request), outcome in zip(missing.items(), made, strict=True):
             outcomes[place] = outcome

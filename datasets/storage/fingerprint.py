@@ -83,7 +83,9 @@ def code_files() -> list[Path]:
     home, ours = Path(animal3dbox.__file__).parent, Path(animal3dbox.datasets.__file__).parent
     files = sorted(p for p in ours.rglob("*.py") if p.relative_to(ours).parts[0] not in NEVER_READ)
     for folder in CODE:
-        files += sorted(p for p in (home / folder).rglob("*") if p.suffix in (".py", ".npz"))
+        files += sorted(
+            p for p in (home / folder).rglob("*") if p.suffix in (".py", ".npz", ".json")
+        )
     return files
 
 

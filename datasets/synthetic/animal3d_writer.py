@@ -131,7 +131,7 @@ def _keys(focal: float) -> dict[str, Any]:
         "flength": focal,
         "supercategories": [{"id": i, "name": name} for i, name in enumerate(SUPERCATEGORIES)],
         "categories": [{"id": i, "name": name} for i, name in enumerate(quadruped_names().presets)],
-        "keypoint_vids": [list(load_quadruped().landmarks[name]) for name in ANIMAL3D_26],
+        "keypoint_vids": [list(ids) for ids in load_quadruped().landmarks.values()],
         "info": "synthetic animals by animal3dbox; nothing of Animal3D or SMAL",
     }
 

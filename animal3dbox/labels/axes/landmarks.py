@@ -1,13 +1,16 @@
 """The paper's axes: from pairs of landmarks, falling back on others where the first are hidden."""
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.orthogonal_frames import frame_from_directions
+from animal3dbox.smal.keypoints.vocabulary import OLD_SHOULDERS
 
 Array = NDArray[np.float64]
+V = TypeVar("V")
 
 FORWARD_RULES = (
     (("tail_base",), ("neck",)),
@@ -68,6 +71,7 @@ def landmark_axes(
                [0., 1., 0.],
                [0., 0., 1.]])
     """
+    landmarks, visible = _with_plain_shoulders(landmarks), _with_plain_shoulders(visible)
     visible_ones = {name: place for name, place in landmarks.items() if visible.get(name, False)}
     for pool, note in ((visible_ones, "visible"), (dict(landmarks), "hidden")):
         forward = next(
@@ -82,3 +86,16 @@ def landmark_axes(
             x_rule = "+".join(forward[0]) + " to " + "+".join(forward[1])
             return R_box, f"landmarks ({note}): x {x_rule}; y {leftward[0]} to {leftward[1]}"
     return None
+
+
+def _with_plain_shoulders(values: Mapping[str, V]) -> dict[str, V]:
+    """Values by landmark, with whichever shoulders there are under the rules' names.
+
+    The paper does not say which place of a shoulder it means.
+    """
+    plain = dict(values)
+    for kind in ("blade", "point"):
+        for name in OLD_SHOULDERS:
+            if f"{name}_{kind}" in values:
+                plain.setdefault(name, values[f"{name}_{kind}"])
+    return plain

@@ -22,7 +22,15 @@ ANIMAL3D_26 = (
     "tail_tip", "left_ear", "right_ear",
     "left_mouth", "right_mouth", "nose", "tail_middle",
 )  # fmt: skip
-"""Landmarks of the body in Animal3D's order; every other vocabulary is mapped onto these names."""
+"""Animal3D's keypoints, in its order and spelling."""
+
+ANIMAL3D_LANDMARKS = tuple(
+    f"{name}_blade" if name in ("left_shoulder", "right_shoulder") else name for name in ANIMAL3D_26
+)
+"""The landmark of each of Animal3D's keypoints; other vocabularies are mapped onto the same names.
+
+Its "shoulder" is the upper edge of the shoulder blade: SMAL's groups of vertices say so.
+"""
 
 
 def _stanfordextra() -> Keypoints:
@@ -79,14 +87,14 @@ def _animalpose() -> Keypoints:
 AP10K = {
     "left_eye": "left_eye", "right_eye": "right_eye", "nose": "nose", "neck": "neck",
     "root_of_tail": "tail_base",
-    "left_shoulder": "left_shoulder", "left_elbow": "left_front_elbow",
+    "left_shoulder": "left_shoulder_point", "left_elbow": "left_front_elbow",
     "left_front_paw": "left_front_paw",
-    "right_shoulder": "right_shoulder", "right_elbow": "right_front_elbow",
+    "right_shoulder": "right_shoulder_point", "right_elbow": "right_front_elbow",
     "right_front_paw": "right_front_paw",
     "left_hip": "left_hip", "left_knee": "left_back_knee", "left_back_paw": "left_back_paw",
     "right_hip": "right_hip", "right_knee": "right_back_knee", "right_back_paw": "right_back_paw",
 }  # fmt: skip
-"""AP-10K's, in its order and spelling."""
+"""AP-10K's, in its order and spelling; its "shoulder" is the point of the shoulder, the joint."""
 
 SUPERANIMAL: Keypoints = {
     "nose": "nose", "upper_jaw": None, "lower_jaw": None, "mouth_end_right": "right_mouth",
@@ -116,7 +124,7 @@ Places that no landmark of ours is are None.
 VOCABULARIES = {
     name: vocabulary_from_names(name, keypoints)
     for name, keypoints in {
-        "animal3d26": {landmark: landmark for landmark in ANIMAL3D_26},
+        "animal3d26": dict(zip(ANIMAL3D_26, ANIMAL3D_LANDMARKS, strict=True)),
         "stanfordextra24": _stanfordextra(),
         "animalpose20": _animalpose(),
         "ap10k17": AP10K,

@@ -16,6 +16,26 @@ from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
 Groups = Mapping[str, Sequence[int] | Tensor]
 """Landmark name -> vertex ids, or weights (V,)."""
 
+OLD_SHOULDERS = ("left_shoulder", "right_shoulder")
+"""Landmarks of files from before the shoulder's blade and its point had names of their own."""
+
+
+def aliases(landmark: str) -> tuple[str, ...]:
+    """The names of groups of vertices that a landmark can be read off, best first.
+
+    A body whose groups say only "left_shoulder" has one place for the blade and the point; a
+    vocabulary that says so means the point, or the blade of a body that has no other.
+
+    Example:
+        >>> aliases("left_shoulder_blade"), aliases("nose")
+        (('left_shoulder_blade', 'left_shoulder'), ('nose',))
+    """
+    if landmark in OLD_SHOULDERS:
+        return landmark, f"{landmark}_point", f"{landmark}_blade"
+    old, _, place = landmark.rpartition("_")
+    is_shoulder = old in OLD_SHOULDERS and place in ("blade", "point")
+    return (landmark, old) if is_shoulder else (landmark,)
+
 
 @dataclass(frozen=True)
 class Vocabulary:
@@ -83,6 +103,17 @@ class Vocabulary:
             for k, names in zip(self.keypoints, self.landmarks, strict=True)
         )
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Whole sentences about landmarks whose names have become ambiguous; usually none."""
+        if not any(name in OLD_SHOULDERS for names in self.landmarks for name in names):
+            return ()
+        return (
+            f"The vocabulary {self.name} says left_shoulder or right_shoulder, which is taken for"
+            " the point of the shoulder, the joint, as before: say left_shoulder_point if it is"
+            " that, or left_shoulder_blade if it is the upper edge of the blade.",
+        )
+
     def index_of(self, landmark: str) -> int | None:
         """The keypoint that a landmark is best read as, or None if the vocabulary has none."""
         return next((i for i, names in enumerate(self.landmarks) if landmark in names), None)
@@ -108,7 +139,9 @@ class Vocabulary:
         """The place (J,) of each keypoint: vertex ids, weights (V,), or None; see on_body."""
         places: list[Sequence[int] | Tensor | None] = []
         for keypoint, names in zip(self.keypoints, self.landmarks, strict=True):
-            known = (groups.get(name, _vertex_ids(name)) for name in names)
+            known = (
+                groups.get(alias, _vertex_ids(alias)) for name in names for alias in aliases(name)
+            )
             place = next((place for place in known if place is not None), None)
             ids = () if place is None or isinstance(place, Tensor) else place
             if not all(0 <= i < n_vertices for i in ids):

@@ -220,23 +220,3 @@ def _volume_keeping(
         correctives[:, c, :, c, :] += pull
         correctives[:, c, :, :, c] += pull
     return correctives.flatten(2)
-
-
-@cache
-def preset_landmarks(names: tuple[str, ...]) -> tuple[NDArray[np.float64], ...]:
-    """The places of landmarks on every preset, in the body frame.
-
-    Args:
-        names: of landmark groups of the quadruped, N of them.
-
-    Returns:
-        (N, 3) float64 a preset, in quadruped_names().presets' order; nothing may write to them.
-
-    """
-    model = load_quadruped()
-    betas = torch.stack([preset_betas(preset) for preset in quadruped_names().presets])
-    groups = [list(model.landmark_groups[name]) for name in names]
-    return tuple(
-        torch.stack([body[group].mean(0) for group in groups]).numpy()
-        for body in model.shaped(betas)
-    )

@@ -34,7 +34,7 @@ from animal3dbox.errors import (
     ShapeError,
 )
 from animal3dbox.smal.files.model_files import load_model
-from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_LANDMARKS
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.parameters import SmalParameters
 
@@ -221,13 +221,16 @@ def _model_with_landmarks(path: Path, vids: list[list[int]] | None) -> SmalModel
             f"{path} has no landmarks (its vertices are not SMAL's) and the dataset no"
             " keypoint_vids: nothing tells its nose from its tail"
         )
-    if len(vids) != len(ANIMAL3D_26):
+    if len(vids) != len(ANIMAL3D_LANDMARKS):
         raise DatasetFormatError(
-            f"keypoint_vids must be {len(ANIMAL3D_26)} lists of vertex ids, got {len(vids)}"
+            f"keypoint_vids must be {len(ANIMAL3D_LANDMARKS)} lists of vertex ids, got {len(vids)}"
         )
     try:
         return replace(
-            model, landmarks={name: tuple(ids) for name, ids in zip(ANIMAL3D_26, vids, strict=True)}
+            model,
+            landmarks={
+                name: tuple(ids) for name, ids in zip(ANIMAL3D_LANDMARKS, vids, strict=True)
+            },
         )
     except ShapeError as error:
         raise DatasetFormatError(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
@@ -27,14 +28,15 @@ QUICK = LabelConfig(surface_share=False, mask_iou=False)
 FULL_VIEW = replace(ALONE, fill=(0.6, 0.8), uav=0.0, elevation_deg=(0.0, 30.0))
 
 
-def seen_from(elevation_deg: float, roll_deg: float = 0.0) -> np.ndarray:
+def seen_from(elevation_deg: float, roll_deg: float = 0.0) -> NDArray[np.float64]:
     """R_cam_box of an animal straight ahead."""
-    R: np.ndarray = orbit_rotations(1, (elevation_deg,))[0]
+    R = orbit_rotations(1, (elevation_deg,))[0]
     c, s = math.cos(math.radians(roll_deg)), math.sin(math.radians(roll_deg))
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]) @ R
+    rolled: NDArray[np.float64] = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]) @ R
+    return rolled
 
 
-def animal_with(swap: str = "none", index: int = 0, **faults: Any) -> ForeignAnimal:
+def animal_with(swap: Any = "none", index: int = 0, **faults: Any) -> ForeignAnimal:
     config = ForeignConfig(
         world=FULL_VIEW, faults=FaultConfig(noise_px=1.0, swap=swap, **faults), standing=1.0
     )
@@ -163,4 +165,4 @@ def test_gravity_must_be_a_unit_vector() -> None:
 @pytest.mark.parametrize("option", ["upright", "labelings", "focal"])
 def test_options_have_their_words(option: str) -> None:
     with pytest.raises(ConfigError, match=option):
-        LabelConfig(**{option: "perhaps"})
+        LabelConfig(**{option: "perhaps"})  # type: ignore[arg-type]

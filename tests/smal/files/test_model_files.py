@@ -99,7 +99,7 @@ def test_relatives_with_other_joints_and_betas_are_read(
 def test_the_facts_about_smal_are_those_of_the_quadruped_and_of_animal3d() -> None:
     assert load_quadruped().joint_names == SMAL_JOINTS
     assert load_quadruped().parents == SMAL_PARENTS
-    assert tuple(SMAL_LANDMARKS) == VOCABULARIES["animal3d26"].keypoints
+    assert tuple((name,) for name in SMAL_LANDMARKS) == VOCABULARIES["animal3d26"].landmarks
     ids = [i for group in SMAL_LANDMARKS.values() for i in group]
     assert len(set(ids)) == len(ids) == 111
     assert 0 <= min(ids) < max(ids) < 3889

@@ -23,8 +23,8 @@ from animal3dbox.smal.quadruped.preset_bodies import (
 KEYPOINTS = [
     "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw",
     "right_back_paw", "tail_base",
-    "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee", "left_shoulder",
-    "right_shoulder", "left_front_wrist",
+    "left_front_elbow", "right_front_elbow", "left_back_knee", "right_back_knee",
+    "left_shoulder_blade", "right_shoulder_blade", "left_front_wrist",
     "right_front_wrist", "left_back_hock", "right_back_hock", "neck", "tail_tip", "left_ear",
     "right_ear", "left_mouth", "right_mouth",
     "nose", "tail_middle",
@@ -164,7 +164,11 @@ def test_it_has_smals_structure(model: SmalModel) -> None:
     assert set(load_quadruped().extra_landmarks) == {
         "withers",
         "throat",
-        *(f"{s}_{n}" for s in ("left", "right") for n in ("hip", "ear_base", "ear_tip")),
+        *(
+            f"{s}_{n}"
+            for s in ("left", "right")
+            for n in ("hip", "ear_base", "ear_tip", "shoulder_point")
+        ),
     }
 
 
@@ -278,7 +282,7 @@ def test_the_frame_is_nose_ahead_back_up_soles_down(model: SmalModel, preset: st
     assert (
         x["nose"]
         > x["left_eye"]
-        > x["left_shoulder"]
+        > x["left_shoulder_blade"]
         > x["left_front_elbow"]
         > x["left_back_knee"]
         > x["left_back_hock"]
@@ -287,7 +291,7 @@ def test_the_frame_is_nose_ahead_back_up_soles_down(model: SmalModel, preset: st
     assert x["tail_base"] > x["tail_middle"]
     assert (
         z["withers"]
-        > z["left_shoulder"]
+        > z["left_shoulder_blade"]
         > z["left_front_elbow"]
         > z["left_front_wrist"]
         > z["left_front_paw"]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_26
+from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_LANDMARKS
 from animal3dbox.smal.quadruped.modelling.anatomy import Table, chains_of, head_to_body
 from animal3dbox.smal.quadruped.modelling.implicit import Array
 from animal3dbox.smal.quadruped.modelling.meshing import Faces, HalfMesh
@@ -18,7 +18,15 @@ EXTRA_NAMES = (
     "right_ear_base",
     "left_ear_tip",
     "right_ear_tip",
+    "left_shoulder_point",
+    "right_shoulder_point",
 )
+BLADE_TOP = np.array([[0.05, 0.01, 0.068]])
+"""From the foreleg's first station, within the shoulder blade, to the skin over its upper edge.
+
+In trunk lengths: forward, out and up. SMAL's group for Animal3D's "shoulder" lies there, as high as
+the tail's base (tests/smal/quadruped/test_shoulders.py).
+"""
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ def landmark_groups(table: Table, half: HalfMesh, symmetry: Faces) -> dict[str, 
     """Vertex ids of all landmarks, the 26 keypoints first, then the extra ones."""
     groups: dict[str, tuple[int, ...]] = {}
     spots = _spots(table)
-    for name in ANIMAL3D_26 + EXTRA_NAMES:
+    for name in ANIMAL3D_LANDMARKS + EXTRA_NAMES:
         side, _, rest = name.partition("_")
         if side == "right":
             groups[name] = tuple(int(symmetry[i]) for i in groups[f"left_{rest}"])
@@ -118,7 +126,8 @@ def _body_spots(table: Table) -> dict[str, Spot]:
         ),
         "front_elbow": Spot(table["elbow_point"][None, :3] + 0.02 * out, 4),
         "back_knee": Spot(hind[2:3, :3] + ahead * hind[2, 3], 3),
-        "shoulder": Spot(fore[1:2, :3] + out * fore[1, 4] + ahead * 0.02, 4),
+        "shoulder_blade": Spot(fore[0:1, :3] + BLADE_TOP, 4),
+        "shoulder_point": Spot(fore[1:2, :3] + out * fore[1, 4] + ahead * 0.02, 4),
         "front_wrist": Spot(fore[5:6, :3], 6),
         "back_hock": Spot(table["hock_point"][None, :3], 4),
         "neck": Spot(np.concatenate([middle + crest, middle - crest, middle + side]), 1),
