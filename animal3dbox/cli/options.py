@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from animal3dbox.errors import ConfigError
-from animal3dbox.labels.config import Axes, LabelConfig, Method, Residual, Tail
+from animal3dbox.labels.config import (
+    Axes,
+    Focal,
+    LabelConfig,
+    Labelings,
+    Method,
+    Residual,
+    Tail,
+    Upright,
+)
 
 if TYPE_CHECKING:
     from animal3dbox.datasets.bodies.sources import BodySource
@@ -120,7 +129,7 @@ class CameraOptions:
     """The cameras, as far as they are known."""
 
     focal_px: float | None = None
-    """focal length of images without a camera of their own; else the dataset's, EXIF's, a guess"""
+    """focal length of images without a camera of their own; else the dataset's, EXIF's, --focal"""
     stored_camera: StoredCamera = "hypothesis"
     """take the camera that the dataset stores for its bodies as a guess, or as known"""
 
@@ -139,6 +148,12 @@ class MethodOptions:
     """whether the boxes hold the tail; the same for all animals"""
     min_keypoints: int = 6
     """fewest visible keypoints"""
+    focal: Focal = "estimate"
+    """a focal length that nothing tells: estimated with the poses of an image, or guessed"""
+    labelings: Labelings = "mend"
+    """left and right that were exchanged: found and mended, or kept"""
+    upright: Upright = "prior"
+    """cameras under the ground or rolled: cost a little more, or not (none)"""
 
     def config(self) -> LabelConfig:
         """The choices as `label_animal` takes them; raises ConfigError for a value out of range."""
@@ -148,6 +163,9 @@ class MethodOptions:
             residual=self.residual,
             tail=self.tail,
             min_keypoints=self.min_keypoints,
+            focal=self.focal,
+            labelings=self.labelings,
+            upright=self.upright,
         )
 
 

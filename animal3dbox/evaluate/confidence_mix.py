@@ -191,7 +191,7 @@ def mixed_case(family: Family, index: int) -> Case:
     animal = foreign_animal(seed, index, config)
     arguments = animal.arguments(template=body in ("own", "misfit"))
     if body in ("species", "dog"):
-        arguments |= _preset_arguments("dog" if body == "dog" else animal.preset, animal)
+        arguments |= preset_arguments("dog" if body == "dog" else animal.preset, animal)
     focal = rng.random()
     if focal < family.unknown_focal:
         arguments["K"] = None
@@ -208,7 +208,7 @@ def _preset(name: str) -> ModelBody:
     return preset_body(name)
 
 
-def _preset_arguments(preset: str, animal: ForeignAnimal) -> dict[str, Any]:
+def preset_arguments(preset: str, animal: ForeignAnimal) -> dict[str, Any]:
     """The rigid standing body of a species, as label_animal's arguments."""
     record = AnimalRecord(
         sample_id=animal.sample_id,
