@@ -48,6 +48,8 @@ class ForeignRow:
         index: of the animal.
         setting: its name.
         rotation_deg: of the box from the trunk's truth.
+        camera_deg: of the camera from the true one, beside what the body's axes are off; None for a
+            preset, whose frame is another.
         clean_px: mean distance of the body's landmarks from the true keypoints inside the frame;
             None, too, where K is not known.
         labeling: the exchange that the label undid, or "as given".
@@ -61,6 +63,7 @@ class ForeignRow:
     index: int
     setting: str
     rotation_deg: float | None = None
+    camera_deg: float | None = None
     clean_px: float | None = None
     labeling: str = "as given"
     is_above: bool | None = None
@@ -134,11 +137,13 @@ def _row(
     if not isinstance(label, CuboidLabel):
         return ForeignRow(index, setting)
     truth = animal.cuboid
-    known = arguments["K"] is not None and "vertices" not in changes
+    is_own = "vertices" not in changes
+    known, R = arguments["K"] is not None and is_own, animal.camera.T_cam_world[:3, :3]
     return ForeignRow(
         index,
         setting,
         rotation_deg=float(torch.rad2deg(rotation_angle(label.rotation, truth.rotation))),
+        camera_deg=float(torch.rad2deg(rotation_angle(label.R, R))) if is_own else None,
         clean_px=_clean_px(label, animal, arguments["keypoints_3d"]) if known else None,
         labeling=label.quality.labeling,
         is_above=bool((label.camera_in_box[2] > 0) == (animal.camera_in_trunk[2] > 0)),
@@ -181,6 +186,7 @@ def _statistics(rows: Sequence[ForeignRow], setting: str) -> dict[str, Cell]:
         "animals": len(rows),
         "clean median px": quantile([row.clean_px for row in rows], 0.5),
         "p95 px": quantile([row.clean_px for row in rows], 0.95),
+        "camera median deg": quantile([row.camera_deg for row in rows], 0.5),
         "rotation median deg": quantile(angles, 0.5),
         "p95 deg": quantile(angles, 0.95),
         "over 90 deg %": percent([angle > 90 for angle in known]),
