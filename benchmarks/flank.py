@@ -5,14 +5,14 @@ Run: python benchmarks/flank.py fit [--animals 1000]
 
 The body is the standing preset of the animal's species, rigid, whatever the animal does; K is
 known. Azimuths of cameras are uniform. The truth is the sign of the camera's y in the true trunk's
-frame. `fit` takes seeds 0 to 99 and TUNED, and writes animal3dbox/labels/assets/flank.json.
+frame. `fit` takes seeds from 0 on and TUNED, and writes animal3dbox/labels/assets/flank.json;
 `report` takes seeds from 1000 on and UNSEEN, and prints a table by 15 degrees of azimuth.
 """
 
 import argparse
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -110,18 +110,24 @@ def animals(first_seed: int, count: int, config: ForeignConfig) -> Iterator[Fore
         yield foreign_animal(first_seed + number // PER_SEED, number % PER_SEED, config)
 
 
-def seen_flanks(first_seed: int, count: int, config: ForeignConfig, *, mask: bool) -> Seen:
-    """What the labels of so many animals say."""
-    camera, labels, rejected = [], [], 0
+def seen_flanks(
+    first_seed: int, count: int, config: ForeignConfig, *, masks: Sequence[bool] = (True,)
+) -> list[Seen]:
+    """What the labels of so many animals say, with the mask or without it."""
+    pairs: list[list[tuple[Array, CuboidLabel]]] = [[] for _ in masks]
     for animal in animals(first_seed, count, config):
-        label = labelled(animal, mask=mask)
-        if label is None:
-            rejected += 1
-        else:
-            camera.append(animal.camera_in_trunk.numpy())
-            labels.append(label)
+        for found, mask in zip(pairs, masks, strict=True):
+            label = labelled(animal, mask=mask)
+            if label is not None:
+                found.append((animal.camera_in_trunk.numpy(), label))
+    return [_seen(found, count - len(found)) for found in pairs]
+
+
+def _seen(found: Sequence[tuple[Array, CuboidLabel]], rejected: int) -> Seen:
+    """What labels say, each with where the camera truly stands."""
+    labels = [label for _, label in found]
     return Seen(
-        camera=np.array(camera),
+        camera=np.array([camera for camera, _ in found]),
         theta=lateral_angle(
             np.array([label.field("center") for label in labels]),
             np.array([label.field("rotation") for label in labels]),
@@ -231,7 +237,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.what == "fit":
         count = arguments.animals or 1000
-        seen = seen_flanks(0, count, TUNED, mask=True)
+        (seen,) = seen_flanks(0, count, TUNED)
         model = fitted_model(seen)
         write_model(model, seen, count)
         flank_model.cache_clear()
@@ -242,9 +248,9 @@ def main() -> None:
         return
     count = arguments.animals or 2000
     print(f"model: {flank_model()}")
-    for mask in (True, False):
-        seen = seen_flanks(FIRST_UNSEEN_SEED, count, UNSEEN, mask=mask)
-        print_report(seen, f"unseen world, {'with' if mask else 'without'} mask")
+    both = seen_flanks(FIRST_UNSEEN_SEED, count, UNSEEN, masks=(True, False))
+    for seen, name in zip(both, ("with", "without"), strict=True):
+        print_report(seen, f"unseen world, {name} mask")
 
 
 if __name__ == "__main__":

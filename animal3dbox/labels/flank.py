@@ -8,7 +8,7 @@ visible surface), and sigma the deviation of the pose's rotation, the probabilit
     P(left) = slip / 2 + (1 - slip) Phi((a theta + b d) / sqrt(sigma^2 + sigma_axes^2))
 
 slip is how often a pose is wrong from the ground up. A camera that is known exactly leaves only the
-axes to be wrong: P(left) = Phi(theta / sigma_axes). The numbers lie in flank.json, which
+axes to be wrong: P(left) = Phi(theta / sigma_axes). The numbers lie in assets/flank.json, which
 ``python benchmarks/flank.py fit`` writes.
 """
 

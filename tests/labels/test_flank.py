@@ -14,6 +14,7 @@ from animal3dbox.labels.config import Axes
 from animal3dbox.labels.flank import (
     AXES_SD_RAD,
     FLANKS,
+    UNKNOWN_SD_RAD,
     FlankModel,
     decided_flanks,
     flank_model,
@@ -112,6 +113,9 @@ def test_the_shipped_numbers_decide_a_clear_view_and_not_a_doubtful_one() -> Non
     assert model.slip < 2 * (1 - model.decided_from)
     theta = np.radians([30.0, -30.0, 0.5])
     flank, _ = decided_flanks(
-        theta, np.full((3, 6), -1.0), np.zeros(3), known_camera=np.zeros(3, dtype=np.bool_)
+        theta,
+        np.full((3, 6), -1.0),
+        np.full(3, UNKNOWN_SD_RAD),
+        known_camera=np.zeros(3, dtype=np.bool_),
     )
     assert [FLANKS[number] for number in flank] == ["left", "right", "undecided"]
