@@ -5,14 +5,14 @@ Run: python benchmarks/flank.py fit [--animals 1000]
 
 The body is the standing preset of the animal's species, rigid, whatever the animal does; K is
 known. Azimuths of cameras are uniform. The truth is the sign of the camera's y in the true trunk's
-frame. `fit` takes seeds 0 to 99 and TUNED, and writes animal3dbox/labels/assets/flank.json.
+frame. `fit` takes seeds from 0 on and TUNED, and writes animal3dbox/labels/assets/flank.json;
 `report` takes seeds from 1000 on and UNSEEN, and prints a table by 15 degrees of azimuth.
 """
 
 import argparse
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from animal3dbox.datasets.bodies.sources import model_mobility, standing_vertice
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
 from animal3dbox.datasets.synthetic.foreign.config import ForeignConfig
-from animal3dbox.labels.flank import FlankModel, flank_model, lateral_angle
+from animal3dbox.labels.flank import UNKNOWN_SD_RAD, FlankModel, flank_model, lateral_angle
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
 
@@ -59,7 +59,7 @@ class Seen:
         camera: (N, 3) where the camera stands in the true trunk's frame.
         theta: (N,) radians, lateral_angle of the label.
         shares: (N, 6) of the visible surface.
-        sigma: (N,) radians, deviation of the pose's rotation; 0 where it is not told.
+        sigma: (N,) radians, deviation of the pose's rotation.
         flank: (N,) as labels have it now: 0, 1, 2.
         rejected: how many animals got no label.
     """
@@ -110,18 +110,24 @@ def animals(first_seed: int, count: int, config: ForeignConfig) -> Iterator[Fore
         yield foreign_animal(first_seed + number // PER_SEED, number % PER_SEED, config)
 
 
-def seen_flanks(first_seed: int, count: int, config: ForeignConfig, *, mask: bool) -> Seen:
-    """What the labels of so many animals say."""
-    camera, labels, rejected = [], [], 0
+def seen_flanks(
+    first_seed: int, count: int, config: ForeignConfig, *, masks: Sequence[bool] = (True,)
+) -> list[Seen]:
+    """What the labels of so many animals say, with the mask or without it."""
+    pairs: list[list[tuple[Array, CuboidLabel]]] = [[] for _ in masks]
     for animal in animals(first_seed, count, config):
-        label = labelled(animal, mask=mask)
-        if label is None:
-            rejected += 1
-        else:
-            camera.append(animal.camera_in_trunk.numpy())
-            labels.append(label)
+        for found, mask in zip(pairs, masks, strict=True):
+            label = labelled(animal, mask=mask)
+            if label is not None:
+                found.append((animal.camera_in_trunk.numpy(), label))
+    return [_seen(found, count - len(found)) for found in pairs]
+
+
+def _seen(found: Sequence[tuple[Array, CuboidLabel]], rejected: int) -> Seen:
+    """What labels say, each with where the camera truly stands."""
+    labels = [label for _, label in found]
     return Seen(
-        camera=np.array(camera),
+        camera=np.array([camera for camera, _ in found]),
         theta=lateral_angle(
             np.array([label.field("center") for label in labels]),
             np.array([label.field("rotation") for label in labels]),
@@ -134,9 +140,9 @@ def seen_flanks(first_seed: int, count: int, config: ForeignConfig, *, mask: boo
 
 
 def _sigma(label: CuboidLabel) -> float:
-    """Deviation of a pose's rotation, radians; 0 where the label does not tell it."""
+    """Deviation of a pose's rotation, radians."""
     sd_deg = label.quality.rotation_sd_deg
-    return 0.0 if sd_deg is None else float(np.radians(sd_deg))
+    return UNKNOWN_SD_RAD if sd_deg is None else float(np.radians(sd_deg))
 
 
 def fitted_model(seen: Seen) -> FlankModel:
@@ -144,14 +150,13 @@ def fitted_model(seen: Seen) -> FlankModel:
 
     decided_from is the least probability that leaves UNDECIDED of the animals undecided.
     """
-    start = np.log([6.0, 3.0, 1.0, 8.0, 0.005])
+    start = np.log([1.0, 0.5, 1.0, 0.005])
 
     def model_of(x: Array, decided_from: float = 0.5) -> FlankModel:
-        lateral, surface, rotation, alone, slip = np.exp(np.clip(x, -12, 6)).tolist()
+        lateral, surface, alone, slip = np.exp(np.clip(x, -12, 6)).tolist()
         return FlankModel(
             lateral=lateral,
             surface=surface,
-            rotation=rotation,
             lateral_alone=alone,
             slip=min(slip, 0.5),
             decided_from=decided_from,
@@ -195,6 +200,14 @@ def wilson(right: int, count: int) -> tuple[float, float]:
     return float(middle - half), float(middle + half)
 
 
+def calibration_error(seen: Seen) -> float:
+    """Mean distance of the probability of left from how often it is left, over ten equal bins."""
+    left = flank_model().left(seen.theta, seen.shares, seen.sigma)
+    order = np.argsort(left)
+    off = [abs(left[bin_].mean() - seen.is_left[bin_].mean()) for bin_ in np.array_split(order, 10)]
+    return float(np.mean(off))
+
+
 def print_report(seen: Seen, title: str) -> None:
     """Decided right and undecided, of all and by 15 degrees of the true azimuth."""
     azimuth = np.degrees(np.arctan2(seen.camera[:, 1], seen.camera[:, 0]))
@@ -206,6 +219,7 @@ def print_report(seen: Seen, title: str) -> None:
         f"  decided right {right.sum() / max(decided.sum(), 1):.4f} ({low:.4f} to {high:.4f}),"
         f" undecided {1 - decided.mean():.4f}, wrong {int((decided & ~right).sum())}"
     )
+    print(f"  calibration error of the probability, 10 equal bins: {calibration_error(seen):.4f}")
     print("  | azimuth, to either side | n | undecided | decided right |")
     print("  | --- | --- | --- | --- |")
     for start in range(0, 180, 15):
@@ -223,9 +237,10 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.what == "fit":
         count = arguments.animals or 1000
-        seen = seen_flanks(0, count, TUNED, mask=True)
+        (seen,) = seen_flanks(0, count, TUNED)
         model = fitted_model(seen)
         write_model(model, seen, count)
+        flank_model.cache_clear()
         left = model.left(seen.theta, seen.shares, seen.sigma)
         sure = np.maximum(left, 1 - left) >= model.decided_from
         flank = np.where(sure, np.where(left > 0.5, 1, 2), 0)
@@ -233,9 +248,9 @@ def main() -> None:
         return
     count = arguments.animals or 2000
     print(f"model: {flank_model()}")
-    for mask in (True, False):
-        seen = seen_flanks(FIRST_UNSEEN_SEED, count, UNSEEN, mask=mask)
-        print_report(seen, f"unseen world, {'with' if mask else 'without'} mask")
+    both = seen_flanks(FIRST_UNSEEN_SEED, count, UNSEEN, masks=(True, False))
+    for seen, name in zip(both, ("with", "without"), strict=True):
+        print_report(seen, f"unseen world, {name} mask")
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 Many animals at once.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -21,7 +22,7 @@ from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.pixel_boxes import points_box
 from animal3dbox.labels.confidence import confidence_of
 from animal3dbox.labels.drafts import LabelDraft
-from animal3dbox.labels.flank import decided_flanks, lateral_angle
+from animal3dbox.labels.flank import UNKNOWN_SD_RAD, decided_flanks, lateral_angle
 from animal3dbox.labels.label_row import NOT_MEASURED, rows_of
 from animal3dbox.labels.pose.choice import elevation_and_roll
 from animal3dbox.labels.pose.problem import AS_GIVEN
@@ -155,7 +156,9 @@ def _flanks(
     """The flanks (B,) that drafts show, and the probability (B,) of each; see decided_flanks."""
     known_camera = np.array([draft.observation.pose is not None for draft in drafts])
     told = [draft.pose.evidence for draft in drafts]
-    sigma = np.radians([0.0 if one is None else one.rotation_sd_deg for one in told])
+    sigma = np.array(
+        [UNKNOWN_SD_RAD if one is None else math.radians(one.rotation_sd_deg) for one in told]
+    )
     flank, confidence = decided_flanks(theta, shares, sigma, known_camera=known_camera)
     by_chance = np.array([draft.orientation_rule == "principal components" for draft in drafts])
     return np.where(by_chance, 0, flank), np.where(by_chance, 0.5, confidence)

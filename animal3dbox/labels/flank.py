@@ -5,10 +5,10 @@ degrees names the wrong one. With theta the angle by which the camera stands to 
 animal's plane of symmetry, d what it sees more of the left surface than of the right (parts of the
 visible surface), and sigma the deviation of the pose's rotation, the probability of left is
 
-    P(left) = slip / 2 + (1 - slip) Phi((a theta + b d) / sqrt(1 + (k sigma)^2))
+    P(left) = slip / 2 + (1 - slip) Phi((a theta + b d) / sqrt(sigma^2 + sigma_axes^2))
 
 slip is how often a pose is wrong from the ground up. A camera that is known exactly leaves only the
-axes to be wrong: P(left) = Phi(theta / sigma_axes). The numbers lie in flank.json, which
+axes to be wrong: P(left) = Phi(theta / sigma_axes). The numbers lie in assets/flank.json, which
 ``python benchmarks/flank.py fit`` writes.
 """
 
@@ -30,6 +30,9 @@ Array = NDArray[np.float64]
 Flank = Literal["undecided", "left", "right"]
 FLANKS: tuple[Flank, ...] = get_args(Flank)
 """The flanks by their numbers in a target: 0, 1, 2."""
+UNKNOWN_SD_RAD = math.radians(9.0)
+"""The deviation of a pose by a method that tells none: the median of those that are told of rigid
+bodies in the world that the numbers were fitted on."""
 AXES_SD_RAD = math.radians(3.0)
 """How far a body's axes may be off, about its up, if the camera is known; a body's torso vertices
 give them within 1.3 degrees (median) and 4.3 (95 %) of the trunk's."""
@@ -41,9 +44,8 @@ class FlankModel:
     """The numbers of the formula above, for poses that were estimated.
 
     Attributes:
-        lateral: a, per radian.
-        surface: b.
-        rotation: k, per radian; sigma is 0 where the pose has no deviation.
+        lateral: a.
+        surface: b, radians.
         lateral_alone: a where the visible surface was not measured; d is then 0.
         slip: part of the poses that tell nothing.
         decided_from: least probability of a flank that is named.
@@ -51,7 +53,6 @@ class FlankModel:
 
     lateral: float
     surface: float
-    rotation: float
     lateral_alone: float
     slip: float
     decided_from: float
@@ -62,14 +63,14 @@ class FlankModel:
         Args:
             theta: (B,) radians, see lateral_angle.
             shares: (B, 6) of the visible surface; negative where they were not measured.
-            sigma: (B,) radians, deviation of the pose's rotation; 0 where it is not known.
+            sigma: (B,) radians, deviation of the pose's rotation.
 
         """
         measured = shares[:, 0] >= 0
         more_left = np.where(measured, shares[:, _LEFT] - shares[:, _RIGHT], 0.0)
         slope = np.where(measured, self.lateral, self.lateral_alone)
         evidence = slope * theta + self.surface * more_left
-        spread = np.sqrt(1.0 + (self.rotation * sigma) ** 2)
+        spread = np.hypot(sigma, AXES_SD_RAD)
         left: Array = self.slip / 2 + (1 - self.slip) * ndtr(evidence / spread)
         return left
 
@@ -112,7 +113,7 @@ def decided_flanks(
     Args:
         theta: (B,) radians, see lateral_angle.
         shares: (B, 6) of the visible surface; negative where they were not measured.
-        sigma: (B,) radians, deviation of the pose's rotation; 0 where it is not known.
+        sigma: (B,) radians, deviation of the pose's rotation; of no matter where it is known.
         known_camera: (B,) whether the camera is known exactly.
 
     Example:

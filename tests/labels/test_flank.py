@@ -14,6 +14,7 @@ from animal3dbox.labels.config import Axes
 from animal3dbox.labels.flank import (
     AXES_SD_RAD,
     FLANKS,
+    UNKNOWN_SD_RAD,
     FlankModel,
     decided_flanks,
     flank_model,
@@ -21,9 +22,7 @@ from animal3dbox.labels.flank import (
 )
 
 MESH, FACES = toy_mesh()
-MODEL = FlankModel(
-    lateral=10.0, surface=4.0, rotation=2.0, lateral_alone=15.0, slip=0.02, decided_from=0.9
-)
+MODEL = FlankModel(lateral=1.5, surface=0.4, lateral_alone=2.5, slip=0.02, decided_from=0.9)
 NOT_MEASURED = np.full((1, 6), -1.0)
 
 
@@ -73,10 +72,10 @@ def test_a_known_camera_leaves_only_the_axes_to_be_wrong() -> None:
 def test_the_probability_of_left_is_the_documented_formula() -> None:
     shares = np.array([[0.1, 0, 0.5, 0.2, 0.2, 0]])
     left = MODEL.left(np.array([0.05]), shares, np.array([0.4]))
-    evidence = (10 * 0.05 + 4 * (0.5 - 0.2)) / math.sqrt(1 + (2 * 0.4) ** 2)
+    evidence = (1.5 * 0.05 + 0.4 * (0.5 - 0.2)) / math.hypot(0.4, AXES_SD_RAD)
     assert_allclose(left, 0.01 + 0.98 * norm.cdf(evidence), rtol=1e-12)
     alone = MODEL.left(np.array([0.05]), NOT_MEASURED, np.zeros(1))
-    assert_allclose(alone, 0.01 + 0.98 * norm.cdf(15 * 0.05), rtol=1e-12)
+    assert_allclose(alone, 0.01 + 0.98 * norm.cdf(2.5 * 0.05 / AXES_SD_RAD), rtol=1e-12)
 
 
 def test_a_mirrored_view_has_the_other_flank_with_the_same_probability() -> None:
@@ -114,6 +113,9 @@ def test_the_shipped_numbers_decide_a_clear_view_and_not_a_doubtful_one() -> Non
     assert model.slip < 2 * (1 - model.decided_from)
     theta = np.radians([30.0, -30.0, 0.5])
     flank, _ = decided_flanks(
-        theta, np.full((3, 6), -1.0), np.zeros(3), known_camera=np.zeros(3, dtype=np.bool_)
+        theta,
+        np.full((3, 6), -1.0),
+        np.full(3, UNKNOWN_SD_RAD),
+        known_camera=np.zeros(3, dtype=np.bool_),
     )
     assert [FLANKS[number] for number in flank] == ["left", "right", "undecided"]
