@@ -3,7 +3,7 @@
     python benchmarks/fit_confidence.py --n 1400 --judge 1000
 
 The coefficients are made with the mix "learned" of animal3dbox.evaluate.confidence_mix, its labels
-weighted so that part BASE_RATE of each kind are bad, and go into
+weighted so that part BASE_RATE of all are bad, and go into
 animal3dbox/labels/assets/confidence.json. The table is of the mix "judged". --draws FOLDER keeps
 and reuses the labels of both.
 """
@@ -67,7 +67,7 @@ def draws_of(name: str, count: int, folder: Path | None) -> list[Draw]:
         return msgspec.json.decode(kept.read_bytes(), type=list[Draw])
     draws = [
         Draw(one.body, one.label.quality, one.rotation_deg, one.corner_part)
-        for one in outcomes(FAMILIES[name], iter(range(count)))
+        for one in outcomes(FAMILIES[name], range(count))
     ]
     if kept is not None:
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -75,11 +75,10 @@ def draws_of(name: str, count: int, folder: Path | None) -> list[Draw]:
     return draws
 
 
-def coefficients_of(draws: Sequence[Draw]) -> KindCoefficients:
-    """The coefficients of the labels of one kind."""
+def coefficients_of(draws: Sequence[Draw], bad_part: float) -> KindCoefficients:
+    """The coefficients of the labels of one kind, where part bad_part of all kinds are bad."""
     X = np.array([features(one.quality, has_template=one.has_template) for one in draws])
     good = np.array([one.rotation_deg < BAD_DEG for one in draws])
-    bad_part = float(1 - good.mean())
     weight = np.where(good, (1 - BASE_RATE) / (1 - bad_part), BASE_RATE / bad_part)
     middle, spread = X.mean(0), X.std(0)
     middle[0], spread = 0.0, np.where(spread > 1e-9, spread, np.inf)
@@ -104,7 +103,7 @@ def coefficients_of(draws: Sequence[Draw]) -> KindCoefficients:
         corner_weights=_plain(v, middle, spread),
         corner_factor=round(float(factor), 4),
         n=len(draws),
-        bad=round(bad_part, 4),
+        bad=round(float(1 - good.mean()), 4),
     )
 
 
@@ -130,14 +129,15 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     learned = draws_of("learned", options.n, options.draws)
+    bad_part = float(np.mean([one.rotation_deg >= BAD_DEG for one in learned]))
     by_kind: dict[str, list[Draw]] = {kind: [] for kind in KINDS}
     for one in learned:
         by_kind[kind_of(one.quality, is_rigid=one.is_rigid)].append(one)
     made = Coefficients(
         command=f"python benchmarks/fit_confidence.py --n {options.n} --judge {options.judge}",
-        mix=f"learned, {len(learned)} labels; weighted to {BASE_RATE:.0%} bad in each kind",
+        mix=f"learned, {len(learned)} labels; weighted to {BASE_RATE:.0%} bad",
         features=FEATURES,
-        kinds={kind: coefficients_of(draws) for kind, draws in by_kind.items()},
+        kinds={kind: coefficients_of(draws, bad_part) for kind, draws in by_kind.items()},
         axes={
             "template": axes_part([one for one in learned if one.body == "own"]),
             "landmarks": axes_part([one for one in learned if one.body == "alone"]),

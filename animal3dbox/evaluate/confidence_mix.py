@@ -4,7 +4,7 @@ Two families with different dials: `learned` is what the shipped coefficients we
 `judged` what they are reported on.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -18,6 +18,7 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
 from animal3dbox.datasets.synthetic.foreign.config import ALONE, ForeignConfig
 from animal3dbox.datasets.synthetic.world.config import world_generator
+from animal3dbox.evaluate.reliability import Judged
 from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
@@ -231,7 +232,7 @@ def preset_arguments(preset: str, animal: ForeignAnimal) -> dict[str, Any]:
 
 
 def outcomes(
-    family: Family, indices: Iterator[int], config: LabelConfig | None = None
+    family: Family, indices: Iterable[int], config: LabelConfig | None = None
 ) -> Iterator[Outcome]:
     """The labels of cases beside their truth; animals that are rejected are left out."""
     for index in indices:
@@ -256,3 +257,22 @@ def _outcome(case: Case, label: CuboidLabel) -> Outcome:
         rotation_deg=angle,
         corner_part=float(error / truth.diagonal),
     )
+
+
+def judged_cases(indices: Iterable[int]) -> Iterator[Judged]:
+    """The confidences of the mix "judged" beside the truth.
+
+    Example:
+        >>> [one.has_mask for one in judged_cases(range(1))]
+        [True]
+    """
+    for one in outcomes(FAMILIES["judged"], indices):
+        quality = one.label.quality
+        yield Judged(
+            body=one.body,
+            has_mask=one.has_mask,
+            probability=one.label.confidence,
+            is_good=one.rotation_deg < BAD_DEG,
+            corner_error=quality.expected_corner_error or 0.0,
+            corner_part=one.corner_part,
+        )

@@ -173,7 +173,9 @@ def foreign_table(rows: Sequence[ForeignRow]) -> Table:
         " camera is on the right side of the animal's own plane.",
         "preset: the rigid standing body of the animal's species.",
     )
-    return table_from_records("foreign", "Poses on a foreign world", records, notes=notes)
+    columns = ("setting", *_statistics((), ""))
+    title = "Poses on a foreign world"
+    return table_from_records("foreign", title, records, notes=notes, columns=columns)
 
 
 def _statistics(rows: Sequence[ForeignRow], setting: str) -> dict[str, Cell]:

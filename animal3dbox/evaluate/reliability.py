@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.evaluate.tables import Cell, Table, table_from_records
+from animal3dbox.evaluate.tables import Cell, Table, percent, quantile, table_from_records
 
 Array = NDArray[np.float64]
 BINS = 10
@@ -64,7 +64,7 @@ def calibration_error(
         >>> calibration_error(np.full(20, 0.5), np.arange(20) % 2 == 0)
         0.0
     """
-    own = float(1 - is_good.mean())
+    own = float(1 - is_good.mean()) if len(is_good) else 0.0
     if bad is None or not 0 < own < 1:
         weight = np.ones(len(is_good))
     else:
@@ -102,7 +102,13 @@ def reliability_table(judged: Sequence[Judged]) -> Table:
         " weighted so that the part named of them are bad.",
         "corner error: as told and as it is, in % of the diagonal, medians.",
     )
-    return table_from_records("reliability", "Reliability of confidence", records, notes=notes)
+    return table_from_records(
+        "reliability",
+        "Reliability of confidence",
+        records,
+        notes=notes,
+        columns=("labels", *_row(())),
+    )
 
 
 def curve_table(judged: Sequence[Judged]) -> Table:
@@ -123,18 +129,24 @@ def curve_table(judged: Sequence[Judged]) -> Table:
                         "true": float(good[ids].mean()),
                     }
                 )
-    return table_from_records("reliability-curve", "Reliability curve", records, notes=())
+    return table_from_records(
+        "curve",
+        "Reliability curve of confidence",
+        records,
+        notes=(),
+        columns=("labels", "bin", "n", "told", "true"),
+    )
 
 
 def _row(group: Sequence[Judged]) -> dict[str, Cell]:
     """The cells of the table for one group."""
-    told = np.array([one.probability for one in group])
-    good = np.array([one.is_good for one in group])
+    told = np.array([one.probability for one in group], dtype=np.float64)
+    good = np.array([one.is_good for one in group], dtype=np.bool_)
     return {
         "n": len(group),
-        "bad %": 100 * float(1 - good.mean()),
+        "bad %": percent([not one.is_good for one in group]),
         "AUC": area_under_curve(told, good),
         **{f"ECE at {rate:.0%} bad": calibration_error(told, good, rate) for rate in BASE_RATES},
-        "corner error told %": 100 * float(np.median([one.corner_error for one in group])),
-        "corner error %": 100 * float(np.median([one.corner_part for one in group])),
+        "corner error told %": quantile([100 * one.corner_error for one in group], 0.5),
+        "corner error %": quantile([100 * one.corner_part for one in group], 0.5),
     }

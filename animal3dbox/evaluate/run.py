@@ -8,10 +8,13 @@ from multiprocessing import get_context
 import torch
 
 from animal3dbox.evaluate.accuracy import AccuracyRow, accuracy_rows, accuracy_table
+from animal3dbox.evaluate.confidence_mix import judged_cases
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.face_study import FaceRow, face_rows, face_table
+from animal3dbox.evaluate.foreign_study import ForeignRow, foreign_rows, foreign_table
 from animal3dbox.evaluate.orientation import StabilityRow, stability_rows, stability_table
 from animal3dbox.evaluate.pose_study import DIAL, EVERYWHERE, PoseRow, pose_rows, pose_table
+from animal3dbox.evaluate.reliability import Judged, curve_table, reliability_table
 from animal3dbox.evaluate.reproduction import ReproductionRow, reproduction_rows, reproduction_table
 from animal3dbox.evaluate.subject import subject
 from animal3dbox.evaluate.tables import Table
@@ -27,6 +30,8 @@ class StudyRows:
         pose: camera poses.
         reproduction: the paper's baseline as it fails.
         faces: against ray-casting.
+        foreign: camera poses on a foreign world.
+        judged: confidences beside the truth.
 
     Example:
         >>> StudyRows(stability=(), accuracy=(), pose=(), reproduction=(), faces=()).pose
@@ -38,6 +43,8 @@ class StudyRows:
     pose: tuple[PoseRow, ...]
     reproduction: tuple[ReproductionRow, ...]
     faces: tuple[FaceRow, ...]
+    foreign: tuple[ForeignRow, ...] = ()
+    judged: tuple[Judged, ...] = ()
 
 
 def animal_rows(config: EvaluateConfig, index: int) -> StudyRows:
@@ -50,6 +57,8 @@ def animal_rows(config: EvaluateConfig, index: int) -> StudyRows:
         pose=tuple(pose_rows(who, {**EVERYWHERE, **DIAL} if in_full else EVERYWHERE)),
         reproduction=tuple(reproduction_rows(who)) if in_full else (),
         faces=tuple(face_rows(who)),
+        foreign=tuple(foreign_rows(index)) if in_full else (),
+        judged=tuple(judged_cases(range(index, index + 1))),
     )
 
 
@@ -80,6 +89,8 @@ def evaluate_world(
         pose=tuple(row for rows in animals for row in rows.pose),
         reproduction=tuple(row for rows in animals for row in rows.reproduction),
         faces=tuple(row for rows in animals for row in rows.faces),
+        foreign=tuple(row for rows in animals for row in rows.foreign),
+        judged=tuple(row for rows in animals for row in rows.judged),
     )
 
 
@@ -88,8 +99,8 @@ def world_tables(rows: StudyRows) -> tuple[Table, ...]:
 
     Example:
         >>> tables = world_tables(StudyRows((), (), (), (), ()))
-        >>> [table.name for table in tables]
-        ['stability', 'accuracy', 'pose', 'reproduction', 'faces']
+        >>> [table.name for table in tables][:4]
+        ['stability', 'accuracy', 'pose', 'reproduction']
     """
     return (
         stability_table(rows.stability),
@@ -97,6 +108,9 @@ def world_tables(rows: StudyRows) -> tuple[Table, ...]:
         pose_table(rows.pose),
         reproduction_table(rows.reproduction),
         face_table(rows.faces),
+        foreign_table(rows.foreign),
+        reliability_table(rows.judged),
+        curve_table(rows.judged),
     )
 
 

@@ -18,14 +18,20 @@ FEW_INLIERS = 0.5
 LOW_OVERLAP = 0.6
 MUCH_TRUNCATED = 0.3
 
+LEAST_CONFIDENCE = 0.5
+
 FLAGS = {
+    "low_confidence": f"the box is right with a probability of less than {LEAST_CONFIDENCE:.0%}",
+    "exchanged": "left and right keypoints were exchanged in the file, and are mended",
     "few_inliers": f"fewer than {FEW_INLIERS:.0%} of the visible keypoints fit",
     "low_overlap": f"the projected mesh overlaps the mask by less than {LOW_OVERLAP}",
     "truncated": f"more than {MUCH_TRUNCATED:.0%} of the box lies outside the image",
     "near_camera": "a corner of the box is at or behind the camera",
     "unseen": "the image shows nothing of the animal",
 }
-"""Reasons why a label that is kept should be looked at."""
+"""Reasons why a label that is kept should be looked at.
+
+Labels of methods basic and paper have no probability: their causes are told instead."""
 
 
 class FaultRow(msgspec.Struct, kw_only=True):
@@ -83,11 +89,18 @@ def flags_of(label: CuboidLabel) -> tuple[str, ...]:
         ()
     """
     quality = label.quality
+    is_rated = quality.confidence is not None  # a probability says more than each of its causes
     raised = {
+        "low_confidence": is_rated and label.confidence < LEAST_CONFIDENCE,
+        "exchanged": quality.labeling != "as given",
         "few_inliers": (
-            quality.n_keypoints > 0 and quality.n_inliers < FEW_INLIERS * quality.n_keypoints
+            not is_rated
+            and quality.n_keypoints > 0
+            and quality.n_inliers < FEW_INLIERS * quality.n_keypoints
         ),
-        "low_overlap": quality.mask_iou is not None and quality.mask_iou < LOW_OVERLAP,
+        "low_overlap": (
+            not is_rated and quality.mask_iou is not None and quality.mask_iou < LOW_OVERLAP
+        ),
         "truncated": label.truncation > MUCH_TRUNCATED,
         "near_camera": label.behind_camera,
         "unseen": label.truncation >= 1 or not bool((label.box[:2] < label.box[2:]).all()),

@@ -28,7 +28,10 @@ def test_the_tables_are_the_same_bytes_for_the_same_seed_and_any_number_of_worke
     for name in FILES[:2]:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     content = json.loads((tmp_path / "a" / "evaluation.json").read_text())
-    assert list(content["tables"]) == ["stability", "accuracy", "pose", "reproduction", "faces"]
+    assert list(content["tables"]) == [
+        *("stability", "accuracy", "pose", "reproduction", "faces"),
+        *("foreign", "reliability", "curve"),
+    ]
     assert content["about"]["seed"] == 0
     for number in (1, 2, 3):
         with Image.open(tmp_path / "a" / f"picture-{number}.png") as picture:

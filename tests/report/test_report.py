@@ -70,7 +70,7 @@ def label() -> CuboidLabel:
     return labelled()
 
 
-def with_quality(label: CuboidLabel, **changes: float | int | None) -> CuboidLabel:
+def with_quality(label: CuboidLabel, **changes: float | int | str | None) -> CuboidLabel:
     quality: Quality = replace(label.quality, **changes)  # type: ignore[arg-type]
     return replace(label, quality=quality)
 
@@ -300,6 +300,22 @@ def test_the_words_tell_side_view_and_shares(label: CuboidLabel) -> None:
 )
 def test_a_poor_fit_is_flagged(
     label: CuboidLabel, changes: dict[str, float | int | None], flags: tuple[str, ...]
+) -> None:
+    published = with_quality(label, **{"confidence": None, **changes})
+    assert flags_of(published) == flags
+    assert flags_of(with_quality(label, **{"confidence": 0.9, **changes})) == ()
+
+
+@pytest.mark.parametrize(
+    ("changes", "flags"),
+    [
+        ({"confidence": 0.51}, ()),
+        ({"confidence": 0.49}, ("low_confidence",)),
+        ({"confidence": 0.9, "labeling": "legs"}, ("exchanged",)),
+    ],
+)
+def test_a_label_is_flagged_by_its_probability(
+    label: CuboidLabel, changes: dict[str, float | int | str | None], flags: tuple[str, ...]
 ) -> None:
     assert flags_of(with_quality(label, **changes)) == flags
 
