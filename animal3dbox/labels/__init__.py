@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from animal3dbox.labels.axes.pca import pca_axes as pca_axes
     from animal3dbox.labels.body import Body as Body
     from animal3dbox.labels.bounds import tight_cuboid as tight_cuboid
+    from animal3dbox.labels.calibration import Calibration as Calibration
+    from animal3dbox.labels.calibration import PlacementPitch as PlacementPitch
+    from animal3dbox.labels.calibration import load_calibration as load_calibration
     from animal3dbox.labels.config import LabelConfig as LabelConfig
     from animal3dbox.labels.label import label_animal as label_animal
     from animal3dbox.labels.label import label_many as label_many
@@ -49,6 +52,11 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "axes.pca": ("pca_axes",),
         "body": ("Body",),
         "bounds": ("tight_cuboid",),
+        "calibration": (
+            "Calibration",
+            "PlacementPitch",
+            "load_calibration",
+        ),
         "config": ("LabelConfig",),
         "label": (
             "label_animal",

@@ -234,6 +234,7 @@ def test_keypoints_where_the_lens_shows_nothing_do_not_count_and_the_label_says_
     label = labelled(
         label_animal(IMAGE_HW, keypoints, toy_landmarks(), MESH, faces=FACES, K=K, distortion=lens)
     )
-    assert "1 keypoints lie where the lens shows nothing" in label.quality.warnings[0]
+    warnings = label.quality.warnings
+    assert any("1 keypoints lie where the lens shows nothing" in warning for warning in warnings)
     assert (label.quality.n_keypoints, label.quality.n_inliers) == (26, 25)
     assert float(rotation_angle(label.R, R)) < 1e-6

@@ -32,7 +32,9 @@ LEAST_SECTIONS = 4
 MOST_TURN = 0.5
 """Radians that one step turns about an axis at most."""
 YAW_SHARE = 0.7
-"""The part of the middles' slope that is turned: a bent trunk's ends bend more than its spine."""
+"""The part of the middles' slope that one step turns, so that steps do not swing."""
+FRONT_SHARE = 0.25
+"""How much the slope of the front half counts beside that of all: the hips swing with the tail."""
 MIRROR_PAIRS = np.arange(1, RAYS // 2)
 """Rays on the left, each with its mirror image on the right."""
 TOLERANCE = 0.05
@@ -104,7 +106,7 @@ def section_axes(
             R_box,
             roll=mirror_roll(sections),
             pitch=weights.pitch(outline_heights(sections, length)),
-            yaw=YAW_SHARE * _middles_slope(sections),
+            yaw=YAW_SHARE * _middles_angle(sections),
         )
     return R_box
 
@@ -151,12 +153,20 @@ def mirror_roll(sections: Sections) -> float:
     return float(solution[0])
 
 
-def _middles_slope(sections: Sections) -> float:
-    """The angle to the left, in radians, at which the sections' middles run: a median of slopes."""
-    ok = sections.is_complete
-    x, y = sections.positions[ok], sections.centers[ok, 0]
+def _middles_angle(sections: Sections) -> float:
+    """The angle to the left, in radians, at which the sections' middles run."""
+    front = sections.is_complete.copy()
+    front[: len(PARTS) // 2] = False
+    whole = _median_slope(sections, sections.is_complete)
+    half = _median_slope(sections, front) if front.sum() > 1 else whole
+    return float(np.arctan((1 - FRONT_SHARE) * whole + FRONT_SHARE * half))
+
+
+def _median_slope(sections: Sections, chosen: NDArray[np.bool_]) -> float:
+    """The median of the slopes between the middles of each two of the chosen sections."""
+    x, y = sections.positions[chosen], sections.centers[chosen, 0]
     i, j = np.triu_indices(len(x), 1)
-    return float(np.arctan(np.median((y[j] - y[i]) / (x[j] - x[i]))))
+    return float(np.median((y[j] - y[i]) / (x[j] - x[i])))
 
 
 def _turned(R_box: Array, *, roll: float, pitch: float, yaw: float) -> Array:

@@ -139,7 +139,7 @@ def foreign_animal(
     Example:
         >>> animal = foreign_animal(0, 0)
         >>> animal.sample_id, animal.keypoints_2d.shape
-        ('dog-trot-0-0', torch.Size([26, 3]))
+        ('dog-head_turned-0-0', torch.Size([26, 3]))
     """
     config = config or ForeignConfig()
     rng = {

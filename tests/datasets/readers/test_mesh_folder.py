@@ -485,7 +485,7 @@ def test_the_folder_in_the_docs_is_read_as_the_docs_say(tmp_path: Path) -> None:
     label = label_of(first, read.bodies, LabelConfig())
     assert isinstance(label, CuboidLabel)
     assert label.viewpoint == "front" or label.side in ("left", "right")
-    assert label.quality.orientation_rule.startswith("trunk landmarks")
+    assert label.quality.orientation_rule.startswith("trunk line")
 
 
 def test_label_reads_a_mesh_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -45,7 +45,9 @@ def test_factors_of_one_leave_a_species_as_it_is() -> None:
     plain = stretched_model(model, betas, SAME)
     torch.testing.assert_close(plain.v_template, model.shaped(betas[None])[0])
     long_legs = stretched_model(model, betas, {**SAME, "leg_length": 1.5})
-    shoulder, paw = (list(model.landmark_groups[f"left_{n}"]) for n in ("shoulder", "front_paw"))
+    shoulder, paw = (
+        list(model.landmark_groups[f"left_{n}"]) for n in ("shoulder_point", "front_paw")
+    )
     height = [
         float(m.v_template[shoulder, 2].mean() - m.v_template[paw, 2].mean())
         for m in (plain, long_legs)
