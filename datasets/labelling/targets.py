@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.frame import in_frame
 from animal3dbox.labels.label_row import FIRST_FLAG, FIRST_WHOLE, SPANS, WIDTH
+from animal3dbox.labels.pose.problem import AS_GIVEN
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.smal.keypoints.exchanges import exchange_order
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.target_schema import LABEL_FIELDS, Field
 
@@ -73,11 +75,24 @@ def target_of(
     target["image_id"] = image_id
     target["meta"] = {
         "sample_ids": [label.sample_id or "" for label in labels],
-        "quality": [{**vars(label.quality), "confidence": label.confidence} for label in labels],
+        "quality": [_quality_record(label, vocabulary) for label in labels],
         "scale_source": [label.scale_source for label in labels],
         "K_source": labels[0].quality.K_source,
     }
     return target
+
+
+def _quality_record(label: CuboidLabel, vocabulary: Vocabulary | None) -> dict[str, Any]:
+    """How a label came about, and where the file has each of its keypoints if sides were mended."""
+    labeling = label.quality.labeling
+    order = None
+    if vocabulary is not None and labeling != AS_GIVEN:
+        order = exchange_order(vocabulary, labeling)
+    return {
+        **vars(label.quality),
+        "confidence": label.confidence,
+        "keypoint_order": order,
+    }
 
 
 def empty_target(

@@ -1,5 +1,7 @@
 """Parts of the body whose left and right keypoints annotators exchange."""
 
+from functools import lru_cache
+
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 PARTS: dict[str, tuple[str, ...]] = {
@@ -12,6 +14,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 """Part -> pieces of the names of its keypoints and landmarks, of which one is enough."""
 
 
+@lru_cache(maxsize=256)
 def exchange_order(vocabulary: Vocabulary, part: str) -> tuple[int, ...]:
     """The keypoints (J,) that take each keypoint's place when a part's left and right change.
 
