@@ -55,7 +55,8 @@ def test_loose_vertices_change_no_number_of_a_label(
     loose = labelled(config, vertices=vertices, **arguments)
     assert loose.row.tobytes() == clean.row.tobytes()
     warning = f"2 of {len(vertices)} vertices count for nothing: no face uses them"
-    assert loose.quality == replace(clean.quality, warnings=(*clean.quality.warnings, warning))
+    assert sorted(loose.quality.warnings) == sorted((*clean.quality.warnings, warning))
+    assert replace(loose.quality, warnings=()) == replace(clean.quality, warnings=())
 
 
 def test_without_a_mask_loose_vertices_change_no_flat_box() -> None:
@@ -132,7 +133,7 @@ def test_a_body_that_lacks_its_torso_gets_its_axes_from_landmarks() -> None:
     arguments, _ = cut_tail()
     torso = torch.isin(model.faces, model.torso_vertices).any(1)
     label = labelled(template=model, **(arguments | {"faces": model.faces[~torso]}))
-    assert label.quality.orientation_rule.startswith("trunk landmarks")
+    assert label.quality.orientation_rule.startswith("trunk line")
 
 
 def test_faces_of_three_vertices_are_no_body() -> None:

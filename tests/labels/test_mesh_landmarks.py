@@ -15,7 +15,8 @@ VIEW = camera_round(60, 12)
 
 def test_landmarks_are_read_off_smals_ids_and_the_label_says_so() -> None:
     vertices, faces = smal_like_mesh()
-    places = [vertices[list(SMAL_LANDMARKS[name])].mean(0) for name in ANIMAL3D_26]
+    own_names = [name.replace("shoulder", "shoulder_blade") for name in ANIMAL3D_26]
+    places = [vertices[list(SMAL_LANDMARKS[name])].mean(0) for name in own_names]
     found = label_animal(IMAGE_HW, vertices=vertices, faces=faces, K=K, pose=VIEW)
     given = label_animal(
         IMAGE_HW, keypoints_3d=torch.stack(places), vertices=vertices, faces=faces, K=K, pose=VIEW
@@ -23,8 +24,8 @@ def test_landmarks_are_read_off_smals_ids_and_the_label_says_so() -> None:
     assert isinstance(found, CuboidLabel)
     assert isinstance(given, CuboidLabel)
     np.testing.assert_allclose(found.row, given.row, atol=1e-9)
-    assert found.quality.warnings == (SMAL_NOTE,)
-    assert given.quality.warnings == ()
+    assert SMAL_NOTE in found.quality.warnings
+    assert SMAL_NOTE not in given.quality.warnings
 
 
 def test_as_many_vertices_in_another_order_have_no_landmarks() -> None:
