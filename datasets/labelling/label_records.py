@@ -1,7 +1,8 @@
 """From an annotated animal to its label: the one way that every Dataset and command goes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -136,12 +137,37 @@ def _labels_of_source(
     except SampleError as error:
         if len(requests) == 1:
             return [error]
-    outcomes: list[Outcome] = []  # one of them is unusable: which, is told one by one
-    for request in requests:
-        outcomes += _labels_of_source(
-            [request], config, scale=scale, stored_cameras=stored_cameras, calibration=calibration
-        )
-    return outcomes
+    label_some = partial(
+        _labels_of_source,
+        config=config,
+        scale=scale,
+        stored_cameras=stored_cameras,
+        calibration=calibration,
+    )
+    return _one_image_at_a_time(requests, label_some)
+
+
+def _one_image_at_a_time(
+    requests: Sequence[LabelRequest], label_some: Callable[[Sequence[LabelRequest]], list[Outcome]]
+) -> list[Outcome]:
+    """The labels of animals some of which are unusable.
+
+    The usable animals of an image are still labelled together, since they share a focal length.
+    """
+    images: dict[int, list[int]] = {}
+    for place, request in enumerate(requests):
+        images.setdefault(id(request.sample), []).append(place)
+    outcomes: dict[int, Outcome] = {}
+    for places in images.values():
+        usable = places
+        if len(images) == 1:
+            alone = {place: label_some([requests[place]])[0] for place in places}
+            faults = {i: one for i, one in alone.items() if isinstance(one, SampleError)}
+            outcomes |= faults
+            usable = [place for place in places if place not in faults]
+        if usable:
+            outcomes |= zip(usable, label_some([requests[i] for i in usable]), strict=True)
+    return [outcomes[place] for place in range(len(requests))]
 
 
 def _with_camera(record: Record, policy: CameraPolicy) -> AnimalRecord:

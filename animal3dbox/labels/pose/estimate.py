@@ -197,7 +197,11 @@ def _choose(fits: list[_Fit], config: LabelConfig) -> PoseEstimate | PoseFailure
     misfit = min(fit.misfit for fit in fits)
     of_body = min(fit.misfit_of_body for fit in fits)
     rated = sorted(
-        (rated for fit in fits for rated in _rated(fit, misfit, of_body, config=config)),
+        (
+            rated
+            for fit in fits
+            for rated in _rated(fit, misfit, of_body, is_alone=len(fits) == 1, config=config)
+        ),
         key=lambda one: one.score,
     )
     for best in rated:
@@ -251,10 +255,22 @@ class _Rated:
         )
 
 
-def _rated(fit: _Fit, misfit: float, misfit_of_body: float, *, config: LabelConfig) -> list[_Rated]:
-    """The refined poses of a labeling with all that they cost, at common misfits."""
-    poses = fit.refined.poses
-    cost = cost_at(fit.problem, poses, misfit, misfit_of_body=misfit_of_body, config=config)
+def _rated(
+    fit: _Fit, misfit: float, misfit_of_body: float, *, is_alone: bool, config: LabelConfig
+) -> list[_Rated]:
+    """The refined poses of a labeling with all that they cost.
+
+    Args:
+        fit: of the labeling.
+        misfit: the least of all labelings.
+        misfit_of_body: likewise.
+        is_alone: whether there is no other labeling, so that the costs are comparable as they are.
+        config: the method.
+
+    """
+    poses, cost = fit.refined.poses, fit.refined.local.cost
+    if not is_alone:
+        cost = cost_at(fit.problem, poses, misfit, misfit_of_body=misfit_of_body, config=config)
     penalty = 0.0 if fit.labeling == AS_GIVEN else exchange_cost(misfit_of_body)
     rated = []
     for i in range(len(cost)):

@@ -36,6 +36,9 @@ BEHIND_AT_MOST."""
 BAND = 0.06
 """Of the body's extent in the picture: vertices so near to a support can come to be it while the
 pose moves a little."""
+JOINT_GAIN = 1e-7
+"""Relative gain in cost below which a pose has settled: a step then moves it by less than a
+thousandth of its standard deviation."""
 LEAST_CURVATURE = 0.05
 """Of a residual's weight.
 
@@ -101,7 +104,7 @@ def refine_jointly(
     for rounds in ROUNDS if len(poses) > 1 else ROUNDS[1:]:
         outline = outline_candidates(problem, terms, poses)
         cost_of = partial(joint_cost, problem, terms=terms, outline=outline)
-        poses, local, settled = descend(cost_of, poses, rounds)
+        poses, local, settled = descend(cost_of, poses, rounds, gain=JOINT_GAIN)
         order = np.argsort(local.cost, kind="stable")
         least = local.cost[order[0]]
         order = order[local.cost[order] <= BEHIND * least + BEHIND_AT_MOST]

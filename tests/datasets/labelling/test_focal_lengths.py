@@ -82,3 +82,19 @@ def test_a_cached_label_depends_on_the_other_animals_of_its_image(
     assert key(QUICK, records[1]) != key(QUICK, moved)
     guess = replace(QUICK, focal="guess")
     assert key(guess, records[1]) == key(guess, moved)
+
+
+def test_an_unusable_animal_does_not_change_the_others_focal_length(
+    records: tuple[AnimalRecord, ...],
+) -> None:
+    broken = replace(records[0], keypoints_2d=np.full((len(records[0].keypoints_2d), 3), np.nan))
+    bodies = preset_body("dog")
+    three = sample_of((*records, broken), bodies)
+    other = sample_of((replace(broken, image_id="other"),), bodies)
+    together = [LabelRequest(three, place, PhotoFacts()) for place in range(3)]
+    outcomes = label_records([*together, LabelRequest(other, 0, PhotoFacts())], QUICK)
+    assert [isinstance(one, CuboidLabel) for one in outcomes] == [True, True, False, False]
+    both = labelled([LabelRequest(sample_of(records, bodies), i, PhotoFacts()) for i in (0, 1)])
+    for outcome, label in zip(outcomes[:2], both, strict=True):
+        assert isinstance(outcome, CuboidLabel)
+        assert outcome.row.tobytes() == label.row.tobytes()
