@@ -35,6 +35,7 @@ VIEWS: Mapping[str, ForeignConfig] = {
     "from below": replace(PLAIN, world=replace(ALONE, uav=0.0, elevation_deg=(-40.0, -10.0))),
     "rolled": replace(PLAIN, world=replace(ALONE, roll_deg=60.0)),
     "on the side": replace(PLAIN, lying=1.0),
+    "rearing": replace(PLAIN, poses=("rear",)),
     "UAV": replace(PLAIN, world=replace(ALONE, uav=1.0, elevation_deg=(25.0, 85.0)), standing=1.0),
 }
 MISFITS_DEG = (1.5, 3.0, 5.0)

@@ -22,6 +22,7 @@ class ForeignConfig:
         world: species, pictures and cameras; its poses, animals and things are not used.
         faults: of the keypoints and the mask; joint_deg turns the joints of the fitted body.
         standing: part of the animals in one of STANDING_POSES; the others are in OTHER_POSES.
+        poses: the only poses, of STANDING_POSES and OTHER_POSES; none: as `standing` says.
         lying: part of the animals that lie on a side, whatever their pose.
         proportions: spread of the trunk's, legs', neck's and head's measures beyond the presets':
             0 for none, 1 for logarithms with the standard deviations of bodies.PART_SPREAD.
@@ -45,6 +46,7 @@ class ForeignConfig:
     world: WorldConfig = ALONE
     faults: FaultConfig = field(default_factory=lambda: FaultConfig(noise_px=2.0))
     standing: float = 0.5
+    poses: tuple[str, ...] = ()
     lying: float = 0.0
     proportions: float = 1.0
     places: float = 0.08
@@ -72,5 +74,8 @@ class ForeignConfig:
                 raise ConfigError(
                     f"{name} must lie within {low} and {high}, got {getattr(self, name)}"
                 )
+        choices = (*STANDING_POSES, *OTHER_POSES)
+        if unknown := [pose for pose in self.poses if pose not in choices]:
+            raise ConfigError(f"poses must be of {', '.join(choices)}, got {', '.join(unknown)}")
         if self.shoulders not in ("own", "level"):
             raise ConfigError(f"shoulders must be 'own' or 'level', got {self.shoulders!r}")
