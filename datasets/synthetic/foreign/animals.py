@@ -193,8 +193,8 @@ def _drawn_body(
 
 def _drawn_pose(rng: np.random.Generator, config: ForeignConfig) -> tuple[str, Tensor]:
     """A pose's name and the pose (J, 3), its heading and side within the root's."""
-    names = STANDING_POSES if rng.random() < config.standing else OTHER_POSES
-    names = config.poses or names
+    usual = STANDING_POSES if rng.random() < config.standing else OTHER_POSES
+    names = config.poses or usual
     name = names[int(rng.integers(len(names)))]
     pose = draw_pose(rng, name, config.world.pose_spread)
     heading = torch.tensor([0.0, 0.0, rng.uniform(-np.pi, np.pi)], dtype=torch.float64)
