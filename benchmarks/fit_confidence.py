@@ -35,7 +35,7 @@ from animal3dbox.labels.types import Quality
 Array = NDArray[np.float64]
 ASSET = Path(__file__).parents[1] / "animal3dbox" / "labels" / "assets" / "confidence.json"
 BASE_RATE = 0.3
-RIDGE = 1.0
+RIDGE = 4.0
 """Strength of the penalty on weights of standardised features."""
 KINDS = ("own", "own+mask", "rigid", "rigid+mask")
 RIGID = ("species", "dog")
@@ -117,7 +117,8 @@ def _plain(w: Array, middle: Array, spread: Array) -> tuple[float, ...]:
 def axes_part(draws: Sequence[Draw]) -> float:
     """Part of the well fitting labels whose box is right: what is left is the axes' fault."""
     sure = [one for one in draws if (one.quality.rotation_sd_deg or 99.0) < 3]
-    return round(float(np.mean([one.rotation_deg < BAD_DEG for one in sure])), 4)
+    right = sum(one.rotation_deg < BAD_DEG for one in sure)
+    return round((right + 1) / (len(sure) + 2), 4)  # Laplace's: a few labels make nothing certain
 
 
 def main() -> None:

@@ -263,7 +263,7 @@ def judged_cases(indices: Iterable[int]) -> Iterator[Judged]:
     """The confidences of the mix "judged" beside the truth.
 
     Example:
-        >>> [one.has_mask for one in judged_cases(range(1))]
+        >>> [0 < one.probability < 1 for one in judged_cases(range(1))]
         [True]
     """
     for one in outcomes(FAMILIES["judged"], indices):

@@ -72,8 +72,8 @@ def calibration_error(
     if len(is_good) < BINS:
         return None
     order = np.argsort(probability, kind="stable")
-    edges = np.cumsum(weight[order]) / weight.sum() * BINS
-    bins = np.minimum(edges.astype(int), BINS - 1)
+    middles = np.cumsum(weight[order]) - weight[order] / 2
+    bins = np.minimum((middles / weight.sum() * BINS).astype(int), BINS - 1)
     error = 0.0
     for k in range(BINS):
         ids = order[bins == k]

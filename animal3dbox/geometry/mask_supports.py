@@ -49,7 +49,7 @@ def mask_supports(
         >>> mask = np.zeros((6, 6), dtype=bool)
         >>> mask[2:4, 1:5] = True
         >>> mask_supports(mask, np.array([[1.0, 0.0], [0.0, -1.0]])).heights
-        array([ 4.35, -1.65])
+        array([ 4.3, -1.7])
     """
     height, width = mask.shape
     rows = np.flatnonzero(mask.any(1))

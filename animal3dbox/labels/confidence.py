@@ -32,6 +32,8 @@ FEATURES = (
     "keypoints that do not fit",
     "no template",
     "log of the number of keypoints",
+    "seen from below",
+    "rolled",
 )
 LEAST_DIFFERENCE = 0.02
 """Added to 1 - IoU before its logarithm: two renderers of one body differ by about as much."""
@@ -104,6 +106,8 @@ def features(quality: Quality, *, has_template: bool) -> Array:
             1 - quality.n_inliers / max(quality.n_keypoints, 1),
             float(not has_template),
             math.log(max(quality.n_keypoints, 1)),
+            float("from_below" in quality.flags),
+            float("rolled" in quality.flags),
         ]
     )
 

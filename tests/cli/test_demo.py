@@ -34,7 +34,8 @@ def test_without_noise_the_default_finds_every_keypoint(
 ) -> None:
     assert run("demo", "--out", str(tmp_path), "--n", "2", "--noise-px", "0", "--json") == 0
     default = json.loads(capsys.readouterr().out)[-1]
-    assert default["keypoint_px_p95"] < 1e-3
+    # The mask, which ends with whole pixels, is trusted to 0.7 px beside the keypoints' 2.
+    assert default["keypoint_px_p95"] < 0.5
 
 
 def test_the_table_names_each_method_and_the_page(

@@ -52,7 +52,7 @@ def test_a_split_of_one_file_is_refused(animals: Path) -> None:
         ("transforms", "transform="),
         ("target_transform", "transform="),
         ("pose", "stored_cameras="),
-        ("split", "it has cache, classes, config"),
+        ("split", "it has cache, calibration, classes"),
         ("image_wh", "nearest: image_hw"),
         ("shuffle", "it has .* image_hw, images"),
     ],
