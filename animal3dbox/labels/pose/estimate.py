@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from animal3dbox.geometry.unit_frame import translation_in_unit_frame, unit_frame
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.pose.choice import exchange_cost, extra_costs
+from animal3dbox.labels.pose.choice import Extras, exchange_cost, extra_costs
 from animal3dbox.labels.pose.epnp_ransac import basic_pose, checked_pose, sqpnp_pose
 from animal3dbox.labels.pose.exchanged_sides import likely_exchanges
 from animal3dbox.labels.pose.focal_length import Zoom, zoom_of_pose
@@ -140,6 +140,7 @@ class _Fit:
         refined: the poses, by the joint cost.
         hypotheses: (B,) the start that each came from.
         misfit: see search_poses.
+        config: the method.
     """
 
     labeling: str
@@ -147,6 +148,16 @@ class _Fit:
     refined: RefinedPoses
     hypotheses: tuple[str, ...]
     misfit: float
+    config: LabelConfig
+
+    @cached_property
+    def extras(self) -> list[Extras]:
+        """What the poses cost beside the joint cost, one each."""
+        poses = self.refined.poses
+        return [
+            extra_costs(self.problem, R, t, self.config)
+            for R, t in zip(poses.R, poses.t, strict=True)
+        ]
 
     @cached_property
     def misfit_of_body(self) -> float:
@@ -165,7 +176,7 @@ def _default_pose(
     )
     refined = refine_jointly(problem, candidates, misfit, config)
     names = tuple(found[i].hypothesis for i in refined.ids.tolist())
-    fits = [_Fit(AS_GIVEN, problem, refined, names, misfit)]
+    fits = [_Fit(AS_GIVEN, problem, refined, names, misfit, config)]
     if config.labelings == "mend" and problem.exchanged:
         fits += _exchanged_fits(fits[0], config)
     return _choose(fits, config)
@@ -178,7 +189,7 @@ def _exchanged_fits(given: _Fit, config: LabelConfig) -> list[_Fit]:
     """
     problem, best = given.problem, given.refined.poses[:1]
     worst = keypoint_distances(problem, best).max()
-    extras = extra_costs(problem, best.R[0], best.t[0], config)
+    extras = given.extras[0]
     in_doubt = given.misfit > DOUBT_MISFIT or worst > DOUBT_SIGMA * given.misfit
     if not in_doubt and extras.n_hidden < DOUBT_HIDDEN:
         return []
@@ -188,7 +199,7 @@ def _exchanged_fits(given: _Fit, config: LabelConfig) -> list[_Fit]:
         exchanged = replace(problem, points_world=likely.points_world)
         refined = refine_jointly(exchanged, likely.poses, likely.misfit, config)
         names = tuple(EXCHANGED for _ in refined.ids)
-        fits.append(_Fit(likely.part, exchanged, refined, names, likely.misfit))
+        fits.append(_Fit(likely.part, exchanged, refined, names, likely.misfit, config))
     return fits
 
 
@@ -273,8 +284,7 @@ def _rated(
         cost = cost_at(fit.problem, poses, misfit, misfit_of_body=misfit_of_body, config=config)
     penalty = 0.0 if fit.labeling == AS_GIVEN else exchange_cost(misfit_of_body)
     rated = []
-    for i in range(len(cost)):
-        extras = extra_costs(fit.problem, poses.R[i], poses.t[i], config)
+    for i, extras in enumerate(fit.extras):
         score = float(cost[i]) + extras.total(misfit_of_body) + penalty
         rated.append(_Rated(fit, i, score, extras.hidden))
     return rated

@@ -36,9 +36,9 @@ BEHIND_AT_MOST."""
 BAND = 0.06
 """Of the body's extent in the picture: vertices so near to a support can come to be it while the
 pose moves a little."""
-JOINT_GAIN = 1e-7
-"""Relative gain in cost below which a pose has settled: a step then moves it by less than a
-thousandth of its standard deviation."""
+JOINT_GAIN = 1e-5
+"""Relative gain in cost below which a pose has settled: a cost of ten then moves it by less than a
+fiftieth of its standard deviation."""
 LEAST_CURVATURE = 0.05
 """Of a residual's weight.
 
