@@ -104,7 +104,9 @@ def accuracy_rows(subject: Subject) -> list[AccuracyRow]:
 def _remeshed_rows(index: int, annotated: Annotated) -> list[AccuracyRow]:
     """The re-meshed body through the door, its camera known."""
     animal, annotation = annotated.animal, annotated.annotation
-    vertices, _, landmarks = remeshed(annotated.vertices, animal.model.faces, annotated.landmarks)
+    vertices, faces, landmarks = remeshed(
+        annotated.vertices, animal.model.faces, annotated.landmarks
+    )
     rows, truth = [], animal.cuboid
     for rule, config in REMESHED.items():
         label = label_animal(
@@ -112,6 +114,7 @@ def _remeshed_rows(index: int, annotated: Annotated) -> list[AccuracyRow]:
             annotation.keypoints_2d,
             landmarks,
             vertices,
+            faces=faces,
             K=annotation.K,
             pose=(torch.eye(3), torch.zeros(3)),
             vocabulary=annotation.vocabulary,
