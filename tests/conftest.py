@@ -68,6 +68,7 @@ LONG = frozenset(
         "datasets/readers/test_animal3d.py"
         "::test_a_written_folder_gives_the_same_labels_as_the_world_in_memory",
         "datasets/readers/test_animal3d_relatives.py",
+        "datasets/synthetic/test_foreign_world.py",
         "datasets/synthetic/test_synthetic_set.py",
         "datasets/synthetic/test_world.py",
         "datasets/test_label_dataset.py",
@@ -77,6 +78,7 @@ LONG = frozenset(
         "geometry/test_rasterizer.py::test_silhouette_of_a_large_image_is_that_of_every_pixel_centre",
         "geometry/test_visible_surface.py"
         "::test_visible_vertices_are_those_with_a_free_line_of_sight_in_200_posed_views",
+        "labels/pose/test_choice.py",
         "labels/test_label_many.py::test_many_labels_are_those_of_one_by_one_to_the_last_bit",
         "report/test_report.py::test_400_cards_stay_below_5_megabytes_and_load_nothing",
         "smal/files/test_model_files.py::test_the_quadruped_survives_a_smal_file_bit_by_bit",
