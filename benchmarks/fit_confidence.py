@@ -26,6 +26,7 @@ from animal3dbox.labels.confidence import (
     FEATURES,
     Coefficients,
     KindCoefficients,
+    coefficients,
     confidence_of,
     features,
     kind_of,
@@ -145,6 +146,7 @@ def main() -> None:
         },
     )
     ASSET.write_bytes(msgspec.json.format(msgspec.json.encode(made), indent=1) + b"\n")
+    coefficients.cache_clear()  # the labels above were made with those before
     judged = []
     for one in draws_of("judged", options.judge, options.draws):
         told = confidence_of(one.quality, has_template=one.has_template, is_rigid=one.is_rigid)

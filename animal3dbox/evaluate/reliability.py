@@ -10,6 +10,7 @@ from animal3dbox.evaluate.tables import Cell, Table, percent, quantile, table_fr
 
 Array = NDArray[np.float64]
 BINS = 10
+CHANCE_DRAWS = 100
 BASE_RATES = (0.15, 0.3, 0.5)
 """Parts of bad labels for which the calibration error is told."""
 
@@ -84,6 +85,22 @@ def calibration_error(
     return float(error)
 
 
+def error_by_chance(probability: Array) -> float | None:
+    """The calibration error that a true probability (N,) would show by chance, on the mean.
+
+    Example:
+        >>> error_by_chance(np.ones(20))
+        0.0
+    """
+    rng = np.random.default_rng(0)
+    errors = [
+        calibration_error(probability, rng.random(len(probability)) < probability)
+        for _ in range(CHANCE_DRAWS)
+    ]
+    known = [error for error in errors if error is not None]
+    return float(np.mean(known)) if known else None
+
+
 def reliability_table(judged: Sequence[Judged]) -> Table:
     """Confidence against truth, by body source and with and without a mask."""
     groups: list[tuple[str, list[Judged]]] = [
@@ -99,7 +116,8 @@ def reliability_table(judged: Sequence[Judged]) -> Table:
         "good: the cuboid is turned by less than 15 degrees from the trunk's truth. AUC: the"
         " probability that a good label has more confidence than a bad one.",
         "ECE: mean difference of told and true frequency over ten bins of equal count, labels"
-        " weighted so that the part named of them are bad.",
+        " weighted so that the part named of them are bad. By chance: what a true probability would"
+        " show.",
         "corner error: as told and as it is, in % of the diagonal, medians.",
     )
     return table_from_records(
@@ -147,6 +165,7 @@ def _row(group: Sequence[Judged]) -> dict[str, Cell]:
         "bad %": percent([not one.is_good for one in group]),
         "AUC": area_under_curve(told, good),
         **{f"ECE at {rate:.0%} bad": calibration_error(told, good, rate) for rate in BASE_RATES},
+        "by chance": error_by_chance(told),
         "corner error told %": quantile([100 * one.corner_error for one in group], 0.5),
         "corner error %": quantile([100 * one.corner_part for one in group], 0.5),
     }
