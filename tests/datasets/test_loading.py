@@ -1,19 +1,19 @@
 """The Dataset under DataLoader: workers, epochs, processes, memory."""
 
 import copy
-import gc
 import multiprocessing
 import os
 import pickle
 import subprocess
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from loading import Records, augmented, in_bytes, loaded, one_by_one, rank
+from loading import augmented, in_bytes, loaded, memory_told, one_by_one, rank
 from small_animals import model_of, small_dataset
 from torch.utils.data import DataLoader
 
@@ -332,21 +332,17 @@ def many(animals: Path) -> LabelDataset:
 
 
 @pytest.mark.parametrize("context", ["fork", "spawn"])
-def test_a_worker_grows_by_at_most_5_mb_over_20_000_records(
+def test_a_worker_grows_by_a_few_mb_at_first_and_by_nothing_over_20_000_records(
     many: LabelDataset, context: str
 ) -> None:
-    loader = DataLoader(
-        Records(many), batch_size=None, num_workers=2, multiprocessing_context=context
-    )
-    gc.collect()
-    # What tests before this one left in the parent is not looked through, and so not copied, by a
-    # forked worker's collector.
-    gc.freeze()
-    try:
-        told = np.array([row for row in loader if row[2]])
-    finally:
-        gc.unfreeze()
+    # In a process of its own: forked from one that has run thousands of tests, a worker copies the
+    # pages of their leftovers wherever it makes an object among them.
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        told = pool.submit(memory_told, many, context).result()
     for process in np.unique(told[:, 0]):
         memory = told[told[:, 0] == process][:, 2]
         assert len(memory) > 10
-        assert memory[-1] - memory[0] <= 5e6, (memory[-1] - memory[0]) / 1e6
+        # The first passes of the collector copy pages once; records must not copy any.
+        settled = memory[len(memory) // 3]
+        assert settled - memory[0] <= 1e7, (settled - memory[0]) / 1e6
+        assert memory[-1] - settled <= 5e5, (memory[-1] - settled) / 1e6
