@@ -14,7 +14,8 @@ from animal3dbox.geometry.straightening import straightened_pixels
 Array = NDArray[np.float64]
 PIXEL_REACH = 0.3
 """px from the outermost pixel's centre to the outline, over all directions: a pixel is the animal's
-if half of it is (`supports` in benchmarks/masks_and_visibility.py)."""
+if half of it is, so that the outline lies about a third of a pixel farther out (a disc's, in
+tests/geometry/test_mask_supports.py)."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def mask_supports(
     farthest = reach.argmax(1)
     whole = ~on_border[farthest]
     if distortion is not None and on_border.any():
-        whole &= False  # what the border cuts may reach anywhere in the straight picture
+        whole[:] = False  # what the border cuts may reach anywhere in the straight picture
     heights = reach[np.arange(len(directions)), farthest] + PIXEL_REACH
     return MaskSupports(directions[whole], heights[whole])
 

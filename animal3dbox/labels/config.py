@@ -31,7 +31,7 @@ class LabelConfig:
     Attributes:
         method: camera pose: "basic" (section 2.2), "paper" (then the joint refinement of section
             2.2.2), "default" (several starting poses, a robust joint refinement with the mesh's
-            bounds, see estimate_pose).
+            supports in the mask, see estimate_pose).
         axes: the body's axes: "landmarks" (section 2.1.1), "pca" (the baseline of section 3.1),
             "default" (torso vertices if the mesh is in template correspondence, else all trunk
             landmarks together).

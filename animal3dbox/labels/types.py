@@ -77,8 +77,8 @@ class Quality:
         bounds_source: "vertices" or "keypoints": what the box bounds.
         mask_source: "dataset", "rendered" (of the dataset's own fitted body, for want of another),
             or "none" when the pose was made without one.
-        K_source: "given", "exif" (the picture's header), "dataset" (one for all of its images) or
-            "guessed".
+        K_source: "given", "exif" (the picture's header), "dataset" (one for all of its images),
+            "estimated" with the pose, or "guessed".
         warnings: what a careful person should know, in whole sentences.
         rotation_sd_deg: standard deviation of the estimated rotation about its least certain axis,
             by the curvature of the cost; None of a given pose and of methods basic and paper, as

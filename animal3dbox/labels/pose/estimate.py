@@ -56,9 +56,10 @@ def estimate_pose(
 
     ``basic`` is EPnP + RANSAC, ``paper`` refines it by the joint cost. ``default`` starts from the
     hypotheses given, SQPnP, EPnP + RANSAC and a grid of views, in this order and only until a start
-    explains every keypoint; it keeps the animal in front of the camera throughout, and refines the
-    best by a robust joint cost with the mesh's bounds instead of the keypoints', without the mask
-    term when the mask touches the border of the image. docs/solver.md has the formulas.
+    explains every keypoint; it keeps the animal in front of the camera throughout, refines the best
+    by a robust joint cost in which the mesh's supports are compared with the mask's, tries
+    exchanged sides where the labeling is in doubt, and chooses by that cost, a weak prior of up and
+    what the body hides. docs/solver.md has the formulas.
 
     Args:
         problem: keypoints, landmarks and mask.

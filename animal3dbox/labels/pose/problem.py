@@ -77,15 +77,6 @@ class PoseProblem:
     noise_px: Array | None = None
     log_focal_sd: float | None = None
 
-    @property
-    def is_cut(self) -> bool:
-        """Whether the mask touches the border of the image, so that its box is not the animal's."""
-        if self.mask_box is None:
-            return False
-        height, width = self.image_hw
-        left, top, right, bottom = self.mask_box.tolist()
-        return bool(left <= -0.5 or top <= -0.5 or right >= width - 0.5 or bottom >= height - 0.5)
-
     @cached_property
     def linear(self) -> Array:
         """K's upper left, (2, 2)."""

@@ -26,7 +26,7 @@ SUPPORT_SIGMA_PX = 0.7
 """Standard deviation of a mask's support about the true body's, of one that fits."""
 MISFIT_POWER = 4
 """The power of the misfit that a support's standard deviation grows with: a body that does not fit
-its keypoints fits the outline still less (field notes; benchmarks/mask_evidence.py)."""
+its keypoints fits the outline still less (the rows of misfits in benchmarks/foreign_world.py)."""
 USUAL_LAMBDA = 0.8
 """The lambda_keypoints at which residuals are in standard deviations."""
 ROUNDS = (2, 14, 24)
@@ -183,7 +183,7 @@ def cost_at(
 
 
 def _extent(problem: PoseProblem, config: LabelConfig) -> MaskBox:
-    """What is compared with the mask: nothing, if it shows less than half of its outline."""
+    """What is compared with the mask: nothing, without one or if the frame cuts it everywhere."""
     if problem.mask_supports is None:
         return "none"
     return config.mask_box or "mesh"

@@ -20,7 +20,6 @@ from animal3dbox.labels.pose.problem import (
     PoseEstimate,
     PoseFailure,
     PoseProblem,
-    reprojection_errors,
 )
 
 F64 = torch.float64
@@ -282,12 +281,3 @@ def test_the_literal_reading_has_the_least_unsquared_energy() -> None:
                     >= energies["literal"] - 1e-3
                 )
     assert energies["literal"] < energies["vector"]
-
-
-def test_no_mask_term_is_used_when_the_mask_touches_the_border() -> None:
-    R, t = camera_round(30, 20)
-    wrong = torch.tensor([-0.5, 50, 300, 479.5], dtype=F64)
-    assert problem_of(R, t, mask_box=wrong).is_cut
-    assert not problem_of(R, t, mask_box=torch.tensor([0.5, 50, 300, 470], dtype=F64)).is_cut
-    estimate = found(problem_of(R, t, mask_box=wrong), LabelConfig())
-    assert float(reprojection_errors(problem_of(R, t), estimate.R, estimate.t)[0].max()) < 1e-6
