@@ -28,6 +28,7 @@ from animal3dbox.datasets.bodies.sources import model_mobility, standing_vertice
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
 from animal3dbox.datasets.synthetic.foreign.config import ForeignConfig
+from animal3dbox.evaluate.tables import wilson_bounds
 from animal3dbox.labels.flank import UNKNOWN_SD_RAD, FlankModel, flank_model, lateral_angle
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
@@ -189,17 +190,6 @@ def write_model(model: FlankModel, seen: Seen, count: int) -> None:
     FILE.write_text(json.dumps(content, indent=1) + "\n")
 
 
-def wilson(right: int, count: int) -> tuple[float, float]:
-    """The 95 % bounds of a rate."""
-    if not count:
-        return 0.0, 1.0
-    z, rate = 1.96, right / count
-    middle = (rate + z * z / (2 * count)) / (1 + z * z / count)
-    half = z * np.sqrt(rate * (1 - rate) / count + z * z / (4 * count * count))
-    half /= 1 + z * z / count
-    return float(middle - half), float(middle + half)
-
-
 def calibration_error(seen: Seen) -> float:
     """Mean distance of the probability of left from how often it is left, over ten equal bins."""
     left = flank_model().left(seen.theta, seen.shares, seen.sigma)
@@ -213,7 +203,7 @@ def print_report(seen: Seen, title: str) -> None:
     azimuth = np.degrees(np.arctan2(seen.camera[:, 1], seen.camera[:, 0]))
     decided = seen.flank > 0
     right = decided & ((seen.flank == 1) == seen.is_left)
-    low, high = wilson(int(right.sum()), int(decided.sum()))
+    low, high = wilson_bounds(int(right.sum()), int(decided.sum()))
     print(f"{title}: {len(decided)} labels, {seen.rejected} rejected")
     print(
         f"  decided right {right.sum() / max(decided.sum(), 1):.4f} ({low:.4f} to {high:.4f}),"

@@ -48,7 +48,8 @@ CELL = 0.02
 DISTURBANCE_DEG = (5.0, 2.0)
 """Standard deviations of the pitch and the roll by which frames are turned for the regression."""
 RIDGE, HUBER_DEG = 100.0, 4.0
-MAD_TO_SD = 1.4826
+P95_TO_SD = 1 / 1.96
+"""A standard deviation that counts the tails: some animals bend far, and they matter most."""
 EVERYWHERE = vocabulary_from_names(
     "everywhere",
     {
@@ -120,9 +121,14 @@ def _facts(
         within[datasets == dataset] -= np.median(pitch[datasets == dataset])
     return {
         "pitch_deg": round(nominal, 1),
-        "sd_deg": round(MAD_TO_SD * float(np.median(abs(pitch - nominal))), 1),
-        "sd_within_deg": round(MAD_TO_SD * float(np.median(abs(within))), 1),
+        "sd_deg": _spread(pitch - nominal),
+        "sd_within_deg": _spread(within),
     }
+
+
+def _spread(errors_deg: Array) -> float:
+    """The standard deviation of a normal distribution with the same 95th percentile."""
+    return round(P95_TO_SD * float(np.quantile(abs(errors_deg), 0.95)), 1)
 
 
 def _sections(bodies: list[LearnedBody], lines: dict[str, dict[str, float]]) -> dict[str, object]:
@@ -136,7 +142,7 @@ def _sections(bodies: list[LearnedBody], lines: dict[str, dict[str, float]]) -> 
     return {
         "weights": pitch_weights.weights.tolist(),
         "constant": pitch_weights.constant,
-        "sd_deg": round(MAD_TO_SD * float(np.median(np.abs(errors))), 1),
+        "sd_deg": _spread(np.array(errors)),
     }
 
 

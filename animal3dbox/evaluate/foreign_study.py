@@ -16,6 +16,7 @@ from torch import Tensor
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
 from animal3dbox.datasets.synthetic.foreign.config import ALONE, ForeignConfig
+from animal3dbox.datasets.synthetic.foreign.mirrored import mirrored_animal
 from animal3dbox.evaluate.confidence_mix import preset_arguments
 from animal3dbox.evaluate.tables import Cell, Table, percent, quantile, table_from_records
 from animal3dbox.geometry.camera import project
@@ -38,6 +39,9 @@ VIEWS: Mapping[str, ForeignConfig] = {
     "rearing": replace(PLAIN, poses=("rear",)),
     "UAV": replace(PLAIN, world=replace(ALONE, uav=1.0, elevation_deg=(25.0, 85.0)), standing=1.0),
 }
+MIRRORED = "mirrored"
+SELDOM = (*VIEWS, MIRRORED)
+"""Views that the prior of up must leave alone where keypoints tell them."""
 MISFITS_DEG = (1.5, 3.0, 5.0)
 
 
@@ -70,8 +74,19 @@ class ForeignRow:
     is_above: bool | None = None
 
 
-def foreign_rows(index: int) -> list[ForeignRow]:
-    """One animal under every setting; a pure function of its index."""
+def foreign_rows(index: int, groups: Sequence[str] = ()) -> list[ForeignRow]:
+    """One animal under every setting; a pure function of its index.
+
+    Args:
+        index: of the animal.
+        groups: of settings, of GROUPS; none: all of them.
+
+    """
+    return [row for group in groups or GROUPS for row in GROUPS[group](index)]
+
+
+def _mask_rows(index: int) -> list[ForeignRow]:
+    """The rows of an exact body: without a mask, with an exact one, and with a worn one."""
     plain = _drawn(index, PLAIN)
     rows = [
         _row(index, plain, "no mask", mask=None),
@@ -81,11 +96,16 @@ def foreign_rows(index: int) -> list[ForeignRow]:
         _row(index, plain, "focal estimated, clean mask", K=None),
     ]
     worn = _drawn(index, replace(PLAIN, mask_jitter_px=1.0))
-    rows += [
+    return [
+        *rows,
         _row(index, worn, "mask jittered by 1 px"),
         _row(index, worn, "focal estimated, jittered mask", K=None),
     ]
-    rows += _exchanged_rows(index, worn)
+
+
+def _misfit_rows(index: int) -> list[ForeignRow]:
+    """The rows of bodies whose joints are off, with and without a mask."""
+    rows = []
     for joint_deg in MISFITS_DEG:
         faults = FaultConfig(noise_px=2.0, joint_deg=joint_deg)
         misfit = _drawn(index, replace(PLAIN, faults=faults, mask_jitter_px=1.0))
@@ -93,17 +113,25 @@ def foreign_rows(index: int) -> list[ForeignRow]:
             _row(index, misfit, f"joints off by {joint_deg:g} deg, no mask", mask=None),
             _row(index, misfit, f"joints off by {joint_deg:g} deg, jittered mask"),
         ]
-    faults = FaultConfig(noise_px=2.0, joint_deg=3.0, outliers=0.1)
-    rows.append(_row(index, _drawn(index, replace(PLAIN, faults=faults)), "3 deg, outliers"))
-    return rows + _view_rows(index)
+    return rows
 
 
 def _drawn(index: int, config: ForeignConfig) -> ForeignAnimal:
     return foreign_animal(FIRST_SEED + index % 50, index, config)
 
 
-def _exchanged_rows(index: int, animal: ForeignAnimal) -> list[ForeignRow]:
-    """The rows of an animal whose left and right are exchanged in each part."""
+def _exchanged_rows(index: int) -> list[ForeignRow]:
+    """The rows of an animal whose left and right are exchanged in each part, and in none."""
+    animal = _drawn(index, replace(PLAIN, mask_jitter_px=1.0))
+    faults = FaultConfig(noise_px=2.0, joint_deg=3.0, outliers=0.1)
+    return [
+        _row(index, animal, "nothing exchanged"),
+        _row(index, _drawn(index, replace(PLAIN, faults=faults)), "3 deg, outliers"),
+        *_exchanges(index, animal),
+    ]
+
+
+def _exchanges(index: int, animal: ForeignAnimal) -> list[ForeignRow]:
     return [
         _row(
             index,
@@ -118,8 +146,9 @@ def _exchanged_rows(index: int, animal: ForeignAnimal) -> list[ForeignRow]:
 def _view_rows(index: int) -> list[ForeignRow]:
     """The rows of views that are seldom, with and without the prior of up."""
     rows = []
-    for view, config in VIEWS.items():
-        animal = _drawn(index, config)
+    animals = {view: _drawn(index, config) for view, config in VIEWS.items()}
+    animals[MIRRORED] = mirrored_animal(_drawn(index, PLAIN))
+    for view, animal in animals.items():
         rows += [_row(index, animal, view), _row(index, animal, f"{view}, no prior", FREE_OF_UP)]
         preset = preset_arguments(animal.preset, animal)
         rows += [
@@ -127,6 +156,14 @@ def _view_rows(index: int) -> list[ForeignRow]:
             _row(index, animal, f"{view}, preset, no prior", FREE_OF_UP, **preset),
         ]
     return rows
+
+
+GROUPS: Mapping[str, Callable[[int], list[ForeignRow]]] = {
+    "masks": _mask_rows,
+    "exchanges": _exchanged_rows,
+    "misfits": _misfit_rows,
+    "views": _view_rows,
+}
 
 
 def _row(

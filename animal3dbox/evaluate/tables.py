@@ -134,6 +134,16 @@ def percent(flags: Sequence[bool]) -> float | None:
     return 100.0 * sum(flags) / len(flags) if flags else None
 
 
+def wilson_bounds(count: int, total: int) -> tuple[float, float]:
+    """The 95 % bounds of a rate of which count of total were seen, by Wilson's score interval."""
+    if not total:
+        return 0.0, 1.0
+    z, rate = 1.96, count / total
+    middle = rate + z * z / (2 * total)
+    half = z * math.sqrt(rate * (1 - rate) / total + z * z / (4 * total * total))
+    return (middle - half) / (1 + z * z / total), (middle + half) / (1 + z * z / total)
+
+
 def _known(values: Iterable[float | None]) -> list[float]:
     return [value for value in values if value is not None]
 

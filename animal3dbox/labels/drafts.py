@@ -11,6 +11,7 @@ from animal3dbox.errors import SampleError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.distortion import beyond_lens
+from animal3dbox.geometry.mask_outline import MaskOutline, mask_outline
 from animal3dbox.geometry.mask_supports import MaskSupports, even_directions, mask_supports
 from animal3dbox.geometry.pixel_boxes import mask_box
 from animal3dbox.geometry.straightening import straightened_box, straightened_pixels
@@ -21,6 +22,7 @@ from animal3dbox.labels.observation import Observation
 from animal3dbox.labels.pose.estimate import estimate_pose, estimate_zoom
 from animal3dbox.labels.pose.focal_length import common_zoom
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma, misfit_sigma
+from animal3dbox.labels.pose.outline_refinement import OUTLINE_POINTS
 from animal3dbox.labels.pose.problem import AS_GIVEN, PoseEstimate, PoseFailure, PoseProblem
 from animal3dbox.labels.types import Rejection
 from animal3dbox.labels.visibility.body_in_picture import body_in_picture
@@ -258,7 +260,7 @@ def _pose_problem(
     noise = sigma
     if config.method == "default" and misfit is not None and body.landmark_sigma.any():
         sigma = np.hypot(sigma, misfit_sigma(points, pixels, misfit))
-    problem = PoseProblem(
+    return PoseProblem(
         points_world=points,
         points_px=pixels,
         sigma_px=sigma,
@@ -272,8 +274,9 @@ def _pose_problem(
         down_cam=observation.down_cam,
         noise_px=noise,
         log_focal_sd=observation.log_focal_sd,
-    )
-    return problem, warnings
+        faces=None if body.faces is None else as_numpy(body.faces),
+        mask_outline=_outline(observation, config),
+    ), warnings
 
 
 def _supports(observation: Observation, config: LabelConfig) -> MaskSupports | None:
@@ -283,6 +286,14 @@ def _supports(observation: Observation, config: LabelConfig) -> MaskSupports | N
         return None
     supports = mask_supports(mask, DIRECTIONS, observation.K, observation.distortion)
     return supports if len(supports.heights) else None
+
+
+def _outline(observation: Observation, config: LabelConfig) -> MaskOutline | None:
+    """The mask's outline; None without one, or where the method compares no mesh with it."""
+    mask = observation.mask
+    if mask is None or config.method != "default" or config.mask_box not in (None, "mesh"):
+        return None
+    return mask_outline(mask, OUTLINE_POINTS, observation.K, observation.distortion)
 
 
 def _exchanged_points(

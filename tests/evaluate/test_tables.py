@@ -10,7 +10,7 @@ from animal3dbox.evaluate.files import Evaluation, as_text, write_json
 from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.pictures import pictures_of
 from animal3dbox.evaluate.plots import plots_of
-from animal3dbox.evaluate.tables import PAPER, Table, mean, percent, quantile, shown
+from animal3dbox.evaluate.tables import PAPER, Table, mean, percent, quantile, shown, wilson_bounds
 
 TABLE = Table(
     "t",
@@ -19,6 +19,15 @@ TABLE = Table(
     ("method", "px", "n"),
     (("ours", 1.25, 3), ("theirs", None, 0), (f"({PAPER})", 75.28, 1)),
 )
+
+
+def test_bounds_of_a_rate_hold_it_and_narrow_with_the_count() -> None:
+    """None of 100: at most 3.7 %, z^2 / (n + z^2)."""
+    assert wilson_bounds(0, 0) == (0.0, 1.0)
+    low, high = wilson_bounds(0, 100)
+    assert abs(low) < 1e-12
+    assert high == pytest.approx(0.0370, abs=1e-4)
+    assert wilson_bounds(500, 1000)[1] - 0.5 < wilson_bounds(5, 10)[1] - 0.5
 
 
 def test_numbers_are_shown_with_about_four_digits_and_the_unknown_as_a_dash() -> None:

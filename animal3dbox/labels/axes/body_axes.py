@@ -29,8 +29,9 @@ Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 DISAGREEMENT_DEG = 10.0
 """Angle between the axes of landmarks and those of sections from which a label warns."""
-LINE_YAW_SHARE = 0.3
-"""How much the line's yaw counts beside that of the sections, of trunks that are bent."""
+LINE_YAW_SHARE, LINE_ROLL_SHARE = 0.3, 0.4
+"""How much the line's yaw, of trunks that are bent, and the roll of its pairs count beside those of
+the sections."""
 PLACEMENT_SD_DEG = 1.5
 """Standard deviation of a dataset's pitch as calibration finds it."""
 
@@ -219,14 +220,15 @@ def _axes_of_trunk(observation: Observation, landmarks: Mapping[str, Array]) -> 
 def _mixed_axes(of_line: Array, of_sections: Array, spread_deg: float) -> Array:
     """Axes between those of a line and those of sections, (3, 3) each.
 
-    Roll is the sections', whose mirror images tell it. Pitches are weighed by inverse variances, of
-    which the line's is given as a standard deviation.
+    Yaw and roll are shared by LINE_YAW_SHARE and LINE_ROLL_SHARE. Pitches are weighed by inverse
+    variances, of which the line's is given as a standard deviation.
     """
     share = 1 / (1 + (spread_deg / shipped_weights().sd_deg) ** 2)
     forward = of_line[:, 0] @ of_sections
     yaw = LINE_YAW_SHARE * np.arctan2(forward[1], forward[0])
     turned = frame_from_directions(
-        of_sections[:, 0] + np.tan(yaw) * of_sections[:, 1], of_sections[:, 1]
+        of_sections[:, 0] + np.tan(yaw) * of_sections[:, 1],
+        of_sections[:, 1] + LINE_ROLL_SHARE * (of_line[:, 1] - of_sections[:, 1]),
     )
     R_box = of_sections if turned is None else turned
     return pitched(R_box, share * pitch_between(of_sections, of_line))

@@ -15,7 +15,7 @@ from animal3dbox.labels.pose.problem import PoseProblem
 from animal3dbox.labels.pose.self_occlusion import hidden_landmarks
 
 Array = NDArray[np.float64]
-BELOW_DEG, BELOW_SIGMA_DEG = 0.0, 10.0
+BELOW_DEG, BELOW_SIGMA_DEG = 0.0, 25.0
 """Elevation of the camera over the animal's own plane from which on a pose costs more, and by
 which standard deviation."""
 ROLL_SIGMA_DEG = 50.0

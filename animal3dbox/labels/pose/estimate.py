@@ -19,6 +19,7 @@ from animal3dbox.labels.pose.multi_start_search import (
     keypoint_distances,
     search_poses,
 )
+from animal3dbox.labels.pose.outline_refinement import refine_on_outline
 from animal3dbox.labels.pose.paper_refinement import refined_pose
 from animal3dbox.labels.pose.problem import (
     AS_GIVEN,
@@ -40,7 +41,7 @@ from animal3dbox.labels.pose.robust_joint_cost import (
 Array = NDArray[np.float64]
 FINALISTS = 3
 """So many of the poses that the search finds are refined by the joint cost."""
-DOUBT_SIGMA, DOUBT_MISFIT, DOUBT_HIDDEN = 4.0, 1.5, 2
+DOUBT_SIGMA, DOUBT_MISFIT, DOUBT_HIDDEN = 4.0, 1.5, 3
 """Other labelings are tried if a keypoint is off by more than DOUBT_SIGMA, the misfit is more than
 DOUBT_MISFIT, or DOUBT_HIDDEN marked keypoints lie behind the body."""
 EXCHANGED = "exchanged"
@@ -217,7 +218,7 @@ def _choose(fits: list[_Fit], config: LabelConfig) -> PoseEstimate | PoseFailure
         key=lambda one: one.score,
     )
     for best in rated:
-        pose = checked_pose(best.fit.problem, best.estimate(rated, of_body))
+        pose = checked_pose(best.fit.problem, best.estimate(rated, of_body, config))
         if isinstance(pose, PoseEstimate):
             return pose
     return PoseFailure("behind_camera", "every refined pose puts the animal behind the camera")
@@ -245,15 +246,23 @@ class _Rated:
         R: Array = self.fit.refined.poses.R[self.index]
         return R
 
-    def estimate(self, others: "list[_Rated]", misfit_of_body: float) -> PoseEstimate:
-        """The pose with its evidence, among others."""
+    def estimate(
+        self, others: "list[_Rated]", misfit_of_body: float, config: LabelConfig
+    ) -> PoseEstimate:
+        """The pose with its evidence, among others, refined on the mask's whole outline."""
         refined, i = self.fit.refined, self.index
         behind = [
             other.score - self.score
             for other in others
             if other.fit is not self.fit or np.linalg.norm(other.R - self.R) > ANOTHER
         ]
-        spread = pose_covariance(self.fit.problem, refined, i)
+        poses, local = refined.poses[i : i + 1], refined.local[i : i + 1]
+        on_outline = refine_on_outline(
+            self.fit.problem, poses, self.fit.misfit, misfit_of_body=misfit_of_body, config=config
+        )
+        if on_outline is not None:
+            poses, local = on_outline
+        spread = pose_covariance(self.fit.problem, poses, local)
         evidence = PoseEvidence(
             rotation_covariance=spread[:3, :3],
             misfit=misfit_of_body,
@@ -262,9 +271,7 @@ class _Rated:
             hidden=self.hidden,
             log_focal_sd=self.fit.problem.log_focal_sd,
         )
-        return PoseEstimate(
-            self.R.copy(), refined.poses.t[i].copy(), self.fit.hypotheses[i], evidence
-        )
+        return PoseEstimate(poses.R[0].copy(), poses.t[0].copy(), self.fit.hypotheses[i], evidence)
 
 
 def _rated(

@@ -83,6 +83,10 @@ class LocalModel:
     A: Array
     b: Array
 
+    def __getitem__(self, ids: Any) -> "LocalModel":
+        """Those of some indices, or of a mask (B,)."""
+        return LocalModel(self.cost[ids], self.A[ids], self.b[ids])
+
 
 def project_with_slopes(
     points: Array, linear: Array, poses: CameraPoses

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.mask_outline import MaskOutline
 from animal3dbox.geometry.mask_supports import MaskSupports
 from animal3dbox.geometry.unit_frame import translation_from_unit_frame, unit_frame
 from animal3dbox.labels.pose.self_occlusion import depths_in_flesh
@@ -49,6 +50,8 @@ class PoseProblem:
             off on the body; None: sigma_px.
         log_focal_sd: standard deviation of the natural logarithm of K's focal length; None: it is
             known.
+        faces: (F, 3) of vertices_world, or None.
+        mask_outline: points on the mask's outline, or None.
 
     Example:
         >>> import numpy as np
@@ -76,6 +79,8 @@ class PoseProblem:
     down_cam: Array | None = None
     noise_px: Array | None = None
     log_focal_sd: float | None = None
+    faces: NDArray[np.int64] | None = None
+    mask_outline: MaskOutline | None = None
 
     @cached_property
     def linear(self) -> Array:

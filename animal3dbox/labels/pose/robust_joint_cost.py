@@ -4,7 +4,7 @@ Batched over poses; every residual has its own Cauchy loss of width CAUCHY_95. d
 the formulas.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -36,10 +36,10 @@ BEHIND_AT_MOST."""
 BAND = 0.06
 """Of the body's extent in the picture: vertices so near to a support can come to be it while the
 pose moves a little."""
-JOINT_GAIN = 1e-5
+JOINT_GAIN = 1e-3
 """Relative gain in cost below which a pose has settled: a cost of ten then moves it by less than a
-fiftieth of its standard deviation."""
-LEAST_CURVATURE = 0.05
+seventh of its standard deviation."""
+LEAST_CURVATURE = 0.5
 """Of a residual's weight.
 
 The Cauchy loss bends down beyond its width, which a descent must not follow.
@@ -61,6 +61,7 @@ class JointTerms:
         directions: (D, 2) unit, of the supports; D = 0 without a mask.
         heights: (D,) px about the principal point.
         support_weight: 1 / px, of the supports' residuals.
+        mask_share: 1 at the usual lambda, by which all residuals of masks are multiplied.
     """
 
     weights: Array
@@ -68,6 +69,13 @@ class JointTerms:
     directions: Array
     heights: Array
     support_weight: float
+    mask_share: float
+
+    @property
+    def of_keypoints(self) -> "JointTerms":
+        """The same without the mask's supports."""
+        nothing = np.zeros((3, 0)), np.zeros((0, 2)), np.zeros(0)
+        return replace(self, body=nothing[0], directions=nothing[1], heights=nothing[2])
 
 
 @dataclass(frozen=True)
@@ -109,25 +117,24 @@ def refine_jointly(
         least = local.cost[order[0]]
         order = order[local.cost[order] <= BEHIND * least + BEHIND_AT_MOST]
         poses, ids, outline = poses[order], ids[order], outline[order]
-        local = LocalModel(local.cost[order], local.A[order], local.b[order])
+        local = local[order]
         if settled and outline_is_complete(problem, terms, poses, outline=outline):
             break
     return RefinedPoses(poses, ids, local)
 
 
-def pose_covariance(problem: PoseProblem, refined: RefinedPoses, index: int) -> Array:
-    """The covariance (6, 6) of a step (w, d) from a refined pose, by the cost's curvature.
+def pose_covariance(problem: PoseProblem, pose: CameraPoses, local: LocalModel) -> Array:
+    """The covariance (6, 6) of a step (w, d) from one refined pose, by the cost's curvature.
 
     Where the focal length was estimated before, its standard deviation is propagated: with A and a
     the curvature of the pose and its product with the zoom's, the inverse of A plus s^2 g g^T,
     g = A^-1 a.
     """
-    A = refined.local.A[index]
+    A = local.A[0]
     spread: Array = np.linalg.pinv(A, hermitian=True)
     if problem.log_focal_sd is None:
         return spread
-    R, t = refined.poses.R[index : index + 1], refined.poses.t[index : index + 1]
-    zoomed = CameraPoses(R, t, np.zeros(1))
+    zoomed = CameraPoses(pose.R, pose.t, np.zeros(1))
     _, slopes, _ = project_with_slopes(problem.points_world, problem.linear, zoomed)
     slopes = (slopes / problem.sigma_px)[0].reshape(7, -1)
     by_zoom = np.linalg.lstsq(slopes[:6].T, -slopes[6], rcond=None)[0]
@@ -164,6 +171,7 @@ def joint_terms(
         body=body,
         directions=directions,
         heights=heights,
+        mask_share=float(by_mask),
         support_weight=float(by_mask) / (SUPPORT_SIGMA_PX * misfit_of_body**MISFIT_POWER),
     )
 
@@ -205,18 +213,26 @@ def joint_cost(
 
     """
     residuals, slopes, in_front = joint_residuals(problem, poses, terms=terms, outline=outline)
-    square = (residuals / CAUCHY_95) ** 2
-    weight = 1 / (1 + square)
-    curvature = weight * np.maximum((1 - square) * weight, LEAST_CURVATURE)
-    cost = CAUCHY_95**2 / 2 * np.log1p(square).sum(-1)
-    A = (slopes * curvature[:, None]) @ slopes.mT
-    b = (slopes @ (weight * residuals)[..., None])[..., 0]
+    local = robust_sum(residuals, slopes)
+    cost, A, b = local.cost, local.A, local.b
     if poses.log_zoom is not None:
         in_sigma = poses.log_zoom / ZOOM_SIGMA
         cost = cost + in_sigma**2 / 2
         A[:, 6, 6] += 1 / ZOOM_SIGMA**2
         b[:, 6] += in_sigma / ZOOM_SIGMA
     return LocalModel(np.where(in_front, cost, np.inf), A, b)
+
+
+def robust_sum(residuals: Array, slopes: Array) -> LocalModel:
+    """The sum of the Cauchy losses of residuals (B, M) with slopes (B, P, M), and derivatives."""
+    square = (residuals / CAUCHY_95) ** 2
+    weight = 1 / (1 + square)
+    curvature = weight * np.maximum((1 - square) * weight, LEAST_CURVATURE)
+    return LocalModel(
+        cost=CAUCHY_95**2 / 2 * np.log1p(square).sum(-1),
+        A=(slopes * curvature[:, None]) @ slopes.mT,
+        b=(slopes @ (weight * residuals)[..., None])[..., 0],
+    )
 
 
 def joint_residuals(
@@ -264,7 +280,7 @@ def outline_candidates(problem: PoseProblem, terms: JointTerms, poses: CameraPos
     """
     if not len(terms.directions):
         return np.zeros((len(poses), 3, 0))
-    px = _pixels(problem, terms.body, poses)
+    px = projected(problem, terms.body, poses)
     band = BAND * (px.max(-1) - px.min(-1)).max(-1)
     reach = terms.directions @ px  # (B, D, V)
     near = (reach > reach.max(-1, keepdims=True) - band[:, None, None]).any(1)
@@ -280,13 +296,13 @@ def outline_is_complete(
     if not len(terms.directions):
         return True
     of_body, of_outline = (
-        (terms.directions @ _pixels(problem, points, poses)).max(-1)
+        (terms.directions @ projected(problem, points, poses)).max(-1)
         for points in (terms.body, outline)
     )
     return bool((of_body - of_outline).max() <= BOUNDS_PX)
 
 
-def _pixels(problem: PoseProblem, points: Array, poses: CameraPoses) -> Array:
+def projected(problem: PoseProblem, points: Array, poses: CameraPoses) -> Array:
     """Where points (3, M) or (B, 3, M) are seen about the principal point, (B, 2, M)."""
     lens = np.eye(3)
     lens[:2, :2] = problem.linear
@@ -303,6 +319,6 @@ def _supporting(
     problem: PoseProblem, outline: Array, poses: CameraPoses, terms: JointTerms
 ) -> Array:
     """The points (B, D, 3) of the outline that reach farthest in each direction."""
-    ids = (terms.directions @ _pixels(problem, outline, poses)).argmax(-1)
+    ids = (terms.directions @ projected(problem, outline, poses)).argmax(-1)
     farthest: Array = outline[np.arange(len(poses))[:, None], :, ids]
     return farthest

@@ -15,6 +15,7 @@ from animal3dbox.datasets.synthetic.foreign.bodies import (
 )
 from animal3dbox.datasets.synthetic.foreign.config import ALONE, ForeignConfig
 from animal3dbox.datasets.synthetic.foreign.masks import worn_mask
+from animal3dbox.datasets.synthetic.foreign.mirrored import mirrored_animal
 from animal3dbox.datasets.synthetic.foreign.places import drawn_offsets, trunk_length
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.rasterizer import silhouette
@@ -140,6 +141,30 @@ def test_animals_lie_on_their_sides_and_cameras_look_up_when_asked() -> None:
     below = replace(SMALL, uav=0.0, elevation_deg=(-40.0, -10.0))
     animal = foreign_animal(0, 0, replace(EXACT, world=below))
     assert float(animal.camera.center_world[2]) < 0.4
+
+
+def test_a_mirrored_animal_is_an_animal_before_a_camera() -> None:
+    """Its picture is the mirrored one, keypoints are named by its own sides, and so is its body."""
+    animal = foreign_animal(3, 4, replace(EXACT, places=0.08))
+    mirrored = mirrored_animal(animal)
+    width = animal.camera.image_hw[1]
+    left, right = (animal.vocabulary.index_of(f"{side}_eye") or 0 for side in ("left", "right"))
+    px, _ = mirrored.camera.project(mirrored.landmarks)
+    original, _ = animal.camera.project(animal.landmarks)
+    assert px[left, 0] == pytest.approx(float(width - 1 - original[right, 0]))
+    torch.testing.assert_close(torch.linalg.det(mirrored.trunk), torch.tensor(1.0).double())
+    torch.testing.assert_close(
+        torch.linalg.det(mirrored.camera.R_cam_world), torch.tensor(1.0).double()
+    )
+    # The mirrored body lies in the mirrored mask, and is in correspondence with its model.
+    T = mirrored.camera.T_cam_world
+    vertices_cam = mirrored.vertices @ T[:3, :3].mT + T[:3, 3]
+    drawn = silhouette(
+        vertices_cam, mirrored.model.faces, mirrored.camera.K, mirrored.camera.image_hw
+    )
+    assert float((drawn & mirrored.mask).sum() / (drawn | mirrored.mask).sum()) > 0.9
+    R = torso_axes(mirrored.vertices.numpy(), mirrored.model)
+    torch.testing.assert_close(torch.from_numpy(R), mirrored.trunk, atol=0.2, rtol=0)
 
 
 @pytest.mark.parametrize(
