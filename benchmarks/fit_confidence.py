@@ -1,6 +1,6 @@
 """Fit the coefficients of a label's confidence, and judge them on another mix of animals.
 
-    python benchmarks/fit_confidence.py --n 1400 --judge 1000
+    python benchmarks/fit_confidence.py --n 1500 --judge 1000 --judge-from 750
 
 The coefficients are made with the mix "learned" of animal3dbox.evaluate.confidence_mix, its labels
 weighted so that part BASE_RATE of all are bad, and go into
@@ -61,14 +61,14 @@ class Draw(msgspec.Struct):
         return self.body != "alone"
 
 
-def draws_of(name: str, count: int, folder: Path | None) -> list[Draw]:
-    """The labels of a mix, kept in a folder if there is one."""
-    kept = None if folder is None else folder / f"{name}-{count}.json"
+def draws_of(name: str, numbers: range, folder: Path | None) -> list[Draw]:
+    """The labels of some animals of a mix, kept in a folder if there is one."""
+    kept = None if folder is None else folder / f"{name}-{numbers.start}-{numbers.stop}.json"
     if kept is not None and kept.exists():
         return msgspec.json.decode(kept.read_bytes(), type=list[Draw])
     draws = [
         Draw(one.body, one.label.quality, one.rotation_deg, one.corner_part)
-        for one in outcomes(FAMILIES[name], range(count))
+        for one in outcomes(FAMILIES[name], numbers)
     ]
     if kept is not None:
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -125,18 +125,22 @@ def axes_part(draws: Sequence[Draw]) -> float:
 def main() -> None:
     """Fit, write, judge and print."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--n", type=int, default=1400)
+    parser.add_argument("--n", type=int, default=1500)
     parser.add_argument("--judge", type=int, default=1000)
+    parser.add_argument("--judge-from", type=int, default=750)
     parser.add_argument("--draws", type=Path, default=None)
     options = parser.parse_args()
     torch.set_num_threads(1)
-    learned = draws_of("learned", options.n, options.draws)
+    learned = draws_of("learned", range(options.n), options.draws)
     bad_part = float(np.mean([one.rotation_deg >= BAD_DEG for one in learned]))
     by_kind: dict[str, list[Draw]] = {kind: [] for kind in KINDS}
     for one in learned:
         by_kind[kind_of(one.quality, is_rigid=one.is_rigid)].append(one)
     made = Coefficients(
-        command=f"python benchmarks/fit_confidence.py --n {options.n} --judge {options.judge}",
+        command=(
+            f"python benchmarks/fit_confidence.py --n {options.n} --judge {options.judge}"
+            f" --judge-from {options.judge_from}"
+        ),
         mix=f"learned, {len(learned)} labels; weighted to {BASE_RATE:.0%} bad",
         features=FEATURES,
         kinds={kind: coefficients_of(draws, bad_part) for kind, draws in by_kind.items()},
@@ -148,7 +152,8 @@ def main() -> None:
     ASSET.write_bytes(msgspec.json.format(msgspec.json.encode(made), indent=1) + b"\n")
     coefficients.cache_clear()  # the labels above were made with those before
     judged = []
-    for one in draws_of("judged", options.judge, options.draws):
+    numbers = range(options.judge_from, options.judge_from + options.judge)
+    for one in draws_of("judged", numbers, options.draws):
         told = confidence_of(one.quality, has_template=one.has_template, is_rigid=one.is_rigid)
         judged.append(_judged(one, told.probability, told.corner_error))
     table: Any = reliability_table(judged)

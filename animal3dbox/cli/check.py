@@ -2,7 +2,7 @@
 
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ from animal3dbox.datasets.batches import collate
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.labels.drafts import EXCHANGED_SIDES
+from animal3dbox.labels.pose.problem import AS_GIVEN
 from animal3dbox.report.label_checks import row_findings
 from animal3dbox.report.label_files import labels_file
 from animal3dbox.report.label_reading import read_label_rows
@@ -30,6 +32,8 @@ SHOWN = 20
 """Faults that are printed; --json has all."""
 READING = "reading"
 """The check that elements of a file fail which cannot be read."""
+EXCHANGED = "exchanged"
+"""The warning about animals whose left and right keypoints a label exchanged."""
 
 
 class CheckedFault(msgspec.Struct, kw_only=True):
@@ -133,6 +137,7 @@ def check_dataset(job: CheckJob) -> CheckReport:
     )
     loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
     findings: list[CheckedFault] = []
+    mended: list[str] = []
     animals = 0
     for step, (images, targets) in enumerate(
         tqdm(loader, desc="checking", unit="batch", disable=job.json or None)
@@ -140,6 +145,7 @@ def check_dataset(job: CheckJob) -> CheckReport:
         sizes = [(image.shape[1], image.shape[2]) for image in images]
         of_batch, count = examined(targets, sizes, step)
         findings += [_checked(finding, sample_of(finding, targets)) for finding in of_batch]
+        mended += [one for target in targets for one in mended_animals(target)]
         animals += count
     cases = dataset.report()
     faults = [
@@ -151,10 +157,27 @@ def check_dataset(job: CheckJob) -> CheckReport:
     rejected = cases.of("rejected")
     others = (f"{case.kind}: {case}" for case in cases.cases if case.kind != "fault")
     report = _report(
-        job.path, animals + len(rejected), faults, findings, notes=(*dataset.source.notes, *others)
+        job.path,
+        animals + len(rejected),
+        faults,
+        findings,
+        notes=(*dataset.source.notes, *mended, *others),
     )
     warnings = Counter(report.warnings) + Counter(case.field for case in rejected)
+    warnings += Counter({EXCHANGED: len(mended)})
     return msgspec.structs.replace(report, warnings=warnings)
+
+
+def mended_animals(target: Mapping[str, Any]) -> list[str]:
+    """Sentences on a target's animals whose left and right keypoints a label exchanged."""
+    meta = target["meta"]
+    return [
+        f"{sample_id}: {warning}"
+        for sample_id, quality in zip(meta["sample_ids"], meta["quality"], strict=True)
+        if quality["labeling"] != AS_GIVEN
+        for warning in quality["warnings"]
+        if warning.startswith(EXCHANGED_SIDES)
+    ]
 
 
 def _report(

@@ -31,6 +31,8 @@ from animal3dbox.smal.keypoints.exchanges import PARTS, exchange_order
 Array = NDArray[np.float64]
 DIRECTIONS = even_directions(16)
 """In which the mask's supports are compared with the body's."""
+EXCHANGED_SIDES = "left and right are exchanged in the file"
+"""How the warning of a label begins that exchanged them."""
 
 
 @dataclass(frozen=True)
@@ -205,8 +207,7 @@ def _mended(observation: Observation, part: str) -> tuple[Observation, str]:
     order = list(exchange_order(words, part))
     names = [words.keypoints[j] for j in range(len(words)) if order[j] != j]
     warning = (
-        f"left and right are exchanged in the file ({part}: {', '.join(names)}): the label uses"
-        " them the other way round"
+        f"{EXCHANGED_SIDES} ({part}: {', '.join(names)}): the label uses them the other way round"
     )
     if keypoints is None:
         return observation, warning

@@ -41,6 +41,13 @@ def answers(inspection: Inspection) -> list[str]:
             "bodies under the cameras that come with them are off their keypoints by"
             f" {_residual_phrase(inspection.cameras.residual)}"
         )
+    if inspection.labelings.exchanged:
+        count = sum(map(len, inspection.labelings.exchanged.values()))
+        sentences.append(
+            f"left and right keypoints are exchanged in {count} of"
+            f" {inspection.labelings.labelled} animals: labels mend them and say so, or keep them"
+            " with --labelings keep"
+        )
     if inspection.animal3d is not None:
         sentences += _about_animal3d(inspection.animal3d)
     return sentences

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import msgspec
 
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import ReadOptions, bodies_for, read_dataset
 from animal3dbox.datasets.inspection.animal3d import animal3d_facts
 from animal3dbox.datasets.inspection.answers import answers
+from animal3dbox.datasets.inspection.labelings import labeling_facts
 from animal3dbox.datasets.inspection.records import (
     body_facts,
     camera_facts,
@@ -72,6 +73,7 @@ def inspect_dataset(
         masks=mask_facts(records),
         bodies=body_facts(records, bodies),
         cameras=camera_facts(records, bodies),
+        labelings=labeling_facts(records, bodies_for(dataset, None)),
         faults=fault_facts(dataset.records),
         animal3d=own,
         notes=list(dataset.records.notes),

@@ -2,7 +2,7 @@
 
 import msgspec
 
-SCHEMA, VERSION = "animal3dbox.inspection", 1
+SCHEMA, VERSION = "animal3dbox.inspection", 2
 """Name and version of the JSON's form."""
 
 
@@ -116,6 +116,18 @@ class FaultFacts(msgspec.Struct, frozen=True):
     count: int
     by_field: dict[str, int]
     first: list[FaultLine]
+
+
+class LabelingFacts(msgspec.Struct, frozen=True):
+    """Which animals' keypoints have left and right exchanged.
+
+    Attributes:
+        labelled: number of animals that were labelled to find out.
+        exchanged: part of the body, or "all" -> the samples.
+    """
+
+    labelled: int
+    exchanged: dict[str, list[str]]
 
 
 class PictureFit(msgspec.Struct, frozen=True):
@@ -247,6 +259,7 @@ class Inspection(msgspec.Struct, frozen=True):
         masks: counts on the masks.
         bodies: counts on the animals' own bodies.
         cameras: counts on the cameras.
+        labelings: which keypoints have left and right exchanged.
         faults: counts on the samples that cannot be used.
         animal3d: facts of Animal3D's files; None of other formats.
         notes: the reader's own sentences.
@@ -269,6 +282,7 @@ class Inspection(msgspec.Struct, frozen=True):
     masks: MaskFacts
     bodies: BodyFacts
     cameras: CameraFacts
+    labelings: LabelingFacts
     faults: FaultFacts
     animal3d: Animal3DFacts | None
     notes: list[str]

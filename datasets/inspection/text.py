@@ -17,7 +17,12 @@ MANY = 12
 def as_text(inspection: Inspection) -> str:
     """The text of an inspection: counts, measurements, faults, and what follows from them."""
     measurements = () if inspection.animal3d is None else _animal3d(inspection.animal3d)
-    lines = [*_counts(inspection), *measurements, *_ends(inspection)]
+    lines = [
+        *_counts(inspection),
+        *_labelings(inspection),
+        *measurements,
+        *_ends(inspection),
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -58,6 +63,18 @@ def _counts(inspection: Inspection) -> Iterator[str]:
         f"intrinsics: {_counts_phrase(cameras.intrinsics)}; exact poses {cameras.exact_poses},"
         f" guessed {cameras.stored_poses}, lenses {cameras.lenses}"
     )
+
+
+def _labelings(inspection: Inspection) -> Iterator[str]:
+    """Lines on animals whose left and right are exchanged, by the labels they would get."""
+    facts = inspection.labelings
+    counts = {part: len(samples) for part, samples in facts.exchanged.items()}
+    yield (
+        f"left and right exchanged, of {facts.labelled} animals labelled:"
+        f" {_counts_phrase(counts) or 'none'}"
+    )
+    for part, samples in facts.exchanged.items():
+        yield f"  {part}: {', '.join(samples[:MANY])}" + (", ..." if len(samples) > MANY else "")
 
 
 def _counts_phrase(counts: Mapping[str, int]) -> str:

@@ -17,6 +17,7 @@ from small_animals import model_of
 
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.report.label_checks import ROW_CHECKS
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 
 Content = dict[str, Any]
 
@@ -204,6 +205,21 @@ def test_a_dataset_is_labelled_and_checked(animals: Path) -> None:
         len(json.loads((animals / name).read_text())["data"])
         for name in ("train.json", "test.json")
     )
+
+
+def test_keypoints_whose_sides_were_exchanged_are_warned_of(copied: Path) -> None:
+    file = copied / "test.json"
+    content = json.loads(file.read_text())
+    flip = VOCABULARIES["animal3d26"].flip
+    for entry in content["data"]:
+        entry["keypoint_2d"] = [entry["keypoint_2d"][i] for i in flip]
+    file.write_text(json.dumps(content))
+    code, output = ran("check", copied, "--model", str(model_of(copied)), "--json")
+    report = json.loads(output)
+    assert (code, report["faults"]) == (0, [])
+    exchanged = [note for note in report["notes"] if "left and right are exchanged" in note]
+    assert len(exchanged) == report["warnings"]["exchanged"] > 0
+    assert "left_eye" in exchanged[0]
 
 
 def test_a_dataset_s_bad_samples_are_named(copied: Path) -> None:

@@ -243,6 +243,23 @@ def test_what_maps_stored_keypoints_onto_the_bodies_is_told(
     assert f"{relation} in 3" in answer(found, "keypoint_3d against the posed bodies")
 
 
+def test_animals_whose_left_and_right_a_label_would_exchange_are_named(
+    home: Path, tmp_path: Path
+) -> None:
+    plain, _ = inspected(home, home / "animals")
+    assert 0.8 * plain.animals <= plain.labelings.labelled <= plain.animals  # rest: rejected
+    assert sum(map(len, plain.labelings.exchanged.values())) <= 1
+    found, _ = altered(
+        home,
+        tmp_path,
+        each(lambda entry: entry.update(keypoint_2d=[entry["keypoint_2d"][i] for i in FLIP])),
+    )
+    samples = found.labelings.exchanged["all"]
+    assert len(samples) >= 0.75 * found.labelings.labelled
+    assert f"all: {samples[0]}" in as_text(found)
+    assert answer(found, "left and right keypoints are exchanged in")
+
+
 def test_sides_exchanged_in_the_image_or_in_space_are_told(home: Path, tmp_path: Path) -> None:
     _, facts = altered(
         home,
@@ -385,5 +402,5 @@ def test_the_command_prints_words_or_json(
     assert codes == [4, 4]
     assert "so:\n" in text
     found = msgspec.json.decode("{" + printed, type=Inspection)
-    assert (found.schema, found.version, found.faults.count) == ("animal3dbox.inspection", 1, 1)
+    assert (found.schema, found.version, found.faults.count) == ("animal3dbox.inspection", 2, 1)
     assert as_text(found) == text + "\n"
