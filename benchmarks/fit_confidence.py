@@ -3,7 +3,7 @@
     python benchmarks/fit_confidence.py --n 1500 --judge 1000 --judge-from 750
 
 The coefficients are made with the mix "learned" of animal3dbox.evaluate.confidence_mix, its labels
-weighted so that part BASE_RATE of all are bad, and go into
+weighted so that part BASE_RATE are bad of those with a mask and of those without, and go into
 animal3dbox/labels/assets/confidence.json. The table is of the mix "judged". --draws FOLDER keeps
 and reuses the labels of both.
 """
@@ -38,6 +38,7 @@ ASSET = Path(__file__).parents[1] / "animal3dbox" / "labels" / "assets" / "confi
 BASE_RATE = 0.3
 RIDGE = 4.0
 """Strength of the penalty on weights of standardised features."""
+MASKED = "+mask"
 KINDS = ("own", "own+mask", "rigid", "rigid+mask")
 RIGID = ("species", "dog")
 
@@ -77,7 +78,7 @@ def draws_of(name: str, numbers: range, folder: Path | None) -> list[Draw]:
 
 
 def coefficients_of(draws: Sequence[Draw], bad_part: float) -> KindCoefficients:
-    """The coefficients of the labels of one kind, where part bad_part of all kinds are bad."""
+    """The coefficients of the labels of one kind, where part bad_part of its like are bad."""
     X = np.array([features(one.quality, has_template=one.has_template) for one in draws])
     good = np.array([one.rotation_deg < BAD_DEG for one in draws])
     weight = np.where(good, (1 - BASE_RATE) / (1 - bad_part), BASE_RATE / bad_part)
@@ -115,6 +116,12 @@ def _plain(w: Array, middle: Array, spread: Array) -> tuple[float, ...]:
     return tuple(round(float(value), 4) for value in plain)
 
 
+def _bad_part(draws: Sequence[Draw], has_mask: bool) -> float:
+    """The part of the labels with a mask, or of those without, that is bad."""
+    group = [one for one in draws if (one.quality.mask_iou is not None) == has_mask]
+    return float(np.mean([one.rotation_deg >= BAD_DEG for one in group]))
+
+
 def axes_part(draws: Sequence[Draw]) -> float:
     """Part of the well fitting labels whose box is right: what is left is the axes' fault."""
     sure = [one for one in draws if (one.quality.rotation_sd_deg or 99.0) < 3]
@@ -132,7 +139,7 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     learned = draws_of("learned", range(options.n), options.draws)
-    bad_part = float(np.mean([one.rotation_deg >= BAD_DEG for one in learned]))
+    bad_parts = {has_mask: _bad_part(learned, has_mask) for has_mask in (True, False)}
     by_kind: dict[str, list[Draw]] = {kind: [] for kind in KINDS}
     for one in learned:
         by_kind[kind_of(one.quality, is_rigid=one.is_rigid)].append(one)
@@ -143,7 +150,10 @@ def main() -> None:
         ),
         mix=f"learned, {len(learned)} labels; weighted to {BASE_RATE:.0%} bad",
         features=FEATURES,
-        kinds={kind: coefficients_of(draws, bad_part) for kind, draws in by_kind.items()},
+        kinds={
+            kind: coefficients_of(draws, bad_parts[kind.endswith(MASKED)])
+            for kind, draws in by_kind.items()
+        },
         axes={
             "template": axes_part([one for one in learned if one.body == "own"]),
             "landmarks": axes_part([one for one in learned if one.body == "alone"]),

@@ -32,6 +32,9 @@ DISAGREEMENT_DEG = 10.0
 LINE_YAW_SHARE, LINE_ROLL_SHARE = 0.3, 0.4
 """How much the line's yaw, of trunks that are bent, and the roll of its pairs count beside those of
 the sections."""
+FOREIGN_BODIES = 1.3
+"""How much larger the error of sections is taken to be than on the bodies that their weights were
+learned from."""
 PLACEMENT_SD_DEG = 1.5
 """Standard deviation of a dataset's pitch as calibration finds it."""
 
@@ -223,7 +226,8 @@ def _mixed_axes(of_line: Array, of_sections: Array, spread_deg: float) -> Array:
     Yaw and roll are shared by LINE_YAW_SHARE and LINE_ROLL_SHARE. Pitches are weighed by inverse
     variances, of which the line's is given as a standard deviation.
     """
-    share = 1 / (1 + (spread_deg / shipped_weights().sd_deg) ** 2)
+    of_sections_deg = FOREIGN_BODIES * shipped_weights().sd_deg
+    share = 1 / (1 + (spread_deg / of_sections_deg) ** 2)
     forward = of_line[:, 0] @ of_sections
     yaw = LINE_YAW_SHARE * np.arctan2(forward[1], forward[0])
     turned = frame_from_directions(
