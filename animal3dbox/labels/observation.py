@@ -146,7 +146,7 @@ def observe(
         if keypoints_2d is None
         else checks.keypoints(keypoints_2d, len(words), words.name, size)
     )
-    matrix = _checked_intrinsics(checks, K, size, config)
+    matrix = checked_intrinsics(checks, K, size, config)
     return Observation(
         sample_id=sample_id,
         image_hw=size,
@@ -242,7 +242,7 @@ def _used(body: Body, faces: Tensor | None, count: int) -> NDArray[np.bool_] | N
     return used_vertices(faces, count)
 
 
-def _checked_intrinsics(
+def checked_intrinsics(
     checks: ArgumentChecks, K: ArrayLike, image_hw: tuple[int, int], config: LabelConfig
 ) -> Array:
     """The intrinsics (3, 3) as given, or guessed from the longer side of the image."""
