@@ -3,7 +3,8 @@
 One step of the paper a file (docs/paper.md): `axes` (which way the body points), `bounds` (the
 box), `pose` (the camera), `visibility` (what the picture shows of the body); `observation` checks
 what comes in, `drafts` goes from there to box and camera, `assemble` to everything that follows.
-`fit` finds body and camera together where no body is known. NumPy inside; tensors are made by the properties of CuboidLabel.
+`fit` finds body and camera together where no body is known. NumPy inside; tensors are made by the
+properties of CuboidLabel.
 
 The names below are loaded when first used (PEP 562).
 """
