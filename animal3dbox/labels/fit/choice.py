@@ -9,19 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.labels.fit.descent import labeled, projected
+from animal3dbox.labels.fit.descent import labeled
 from animal3dbox.labels.fit.fit_body import FitBody
 from animal3dbox.labels.fit.kinematics import JointFrames, landmark_parts
 from animal3dbox.labels.fit.pose_prior import ground_normals
 from animal3dbox.labels.fit.problem import FitProblem, FitState
 
 Array = NDArray[np.float64]
-EXCHANGED_COST = 6.0
+EXCHANGED_COST = 4.0
 """What exchanged sides cost, in halves of a squared standard deviation."""
 TURNED_AWAY, FULLY_AWAY = -0.15, -0.45
 """Cosines of a landmark's surface and the line of sight at which it begins to be hidden, and is."""
-MARKED_AWAY, UNMARKED_FACING = 1.0, 0.5
-"""What a marked keypoint costs that is turned away, and an unmarked one that faces the camera."""
+AWAY_COST = 1.5
+"""What a marked keypoint costs whose surface is turned away."""
+FARTHER, FARTHER_COST = 0.5, 2.0
+"""What the one that is marked of a left and a right keypoint costs if it is the farther one, by
+more than FARTHER of their distance."""
 UNDER_DEG, UNDER_SD_DEG = -10.0, 10.0
 """The camera's elevation over the ground below which a state costs more, and by which deviation."""
 ROLLED_SD_DEG = 50.0
@@ -65,7 +68,12 @@ def choice_costs(body: FitBody, problem: FitProblem, state: FitState) -> ChoiceC
 def _facing_costs(
     body: FitBody, problem: FitProblem, state: FitState, frames: JointFrames
 ) -> tuple[Array, Array]:
-    """The cost of what faces the camera, and the part of marked keypoints that are turned away."""
+    """The cost of hidden keypoints (B,), and the part of marked ones that are turned away (B,).
+
+    Legs are thin, and annotators mark the far ones too, so a surface that is turned away tells only
+    of the trunk and the head. But of a left and a right keypoint one of which alone is marked, that
+    is the nearer one.
+    """
     points = landmark_parts(body.tables, frames, state.shape).sum(1)
     normals = state.R @ (frames.rotations @ body.tables.normals).sum(1)
     cam = state.R @ points + state.t[..., None]
@@ -74,13 +82,14 @@ def _facing_costs(
     _, weights = labeled(body, problem, state)
     marked = weights > 0
     away = np.clip((TURNED_AWAY - cosine) / (TURNED_AWAY - FULLY_AWAY), 0.0, 1.0) * marked
-    slopes = np.zeros((len(state), 0, 3, points.shape[-1]))
-    px, _, _ = projected(state, problem.linear[state.animal], points, slopes)
-    frame = problem.frame[state.animal]
-    in_frame = ((px > frame[:, :2, None]) & (px < frame[:, 2:, None])).all(1)
-    unmarked = ~marked & in_frame & body.tables.known
-    open_to = np.clip((cosine + TURNED_AWAY) / (TURNED_AWAY - FULLY_AWAY), 0.0, 1.0) * unmarked
-    cost = MARKED_AWAY * away.sum(1) + UNMARKED_FACING * open_to.sum(1)
+    away *= body.tables.on_trunk
+    twin = np.array(body.vocabulary.flip)
+    behind = cam[:, 2] - cam[:, 2][:, twin]
+    apart = points - points[:, :, twin]
+    width = np.sqrt((apart * apart).sum(1))
+    alone = marked & ~marked[:, twin] & body.tables.known[twin]
+    farther = np.clip(behind / np.maximum(FARTHER * width, 1e-9), 0.0, 1.0) * alone
+    cost = AWAY_COST * away.sum(1) + FARTHER_COST * farther.sum(1)
     return cost, away.sum(1) / np.maximum(marked.sum(1), 1)
 
 

@@ -253,7 +253,7 @@ def _problem(sight: FitObservation, config: LabelConfig) -> FitProblem:
     return fit_problem(
         sight.keypoints_2d,
         sight.K,
-        sight.body.tables.known,
+        sight.body.tables,
         image_hw=sight.image_hw,
         focal_is_known=sight.K_is_given,
         config=config,

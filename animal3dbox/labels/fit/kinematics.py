@@ -30,6 +30,8 @@ from animal3dbox.smal.model import SPINE_JOINTS, SmalModel
 Array = NDArray[np.float64]
 UNFITTED = ("Mouth", "LEar", "REar")
 """Joints that stay at rest, as the root does, whose turn is the camera's."""
+TRUNK = ("pelvis", "pelvis0", "spine", "spine0", "spine1", "spine2", "spine3", "Neck", "Head")
+"""Joints of the body without its legs, tail and ears."""
 SMALL_ANGLE = 1e-4
 """Radians below which the factors of a rotation's derivative are taken from their series."""
 
@@ -75,6 +77,9 @@ class LandmarkTables:
         before: (L, J) weight by which a landmark moves with a bone.
         normals: (J, 3, L) the surface's weighted normals.
         known: (L,) which of them the body has.
+        on_trunk: (L,) part of each that the spine, neck and head move.
+        loose: (L,) how far each lies from the joint that is not fitted but moves it, by the
+            landmarks' extent along the body.
     """
 
     weights: Array
@@ -84,6 +89,8 @@ class LandmarkTables:
     before: Array
     normals: Array
     known: NDArray[np.bool_]
+    on_trunk: Array
+    loose: Array
 
 
 @dataclass(frozen=True)
@@ -161,6 +168,9 @@ def landmark_tables(
     by_shape = np.einsum("luj,ucs->sjcl", parts, columns @ directions)
     by_shape -= weights[:, None] * skeleton.rest_shape.transpose(2, 0, 1)[..., None]
     normals = vertex_normals(model, mean)[used]
+    places_at_rest = shares @ vertices
+    unfitted = [j for j, name in enumerate(model.joint_names) if name in UNFITTED]
+    arms = np.sqrt(((places_at_rest[:, None] - skeleton.rest[unfitted]) ** 2).sum(-1))
     return LandmarkTables(
         weights=weights[:, None],
         moments=moments,
@@ -169,6 +179,8 @@ def landmark_tables(
         before=weights.T @ skeleton.path,
         normals=np.einsum("luj,uc->jcl", parts, normals),
         known=np.isfinite(places.parts).all(0),
+        on_trunk=weights[[j for j, name in enumerate(model.joint_names) if name in TRUNK]].sum(0),
+        loose=(weights[unfitted].T * arms).sum(1) / np.ptp(places_at_rest[:, 0]),
     )
 
 

@@ -17,7 +17,7 @@ GRID_SIDE = 160
 """Most cells of the grid along each side."""
 GRID_MARGIN = 0.3
 """How far the grid reaches beyond the mask, by the longer side of its box."""
-TANGENT_REACH = 0.01
+TANGENT_REACH = 0.005
 """Half the length over which an outline's direction is taken, by the outline's."""
 
 
@@ -76,7 +76,7 @@ def _outline(mask: NDArray[np.bool_]) -> tuple[Array, Array]:
     for ring, start in zip(rings, starts, strict=True):
         own = (picks[(picks >= start) & (picks < start + len(ring))] - start).astype(np.intp)
         ahead, behind = ring[(own + reach) % len(ring)], ring[(own - reach) % len(ring)]
-        points.append((ring[own] + ahead + behind) / 3 if len(ring) > 6 * reach else ring[own])
+        points.append(ring[own])
         # OpenCV's outer contours run so that the outside is at the right of the way, y down
         along = ahead - behind
         normals.append(np.stack((-along[:, 1], along[:, 0]), -1))

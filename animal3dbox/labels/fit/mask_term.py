@@ -21,8 +21,12 @@ MASK_SD = 0.012
 """Standard deviation of the outline, by the keypoints' extent."""
 MASK_WIDTH = 1.5
 """Width of its Cauchy loss, in standard deviations."""
-RIM_REACH = 0.12
+RIM_REACH = 0.05
 """By the extent: how far a match may be for a normal that is off by one radian."""
+RIM_FACING = 0.45
+"""Greatest cosine of a vertex's normal and the line of sight on the rim."""
+TURNED = 2.0
+"""How much more a match costs for facing the camera than for a normal that is off."""
 OUTSIDE = 64
 """How many of the vertices outside the mask count, the farthest."""
 
@@ -150,8 +154,10 @@ def _matches(
     scale = (RIM_REACH * extent) ** 2
     # |q - x|^2 + scale (facing^2 + 2 (1 - m . n)), without what is the same for all vertices
     left = np.concatenate((-2 * target.points, -2 * scale * target.normals), 1)
-    right = np.concatenate((px, outward))
-    nearest = (left @ right + ((px * px).sum(0) + scale * 4 * facing**2)).argmin(1)
+    rim = np.flatnonzero(np.abs(facing) < RIM_FACING)
+    right = np.concatenate((px, outward))[:, rim]
+    alone = (px * px).sum(0) + (TURNED * RIM_REACH * extent * facing) ** 2
+    nearest = rim[(left @ right + alone[rim]).argmin(1)]
     count = max(float(target.counts.sum()), 1.0)
     of_outline = weights.outline / count * target.counts
     column, row = np.rint((px - target.corner[:, None]) / target.cell).astype(np.intp)

@@ -35,6 +35,8 @@ WHOLE_SHARE, LEAST_SHARE = 0.6, 0.2
 """Part of the poses that are taken in full, and the least share of the others."""
 JOINT_NOISE = 0.12
 """Standard deviation of a joint's own turn, in half ranges of the joint."""
+REST_SD_DEG = 3.0
+"""Standard deviation of each joint's angles at rest, by which one body differs from another."""
 PARTS = {
     "spine": ("pelvis0", "spine"),
     "left fore": ("LLeg1", "LLeg2", "LLeg3", "LFoot"),
@@ -158,10 +160,12 @@ def _samples() -> tuple[Array, Array]:
         poses[:, part] = np.where(swapped[:, None, None], other[:, part], poses[:, part])
     share = rng.uniform(LEAST_SHARE, 1.0, POSE_SAMPLES)
     poses *= np.where(rng.random(POSE_SAMPLES) < WHOLE_SHARE, 1.0, share)[:, None, None]
+    root = poses[:, 0].copy()
     low, high = (as_numpy(limit) for limit in joint_limits())
     noise = rng.standard_normal(poses.shape).clip(-2, 2) * JOINT_NOISE * (high - low) / 2
-    noise[:, 0] = 0.0
     poses = np.clip(poses + noise, low, high)
+    poses += rng.standard_normal(poses.shape) * np.deg2rad(REST_SD_DEG)
+    poses[:, 0] = root
     mirrored = np.arange(POSE_SAMPLES) % 2 == 1
     poses[mirrored] = mirrored_pose(poses[mirrored], names)
     roots = rotation_from_axis_angle(poses[:, 0])

@@ -7,12 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.fit.kinematics import LandmarkTables
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma
 from animal3dbox.labels.pose.levenberg_marquardt import small_turns
 
 Array = NDArray[np.float64]
-PLACES_SD = 0.012
+PLACES_SD = 0.015
 """Standard deviation of a keypoint's place in the picture beside its noise, by their extent."""
+LOOSE_SD = 0.5
+"""Standard deviation of a landmark moved by a joint that is not fitted, by its distance from it."""
 FOCAL_SD = 0.7
 """Of the logarithm of a focal length that is not known, about the guess."""
 FOCAL_KNOWN_SD = 1e-4
@@ -48,7 +51,7 @@ class FitProblem:
 def fit_problem(
     keypoints_2d: Array,
     K: Array,
-    known: NDArray[np.bool_],
+    tables: LandmarkTables,
     *,
     image_hw: tuple[int, int],
     focal_is_known: bool,
@@ -59,17 +62,18 @@ def fit_problem(
     Args:
         keypoints_2d: (L, 3) x, y px and confidence, 0 where nothing is seen.
         K: (3, 3) known or guessed.
-        known: (L,) which landmarks the body has.
+        tables: of the landmarks.
         image_hw: height and width.
         focal_is_known: whether K is.
         config: the keypoints' noise.
 
     """
-    used = (keypoints_2d[:, 2] > 0) & known
+    used = (keypoints_2d[:, 2] > 0) & tables.known
     seen = keypoints_2d[used, :2]
     extent = max(float((seen.max(0) - seen.min(0)).max()), 1.0)
     sigma = keypoint_sigma(keypoints_2d, image_hw, config)
-    weights = np.where(used, 1 / np.hypot(sigma, PLACES_SD * extent), 0.0)
+    places = extent * np.hypot(PLACES_SD, LOOSE_SD * tables.loose)
+    weights = np.where(used, 1 / np.hypot(sigma, places), 0.0)
     pixels = np.where(used[:, None], keypoints_2d[:, :2] - K[:2, 2], 0.0)
     return FitProblem(
         np.ascontiguousarray(pixels.T)[None],

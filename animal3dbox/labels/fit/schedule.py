@@ -31,6 +31,8 @@ LOSS_WIDTHS = (0.12, 0.05)
 """Widths of the loss of the first stages, by the keypoints' extent."""
 NARROW_LOSS = 3.0
 """Width of the loss at the end, in standard deviations."""
+CHOICE_LOSS = 1.5
+"""Its width where hypotheses are chosen between: what fits none of them counts little."""
 MASKED = 2
 """Hypotheses of an animal that are compared with its mask."""
 LIGHT_MASK, LIGHT_ROUNDS = (40.0, 80.0), 5
@@ -79,8 +81,9 @@ def ranked_fits(
 
     """
     animals = len(problem.pixels)
-    state, local = _by_keypoints(body, problem, exchanges=exchanges)
-    score = local.cost + choice_costs(body, problem, state).total
+    state, _ = _by_keypoints(body, problem, exchanges=exchanges)
+    score = _keypoint_terms(body, problem, CHOICE_LOSS)(state).cost
+    score = score + choice_costs(body, problem, state).total
     order = _cheapest(score, state, animals, most=len(state) // animals, apart=FIT_APART[-1])
     state, score = state[order], score[order].reshape(animals, -1)
     masked = np.array(sorted(targets), dtype=np.intp)
@@ -116,16 +119,18 @@ def _lightly_masked(
     by_mask = mask_terms(
         body, problem, state, targets=targets, weights=weights, counts=body.sizes
     ).cost
-    cost = _keypoint_terms(body, problem)(state).cost + MASK_VOTE * by_mask
+    cost = _keypoint_terms(body, problem, CHOICE_LOSS)(state).cost + MASK_VOTE * by_mask
     return state, cost + choice_costs(body, problem, state).total
 
 
-def _keypoint_terms(body: FitBody, problem: FitProblem) -> Callable[[FitState], LocalFit]:
-    """The cost by keypoints alone, under the narrow loss."""
+def _keypoint_terms(
+    body: FitBody, problem: FitProblem, width: float = NARROW_LOSS
+) -> Callable[[FitState], LocalFit]:
+    """The cost by keypoints alone, under a loss of one width."""
 
     def terms(state: FitState) -> LocalFit:
-        width = np.full(len(state), NARROW_LOSS)
-        return keypoint_terms(body, problem, state, width=width, counts=body.sizes)
+        widths = np.full(len(state), width)
+        return keypoint_terms(body, problem, state, width=widths, counts=body.sizes)
 
     return terms
 

@@ -18,7 +18,7 @@ from animal3dbox.labels.fit.kinematics import (
 from animal3dbox.smal.model import SmalModel
 
 Array = NDArray[np.float64]
-SURFACE_VERTICES = 600
+SURFACE_VERTICES = 2000
 EAR_SHARE = 0.3
 """Vertices that the joints that are not fitted move by more than this do not stand for the body."""
 

@@ -26,7 +26,6 @@ A_VIEW = 3
 """Most starts of one view."""
 STARTS, EXCHANGED_STARTS = 16, 6
 """Starts of the labeling given, and of the exchanged one."""
-GOLDEN = np.pi * (3 - np.sqrt(5))
 
 
 @dataclass(frozen=True)
@@ -49,9 +48,9 @@ class ScanViews:
 def even_views(count: int) -> Array:
     """Rotations (count, 3, 3) R_cam_body whose lines of sight are spread evenly over the sphere."""
     z = 1 - (2 * np.arange(count) + 1) / count
-    ring = np.sqrt(1 - z * z)
-    sight = np.stack((ring * np.cos(GOLDEN * np.arange(count)),
-                      ring * np.sin(GOLDEN * np.arange(count)), z), -1)  # fmt: skip
+    ring, golden = np.sqrt(1 - z * z), np.pi * (3 - np.sqrt(5))
+    angle = golden * np.arange(count)
+    sight = np.stack((ring * np.cos(angle), ring * np.sin(angle), z), -1)
     # Down in the picture is the part of the body's down across the line of sight
     down = -np.array([0.0, 0.0, 1.0]) + sight * z[:, None]
     down /= np.sqrt((down * down).sum(-1, keepdims=True))
