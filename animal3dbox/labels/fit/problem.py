@@ -16,7 +16,7 @@ PLACES_SD = 0.015
 """Standard deviation of a keypoint's place in the picture beside its noise, by their extent."""
 LOOSE_SD = 0.5
 """Standard deviation of a landmark moved by a joint that is not fitted, by its distance from it."""
-FOCAL_SD = 0.7
+FOCAL_SD = 0.5
 """Of the logarithm of a focal length that is not known, about the guess."""
 FOCAL_KNOWN_SD = 1e-4
 CAMERA = 7

@@ -22,8 +22,8 @@ from animal3dbox.labels.fit.view_scan import scan_starts
 Array = NDArray[np.float64]
 COARSE = (14, 6)
 """Pose and shape directions that are free at first."""
-STAGE_ROUNDS = (4, 4, 5)
-SURVIVING = (6, 4)
+STAGE_ROUNDS = (3, 3, 4)
+SURVIVING = (8, 4)
 """Hypotheses of an animal that go on after the first stages."""
 FIT_APART = (0.35, 0.5)
 """Rotations that differ by less then, in the Frobenius norm, are one."""
@@ -31,14 +31,16 @@ LOSS_WIDTHS = (0.12, 0.05)
 """Widths of the loss of the first stages, by the keypoints' extent."""
 NARROW_LOSS = 3.0
 """Width of the loss at the end, in standard deviations."""
-CHOICE_LOSS = 1.5
+CHOICE_LOSS = 1.0
 """Its width where hypotheses are chosen between: what fits none of them counts little."""
 MASKED = 2
 """Hypotheses of an animal that are compared with its mask."""
-LIGHT_MASK, LIGHT_ROUNDS = (40.0, 80.0), 5
+LIGHT_MASK, LIGHT_ROUNDS = (40.0, 80.0), 4
 """Weights of the mask's two parts, see MaskWeights, before the choice is made."""
-HEAVY_MASK, HEAVY_ROUNDS = (120.0, 240.0), 12
+HEAVY_MASK, HEAVY_ROUNDS = (120.0, 240.0), 8
 """Weights once it is made."""
+OTHER_LABELING = 1e6
+"""Puts hypotheses of the other labeling behind those of the better one."""
 MASK_VOTE = 0.25
 """Part of the mask's cost that counts in the choice: things that hide an animal cut its mask."""
 
@@ -84,7 +86,12 @@ def ranked_fits(
     state, _ = _by_keypoints(body, problem, exchanges=exchanges)
     score = _keypoint_terms(body, problem, CHOICE_LOSS)(state).cost
     score = score + choice_costs(body, problem, state).total
-    order = _cheapest(score, state, animals, most=len(state) // animals, apart=FIT_APART[-1])
+    # A mask does not tell left from right, so the labeling is chosen before
+    labeling = state.exchanged.reshape(animals, -1)
+    least = score.reshape(animals, -1).argmin(1)[:, None]
+    other = (labeling != np.take_along_axis(labeling, least, 1)).ravel()
+    ranks = score + OTHER_LABELING * other
+    order = _cheapest(ranks, state, animals, most=len(state) // animals, apart=FIT_APART[-1])
     state, score = state[order], score[order].reshape(animals, -1)
     masked = np.array(sorted(targets), dtype=np.intp)
     if len(masked):

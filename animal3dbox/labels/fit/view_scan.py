@@ -24,7 +24,7 @@ SCAN_UP = 2.0
 """What a view from under the ground, or one rolled by half a turn, costs in the scan at most."""
 A_VIEW = 3
 """Most starts of one view."""
-STARTS, EXCHANGED_STARTS = 16, 6
+STARTS, EXCHANGED_STARTS = 28, 8
 """Starts of the labeling given, and of the exchanged one."""
 
 
