@@ -28,6 +28,7 @@ from PIL import Image
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
 from animal3dbox.datasets.synthetic.foreign.config import ALONE, ForeignConfig
+from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 from animal3dbox.evaluate.confidence_mix import preset_arguments
 from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.box_visibility import face_normals, visible_faces
@@ -199,10 +200,9 @@ def compare(only: str, seed: int, count: int) -> None:
 def cost(seed: int) -> None:
     """Print what a fit costs, in JPEG decodes of 640 x 480, by processor time."""
     animals = list(animals_of("own", seed, 24))[:16]
-    noise = np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8)
-    picture = Image.fromarray(noise).resize((640, 480), Image.Resampling.BICUBIC)
+    picture = synthetic_animal(seed, 0).image
     file = io.BytesIO()
-    picture.save(file, "JPEG", quality=90)
+    Image.fromarray(picture.numpy()).save(file, "JPEG", quality=95)
     decode = _seconds(lambda: np.asarray(Image.open(io.BytesIO(file.getvalue())).convert("RGB")))
     for name, keep in (("with mask", True), ("no mask", False)):
         many = [

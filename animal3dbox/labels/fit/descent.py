@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.labels.fit.fit_body import FitBody
+from animal3dbox.labels.fit.fit_body import FitBody, PosedJoints
 from animal3dbox.labels.fit.kinematics import (
     landmark_parts,
     slopes_by_shape,
     slopes_of_parts,
-    turns_of_joints,
 )
 from animal3dbox.labels.fit.problem import CAMERA, FitProblem, FitState
 
@@ -82,7 +81,13 @@ def descend_fit(
 
 
 def keypoint_terms(
-    body: FitBody, problem: FitProblem, state: FitState, *, width: Array, counts: tuple[int, int]
+    body: FitBody,
+    problem: FitProblem,
+    state: FitState,
+    *,
+    width: Array,
+    counts: tuple[int, int],
+    joints: PosedJoints | None = None,
 ) -> LocalFit:
     """The cost of states by keypoints, priors and joint limits.
 
@@ -92,14 +97,15 @@ def keypoint_terms(
         state: B hypotheses.
         width: (B,) of the keypoints' Cauchy loss, in standard deviations.
         counts: how many pose and shape directions are free.
+        joints: of the states, if they are at hand.
 
     """
-    theta, frames = body.frames(state.pose, state.shape)
+    joints = joints or body.joints(state.pose, state.shape, counts[0])
+    frames = joints.frames
     parts = landmark_parts(body.tables, frames, state.shape)
-    turns = turns_of_joints(
-        body.skeleton, frames, theta, body.pose_prior.directions[..., : counts[0]]
+    by_pose = slopes_of_parts(
+        body.skeleton, frames, parts, turns=joints.turns, beyond=body.tables.beyond
     )
-    by_pose = slopes_of_parts(body.skeleton, frames, parts, turns=turns, beyond=body.tables.beyond)
     by_shape = slopes_by_shape(body.skeleton, body.tables, frames, counts[1])
     slopes = np.concatenate((by_pose, by_shape), 1)
     pixels, weights = labeled(body, problem, state)
@@ -116,7 +122,9 @@ def keypoint_terms(
     b = (weighted @ r.reshape(len(r), -1, 1))[..., 0]
     allowed = np.where(weights > 0, depth, 1.0).min(-1) > NEAREST_DEPTH
     cost = np.where(allowed, cost, np.inf)
-    return _with_priors(LocalFit(cost, A, b), body, problem, state, theta=theta, counts=counts)
+    return _with_priors(
+        LocalFit(cost, A, b), body, problem, state, theta=joints.theta, counts=counts
+    )
 
 
 def labeled(body: FitBody, problem: FitProblem, state: FitState) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from animal3dbox.labels.fit.kinematics import (
     landmark_parts,
     landmark_tables,
     skeleton_of,
+    turns_of_joints,
 )
 from animal3dbox.labels.fit.pose_prior import PosePrior, axis_angles, pose_prior
 from animal3dbox.labels.fit.shape_prior import ShapePrior, shape_prior
@@ -23,6 +24,21 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PosedJoints:
+    """The joints of B posed bodies, and how they turn.
+
+    Attributes:
+        theta: (B, N, 3) angles of the fitted joints.
+        frames: the joints' places and rotations.
+        turns: (B, N, 3, P) see turns_of_joints.
+    """
+
+    theta: Array
+    frames: JointFrames
+    turns: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +72,12 @@ class FitBody:
         """Angles (B, N, 3) and joints of coefficients (B, P) and (B, S)."""
         theta = axis_angles(self.pose_prior, pose)
         return theta, joint_frames(self.skeleton, theta, shape)
+
+    def joints(self, pose: Array, shape: Array, count: int) -> PosedJoints:
+        """The joints of coefficients (B, P) and (B, S), and how the first directions turn them."""
+        theta, frames = self.frames(pose, shape)
+        directions = self.pose_prior.directions[..., :count]
+        return PosedJoints(theta, frames, turns_of_joints(self.skeleton, frames, theta, directions))
 
     def landmarks(self, pose: Array, shape: Array) -> Array:
         """The landmarks (B, 3, L) of coefficients (B, P) and (B, S), about the body's origin."""

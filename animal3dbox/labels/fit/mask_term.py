@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.labels.fit.descent import LocalFit, projected
-from animal3dbox.labels.fit.fit_body import FitBody
-from animal3dbox.labels.fit.kinematics import turns_of_joints
+from animal3dbox.labels.fit.fit_body import FitBody, PosedJoints
 from animal3dbox.labels.fit.mask_target import MaskTarget
 from animal3dbox.labels.fit.problem import FitProblem, FitState
 from animal3dbox.labels.fit.surface import PosedSurface, posed_surface, surface_of, surface_slopes
@@ -23,10 +22,12 @@ MASK_WIDTH = 1.5
 """Width of its Cauchy loss, in standard deviations."""
 RIM_REACH = 0.05
 """By the extent: how far a match may be for a normal that is off by one radian."""
-RIM_FACING = 0.45
+RIM_FACING = 0.35
 """Greatest cosine of a vertex's normal and the line of sight on the rim."""
 TURNED = 2.0
 """How much more a match costs for facing the camera than for a normal that is off."""
+EVERY = 2
+"""One of so many vertices is tested for lying outside the mask."""
 OUTSIDE = 64
 """How many of the vertices outside the mask count, the farthest."""
 
@@ -69,6 +70,7 @@ def mask_terms(
     targets: Mapping[int, MaskTarget],
     weights: MaskWeights,
     counts: tuple[int, int],
+    joints: PosedJoints | None = None,
 ) -> LocalFit:
     """The cost of states by masks, of which each state's animal has one.
 
@@ -79,10 +81,12 @@ def mask_terms(
         targets: animal -> its mask.
         weights: of the mask's two parts.
         counts: how many pose and shape directions are free.
+        joints: of the states, if they are at hand.
 
     """
     surface = surface_of(body)
-    theta, frames = body.frames(state.pose, state.shape)
+    joints = joints or body.joints(state.pose, state.shape, counts[0])
+    frames = joints.frames
     posed = posed_surface(surface, frames, state.shape)
     linear = problem.linear[state.animal]
     px, facing, outward = _seen(state, linear, posed, surface.normals)
@@ -94,11 +98,14 @@ def mask_terms(
         for i, animal in enumerate(state.animal.tolist())
     ]
     matches = MaskMatches(*(np.stack(part) for part in zip(*rows, strict=True)))
-    turns = turns_of_joints(
-        body.skeleton, frames, theta, body.pose_prior.directions[..., : counts[0]]
-    )
     slopes = surface_slopes(
-        body, surface, posed, frames=frames, turns=turns, ids=matches.ids, shape_count=counts[1]
+        body,
+        surface,
+        posed,
+        frames=frames,
+        turns=joints.turns,
+        ids=matches.ids,
+        shape_count=counts[1],
     )
     points = np.take_along_axis(posed.points, matches.ids[:, None], 2)
     seen, moves, _ = projected(state, linear, points, slopes)
@@ -151,30 +158,59 @@ def _matches(
         weights: of the mask's two parts.
 
     """
-    scale = (RIM_REACH * extent) ** 2
-    # |q - x|^2 + scale (facing^2 + 2 (1 - m . n)), without what is the same for all vertices
-    left = np.concatenate((-2 * target.points, -2 * scale * target.normals), 1)
-    rim = np.flatnonzero(np.abs(facing) < RIM_FACING)
-    right = np.concatenate((px, outward))[:, rim]
-    alone = (px * px).sum(0) + (TURNED * RIM_REACH * extent * facing) ** 2
-    nearest = rim[(left @ right + alone[rim]).argmin(1)]
+    nearest = _rim_vertices(target, px, facing, outward=outward, extent=extent)
     count = max(float(target.counts.sum()), 1.0)
-    of_outline = weights.outline / count * target.counts
-    column, row = np.rint((px - target.corner[:, None]) / target.cell).astype(np.intp)
-    column = np.clip(column, 0, target.nearest.shape[1] - 1)
-    row = np.clip(row, 0, target.nearest.shape[0] - 1)
-    back = target.nearest[row, column]
-    away = px.T - back
-    distance = np.sqrt((away * away).sum(-1))
-    u0, v0, u1, v1 = target.frame
-    in_frame = (px[0] > u0) & (px[0] < u1) & (px[1] > v0) & (px[1] < v1)
-    is_out = in_frame & (distance > 2 * target.cell)
-    far = np.argsort(-distance * is_out, kind="stable")[:OUTSIDE]
-    of_outside = weights.outside / px.shape[1] * is_out[far]
-    unit = away[far] / np.maximum(distance[far], 1e-9)[:, None]
+    far, back, unit, is_out = _outside_vertices(target, px)
     return (
         np.concatenate((nearest, far)),
-        np.concatenate((target.points, back[far])),
+        np.concatenate((target.points, back)),
         np.concatenate((target.normals, unit)),
-        np.concatenate((of_outline, of_outside)),
+        np.concatenate(
+            (
+                weights.outline / count * target.counts,
+                weights.outside * EVERY / px.shape[1] * is_out,
+            )
+        ),
     )
+
+
+def _rim_vertices(
+    target: MaskTarget, px: Array, facing: Array, *, outward: Array, extent: float
+) -> NDArray[np.intp]:
+    """The vertex on the rim that is nearest to each point of the outline; see _matches."""
+    reach = RIM_REACH * extent
+    rim = np.flatnonzero(np.abs(facing) < RIM_FACING)
+    rim = rim if len(rim) else np.arange(len(facing))
+    own, out = px[:, rim], outward[:, rim]
+    # |q - x|^2 + reach^2 ((TURNED facing)^2 + 2 (1 - m . n)), without what all vertices share
+    left = np.concatenate((-2 * target.points, -2 * reach**2 * target.normals), 1)
+    alone = (own * own).sum(0) + (TURNED * reach * facing[rim]) ** 2
+    nearest: NDArray[np.intp] = rim[(left @ np.concatenate((own, out)) + alone).argmin(1)]
+    return nearest
+
+
+def _outside_vertices(
+    target: MaskTarget, px: Array
+) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    """OUTSIDE vertices outside the mask, the farthest: their numbers, and their ways back.
+
+    Returns:
+        ids (OUTSIDE,), the mask's points nearest to them (OUTSIDE, 2), the directions from there
+        (OUTSIDE, 2), and 1, or 0 of a vertex that fills up because fewer are outside, (OUTSIDE,).
+
+    """
+    tested = px[:, ::EVERY].T
+    height, width = target.nearest.shape[:2]
+    cells = np.clip((tested - target.corner) / target.cell, 0, [width - 1, height - 1])
+    column, row = np.rint(cells).astype(np.intp).T
+    away = tested - target.nearest[row, column]
+    distance = np.sqrt((away * away).sum(-1))
+    u0, v0, u1, v1 = target.frame
+    in_frame = (tested > [u0, v0]).all(1) & (tested < [u1, v1]).all(1)
+    out = np.flatnonzero(in_frame & (distance > 2 * target.cell))
+    out = out[np.argsort(-distance[out], kind="stable")[:OUTSIDE]]
+    far = np.zeros(OUTSIDE, dtype=np.intp)
+    far[: len(out)] = out
+    unit = away[far] / np.maximum(distance[far], 1e-9)[:, None]
+    is_out = (np.arange(OUTSIDE) < len(out)).astype(np.float64)
+    return EVERY * far, target.nearest[row[far], column[far]], unit, is_out

@@ -35,9 +35,9 @@ CHOICE_LOSS = 1.0
 """Its width where hypotheses are chosen between: what fits none of them counts little."""
 MASKED = 2
 """Hypotheses of an animal that are compared with its mask."""
-LIGHT_MASK, LIGHT_ROUNDS = (40.0, 80.0), 4
+LIGHT_MASK, LIGHT_ROUNDS = (40.0, 80.0), 6
 """Weights of the mask's two parts, see MaskWeights, before the choice is made."""
-HEAVY_MASK, HEAVY_ROUNDS = (120.0, 240.0), 8
+HEAVY_MASK, HEAVY_ROUNDS = (120.0, 240.0), 10
 """Weights once it is made."""
 OTHER_LABELING = 1e6
 """Puts hypotheses of the other labeling behind those of the better one."""
@@ -96,22 +96,18 @@ def ranked_fits(
     masked = np.array(sorted(targets), dtype=np.intp)
     if len(masked):
         first = (masked[:, None] * score.shape[1] + np.arange(MASKED)).ravel()
-        lightly, by_mask = _lightly_masked(body, problem, state[first], targets)
-        state = state.replaced(first, lightly)
-        by_mask = by_mask.reshape(len(masked), MASKED)
+        lightly, cost = _lightly_masked(body, problem, state[first], targets)
+        state, cost = state.replaced(first, lightly), cost.reshape(len(masked), MASKED)
         # The others stay as far behind as they were
-        score[masked] += (by_mask.min(1) - score[masked].min(1))[:, None]
-        score[masked, :MASKED] = by_mask
+        score[masked] += (cost.min(1) - score[masked].min(1))[:, None]
+        score[masked, :MASKED] = cost
     chosen = score.argmin(1)
     best = state[np.arange(animals) * score.shape[1] + chosen]
-    if len(masked):
-        terms = _terms(body, problem, targets, weights=MaskWeights(*HEAVY_MASK))
-        refined, _ = descend_fit(terms, best[masked], HEAVY_ROUNDS, body.sizes[0])
-        best = best.replaced(masked, refined)
     local = _keypoint_terms(body, problem)(best)
     if len(masked):
         terms = _terms(body, problem, targets, weights=MaskWeights(*HEAVY_MASK))
-        local = local.replaced(masked, terms(best[masked]))
+        refined, by_mask = descend_fit(terms, best[masked], HEAVY_ROUNDS, body.sizes[0])
+        best, local = best.replaced(masked, refined), local.replaced(masked, by_mask)
     return Ranking(state, score, chosen, best, local, choice_costs(body, problem, best))
 
 
@@ -150,11 +146,20 @@ def _terms(
     weights: MaskWeights,
 ) -> Callable[[FitState], LocalFit]:
     """The cost by keypoints, under the narrow loss, and masks."""
-    by_keypoints = _keypoint_terms(body, problem)
 
     def terms(state: FitState) -> LocalFit:
-        return by_keypoints(state) + mask_terms(
-            body, problem, state, targets=targets, weights=weights, counts=body.sizes
+        joints = body.joints(state.pose, state.shape, body.sizes[0])
+        width = np.full(len(state), NARROW_LOSS)
+        return keypoint_terms(
+            body, problem, state, width=width, counts=body.sizes, joints=joints
+        ) + mask_terms(
+            body,
+            problem,
+            state,
+            targets=targets,
+            weights=weights,
+            counts=body.sizes,
+            joints=joints,
         )
 
     return terms
