@@ -61,6 +61,7 @@ class Observation:
         down_cam: (3,) unit, gravity in the camera frame; None: not known.
         species: the animal's category, by which a calibration tells animals apart; None if unknown.
         calibration: what its dataset taught; None if nothing was asked for.
+        body_source: see Quality.body.
     """
 
     sample_id: str | None
@@ -81,6 +82,12 @@ class Observation:
     vertex_ids: NDArray[np.intp] | None = None
     species: str | None = None
     calibration: Calibration | None = None
+    body_source: str = "given"
+
+    @property
+    def camera_is_known(self) -> bool:
+        """Whether the camera's pose was given exactly, not fitted with the body."""
+        return self.pose is not None and self.pose.evidence is None
 
     @cached_property
     def has_landmark(self) -> NDArray[np.bool_]:

@@ -98,6 +98,7 @@ class Quality:
             expected, as a part of the diagonal, beside distance and size; None of a pose that was
             given.
         calibration: the digest of the calibration that had a part in the label; None without.
+        body: "given", or "fit" of a body that was fitted to the picture with its camera.
 
     Example:
         >>> from animal3dbox import label_animal
@@ -131,6 +132,7 @@ class Quality:
     confidence: float | None = None
     expected_corner_error: float | None = None
     calibration: str | None = None
+    body: str = "given"
 
 
 @dataclass(frozen=True, eq=False)

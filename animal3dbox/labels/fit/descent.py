@@ -120,8 +120,8 @@ def keypoint_terms(
     weighted = (moves * factor[:, None, None]).reshape(flat.shape)
     A = weighted @ flat.swapaxes(1, 2)
     b = (weighted @ r.reshape(len(r), -1, 1))[..., 0]
-    allowed = np.where(weights > 0, depth, 1.0).min(-1) > NEAREST_DEPTH
-    cost = np.where(allowed, cost, np.inf)
+    nearest = np.where(weights > 0, depth, np.inf).min(-1)
+    cost = np.where(nearest > NEAREST_DEPTH * body.length, cost, np.inf)
     return _with_priors(
         LocalFit(cost, A, b), body, problem, state, theta=joints.theta, counts=counts
     )

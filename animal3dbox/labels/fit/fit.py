@@ -1,34 +1,30 @@
 """The door of the articulated fit: one animal from arrays to a fitted body, or many at once."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.errors import ConfigError, ShapeError
-from animal3dbox.geometry.arrays import as_numpy
-from animal3dbox.geometry.checks import check_image_hw
+from animal3dbox.geometry.arrays import as_numpy, norm
 from animal3dbox.geometry.rigid_transforms import nearest_rotation
-from animal3dbox.labels.argument_checks import ArgumentChecks
 from animal3dbox.labels.body import Array, ArrayLike
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.fit.fit_body import FitBody, fit_body
+from animal3dbox.labels.fit.descent import projected
+from animal3dbox.labels.fit.fit_body import FitBody
 from animal3dbox.labels.fit.fitted_body import FitHypothesis, FittedBody
 from animal3dbox.labels.fit.kinematics import turns_of_joints
 from animal3dbox.labels.fit.mask_target import mask_target
 from animal3dbox.labels.fit.pose_prior import whole_pose
-from animal3dbox.labels.fit.problem import CAMERA, FitProblem, FitState, fit_problem, joined
+from animal3dbox.labels.fit.problem import CAMERA, FitState, joined
+from animal3dbox.labels.fit.request import FitRequest, fit_request, without_points
 from animal3dbox.labels.fit.schedule import Ranking, ranked_fits
-from animal3dbox.labels.observation import checked_intrinsics
-from animal3dbox.labels.pose.problem import AS_GIVEN, SAME_PIXEL
+from animal3dbox.labels.pose.multi_start_search import RAYLEIGH_MEDIAN
+from animal3dbox.labels.pose.problem import AS_GIVEN
 from animal3dbox.labels.types import Rejection
-from animal3dbox.smal.keypoints.vocabularies import find_vocabulary
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SPINE_JOINTS, SmalModel
-from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
 
 EXCHANGED_ALL = "all"
 """The labeling of keypoints whose left and right have all been exchanged, see exchanges.PARTS."""
@@ -116,148 +112,39 @@ def fit_many(
         'too_few_keypoints'
     """
     config = config or LabelConfig()
-    sights = [_sight(config=config, **animal) for animal in animals]
-    outcomes: list[FittedBody | Rejection | None] = [_without_points(s, config) for s in sights]
+    requests = [fit_request(config=config, **animal) for animal in animals]
+    outcomes: list[FittedBody | Rejection | None] = [
+        without_points(request, config) for request in requests
+    ]
     groups: dict[int, list[int]] = {}
-    for i, sight in enumerate(sights):
+    for i, request in enumerate(requests):
         if outcomes[i] is None:
-            groups.setdefault(id(sight.body), []).append(i)
+            groups.setdefault(id(request.body), []).append(i)
     for members in groups.values():
-        for i, fitted in zip(members, _fitted([sights[i] for i in members], config), strict=True):
-            outcomes[i] = fitted
+        fitted = _fitted([requests[i] for i in members], exchanges=config.labelings == "mend")
+        for i, body in zip(members, fitted, strict=True):
+            outcomes[i] = body
     return [outcome for outcome in outcomes if outcome is not None]
 
 
-@dataclass(frozen=True)
-class FitObservation:
-    """One animal, checked.
-
-    Attributes:
-        sample_id: named in every error.
-        image_hw: height and width.
-        keypoints_2d: (J, 3), zeros where nothing is seen.
-        K: (3, 3) as given or guessed.
-        K_is_given: which.
-        mask: (H, W) bool, or None.
-        body: what is fitted.
-        body_name: see FittedBody.
-    """
-
-    sample_id: str | None
-    image_hw: tuple[int, int]
-    keypoints_2d: Array
-    K: Array
-    K_is_given: bool
-    mask: NDArray[np.bool_] | None
-    body: FitBody
-    body_name: str
-
-    @property
-    def used(self) -> NDArray[np.bool_]:
-        """Which keypoints are seen and have a landmark on the body, (J,)."""
-        used: NDArray[np.bool_] = (self.keypoints_2d[:, 2] > 0) & self.body.tables.known
-        return used
-
-
-def _sight(
-    *,
-    image_hw: tuple[int, int],
-    keypoints_2d: ArrayLike,
-    config: LabelConfig,
-    mask: ArrayLike = None,
-    K: ArrayLike = None,
-    vocabulary: str | Vocabulary = "animal3d26",
-    species: str | None = None,
-    model: SmalModel | None = None,
-    sample_id: str | None = None,
-) -> FitObservation:
-    """The checked arguments of one animal; see fit_animal."""
-    checks, words = ArgumentChecks(sample_id), find_vocabulary(vocabulary)
-    try:
-        check_image_hw("image_hw", image_hw)
-    except (ShapeError, TypeError, ValueError) as error:
-        raise checks.fail("image_hw", str(error)) from error
-    size = (int(image_hw[0]), int(image_hw[1]))
-    keypoints, _ = checks.keypoints(keypoints_2d, len(words), words.name, size)
-    model = model or load_quadruped()
-    _check_body(model, species)
-    name = "quadruped" if model is load_quadruped() else "model"
-    return FitObservation(
-        sample_id=sample_id,
-        image_hw=size,
-        keypoints_2d=keypoints,
-        K=checked_intrinsics(checks, K, size, config),
-        K_is_given=K is not None,
-        mask=None if mask is None else checks.mask(mask, size),
-        body=fit_body(model, words, species),
-        body_name=name if species is None else f"{name}:{species}",
-    )
-
-
-def _check_body(model: SmalModel, species: str | None) -> None:
-    """Raise a ConfigError for a model that has no priors, or a species that is not known."""
-    if not model.landmarks:
-        raise ConfigError("model has no landmarks, so no keypoint has a place on it")
-    known = set(load_quadruped().joint_names)
-    unknown = [name for name in model.joint_names if name not in known]
-    if unknown:
-        raise ConfigError(
-            f"model has the joint {unknown[0]!r}, of which no pose is known: its joints must have"
-            " the quadruped's names, which are SMAL's"
-        )
-    presets = quadruped_names().presets
-    if species is not None and (species not in presets or model is not load_quadruped()):
-        raise ConfigError(
-            f"species must be one of {', '.join(presets)}, and of the embedded quadruped, got"
-            f" {species!r}"
-        )
-
-
-def _without_points(sight: FitObservation, config: LabelConfig) -> Rejection | None:
-    """The rejection of an animal with too few keypoints, or all at one pixel."""
-    seen = sight.keypoints_2d[sight.used, :2]
-    if len(seen) < config.min_keypoints:
-        return Rejection(
-            sight.sample_id,
-            "too_few_keypoints",
-            f"{len(seen)} visible keypoints, but min_keypoints is {config.min_keypoints}",
-        )
-    if np.abs(seen - seen[0]).max() < SAME_PIXEL:
-        return Rejection(
-            sight.sample_id,
-            "coplanar_keypoints",
-            f"all {len(seen)} visible keypoints are at the same pixel {seen[0].tolist()}",
-        )
-    return None
-
-
-def _fitted(sights: Sequence[FitObservation], config: LabelConfig) -> list[FittedBody]:
+def _fitted(requests: Sequence[FitRequest], *, exchanges: bool) -> list[FittedBody]:
     """The fitted bodies of animals that share a body."""
-    body = sights[0].body
-    problem = joined([_problem(sight, config) for sight in sights])
+    body = requests[0].body
+    problem = joined([request.problem for request in requests])
     targets = {
-        a: mask_target(sight.mask, sight.K[:2, 2])
-        for a, sight in enumerate(sights)
-        if sight.mask is not None
+        a: mask_target(request.mask, request.K[:2, 2])
+        for a, request in enumerate(requests)
+        if request.mask is not None
     }
-    ranking = ranked_fits(body, problem, targets, exchanges=config.labelings == "mend")
+    ranking = ranked_fits(body, problem, targets, exchanges=exchanges)
     trunks = _trunks(body, ranking.state)
-    covariances = _covariances(body, ranking)
+    covariances, focal_sd = _covariances(body, ranking)
     return [
-        _fitted_body(sight, ranking, a, trunks=trunks, covariance=covariances[a])
-        for a, sight in enumerate(sights)
+        _fitted_body(
+            request, ranking, a, trunks=trunks, covariance=covariances[a], focal_sd=focal_sd[a]
+        )
+        for a, request in enumerate(requests)
     ]
-
-
-def _problem(sight: FitObservation, config: LabelConfig) -> FitProblem:
-    return fit_problem(
-        sight.keypoints_2d,
-        sight.K,
-        sight.body.tables,
-        image_hw=sight.image_hw,
-        focal_is_known=sight.K_is_given,
-        config=config,
-    )
 
 
 def _trunks(body: FitBody, state: FitState) -> Array:
@@ -267,10 +154,11 @@ def _trunks(body: FitBody, state: FitState) -> Array:
     return trunks
 
 
-def _covariances(body: FitBody, ranking: Ranking) -> Array:
+def _covariances(body: FitBody, ranking: Ranking) -> tuple[Array, Array]:
     """The covariances (A, 3, 3) of turns of the best states' trunks about the camera's axes.
 
-    The trunk turns with the camera, and by the mean turn of its joints.
+    The trunk turns with the camera, and by the mean turn of its joints. Besides, the deviations
+    (A,) of the focal lengths' logarithms.
     """
     state = ranking.best
     theta, frames = body.frames(state.pose, state.shape)
@@ -280,16 +168,24 @@ def _covariances(body: FitBody, ranking: Ranking) -> Array:
     by_step = np.zeros((len(state), 3, CAMERA + sum(body.sizes)))
     by_step[:, :, :3] = np.eye(3)
     by_step[:, :, CAMERA : CAMERA + body.sizes[0]] = by_pose
-    spread = np.linalg.solve(ranking.local.A, by_step.swapaxes(1, 2))
-    covariances: Array = by_step @ spread
-    return covariances
+    by_focal = np.zeros((len(state), 1, by_step.shape[2]))
+    by_focal[:, 0, CAMERA - 1] = 1.0
+    wanted = np.concatenate((by_step, by_focal), 1)
+    covariances = wanted @ np.linalg.solve(ranking.local.A, wanted.swapaxes(1, 2))
+    return covariances[:, :3, :3], np.sqrt(covariances[:, 3, 3])
 
 
 def _fitted_body(
-    sight: FitObservation, ranking: Ranking, a: int, *, trunks: Array, covariance: Array
+    request: FitRequest,
+    ranking: Ranking,
+    a: int,
+    *,
+    trunks: Array,
+    covariance: Array,
+    focal_sd: float,
 ) -> FittedBody:
     """The fitted body of the animal a of a ranking."""
-    body, state = sight.body, ranking.best[a : a + 1]
+    body, state = request.body, ranking.best[a : a + 1]
     theta, frames = body.frames(state.pose, state.shape)
     betas = body.shape_prior.mean + body.shape_prior.directions @ state.shape[0]
     pose = whole_pose(body.model.joint_names, theta[0])
@@ -297,7 +193,7 @@ def _fitted_body(
         torch.from_numpy(betas)[None], pose[None], torch.zeros(1, 3, dtype=torch.float64)
     )
     R, t = state.R[0], state.t[0] - state.R[0] @ body.skeleton.origin
-    K = sight.K.copy()
+    K = request.K.copy()
     K[:2, :2] *= np.exp(state.focal[0])
     count = ranking.score.shape[1]
     own = slice(a * count, (a + 1) * count)
@@ -306,9 +202,9 @@ def _fitted_body(
     )
     behind = [one.score for one in hypotheses[1:] if _is_another(one, hypotheses[0])]
     return FittedBody(
-        sample_id=sight.sample_id,
+        sample_id=request.sample_id,
         model=body.model,
-        body_name=sight.body_name,
+        body_name=request.body_name,
         vocabulary=body.vocabulary,
         betas=betas,
         pose=as_numpy(pose),
@@ -316,17 +212,30 @@ def _fitted_body(
         R_world_joint=as_numpy(posed.R_world_joint[0]),
         R=R,
         t=t,
-        K=sight.K if sight.K_is_given else K,
-        K_source="given" if sight.K_is_given else "estimated",
-        log_focal=0.0 if sight.K_is_given else float(state.focal[0]),
+        K=request.K if request.K_is_given else K,
+        K_source="given" if request.K_is_given else "estimated",
+        log_focal=0.0 if request.K_is_given else float(state.focal[0]),
+        log_focal_sd=None if request.K_is_given else float(focal_sd),
         R_box=nearest_rotation(frames.rotations[0, list(SPINE_JOINTS)].mean(0)),
         rotation_covariance=covariance,
         cost=float(ranking.local.cost[a]),
         margin=min(behind) - hypotheses[0].score if behind else None,
         labeling=hypotheses[0].labeling,
+        misfit=_misfit(request, state),
         hidden=float(ranking.extras.away[a]),
         hypotheses=hypotheses,
     )
+
+
+def _misfit(request: FitRequest, state: FitState) -> float:
+    """See FittedBody.misfit: the median Mahalanobis distance over that of noise alone."""
+    body, problem = request.body, request.problem
+    points = body.landmarks(state.pose, state.shape)
+    px, _, _ = projected(state, problem.linear, points, np.zeros((1, 0, *points.shape[1:])))
+    names = np.array(body.exchanged) if state.exchanged[0] else np.arange(len(body.exchanged))
+    used = request.used[names]
+    apart = (px[0] - problem.pixels[0][:, names])[:, used] / request.noise_px[names][used]
+    return max(1.0, float(np.median(norm(apart.T))) / RAYLEIGH_MEDIAN)
 
 
 def _hypotheses(

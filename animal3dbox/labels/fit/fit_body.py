@@ -64,6 +64,11 @@ class FitBody:
     exchanged: Sequence[int]
 
     @property
+    def length(self) -> float:
+        """The skeleton's length along x in the template pose, in the model's unit."""
+        return float(np.ptp(self.skeleton.rest[:, 0]))
+
+    @property
     def sizes(self) -> tuple[int, int]:
         """How many pose directions and shape directions there are."""
         return self.pose_prior.directions.shape[2], self.shape_prior.directions.shape[1]

@@ -51,12 +51,14 @@ class FittedBody:
         K: (3, 3) as given, or with the estimated focal length.
         K_source: "given" or "estimated".
         log_focal: natural logarithm of the estimated focal length by the guessed one; 0 if given.
+        log_focal_sd: its standard deviation; None if the focal length was given.
         R_box: (3, 3) R_world_box of the trunk.
         rotation_covariance: (3, 3) rad^2, of a turn of the trunk about the camera's axes.
         cost: of the descent, in halves of a squared standard deviation.
         margin: what the best hypothesis of another orientation or labeling costs more; None if
             there was none.
         labeling: "as given", or "all" where left and right keypoints were exchanged and are mended.
+        misfit: how many times larger the keypoints' distances are than their noise, at least 1.
         hidden: part of the marked keypoints whose surface is turned away from the camera.
         hypotheses: all that were considered, the one taken first.
 
@@ -82,11 +84,13 @@ class FittedBody:
     K: Array
     K_source: str
     log_focal: float
+    log_focal_sd: float | None
     R_box: Array
     rotation_covariance: Array
     cost: float
     margin: float | None
     labeling: str
+    misfit: float
     hidden: float
     hypotheses: tuple[FitHypothesis, ...]
 

@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.fit.kinematics import LandmarkTables
-from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma
 from animal3dbox.labels.pose.levenberg_marquardt import small_turns
 
 Array = NDArray[np.float64]
@@ -55,7 +53,7 @@ def fit_problem(
     *,
     image_hw: tuple[int, int],
     focal_is_known: bool,
-    config: LabelConfig,
+    noise_px: Array,
 ) -> FitProblem:
     """The problem of one animal, A = 1.
 
@@ -65,15 +63,14 @@ def fit_problem(
         tables: of the landmarks.
         image_hw: height and width.
         focal_is_known: whether K is.
-        config: the keypoints' noise.
+        noise_px: (L,) standard deviations of the keypoints.
 
     """
     used = (keypoints_2d[:, 2] > 0) & tables.known
     seen = keypoints_2d[used, :2]
     extent = max(float((seen.max(0) - seen.min(0)).max()), 1.0)
-    sigma = keypoint_sigma(keypoints_2d, image_hw, config)
     places = extent * np.hypot(PLACES_SD, LOOSE_SD * tables.loose)
-    weights = np.where(used, 1 / np.hypot(sigma, places), 0.0)
+    weights = np.where(used, 1 / np.hypot(noise_px, places), 0.0)
     pixels = np.where(used[:, None], keypoints_2d[:, :2] - K[:2, 2], 0.0)
     return FitProblem(
         np.ascontiguousarray(pixels.T)[None],
