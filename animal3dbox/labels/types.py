@@ -98,7 +98,8 @@ class Quality:
             expected, as a part of the diagonal, beside distance and size; None of a pose that was
             given.
         calibration: the digest of the calibration that had a part in the label; None without.
-        body: "given", or "fit" of a body that was fitted to the picture with its camera.
+        body: "given", "fit" of a body that was fitted to the picture with its camera, or "preset"
+            of a rigid one where a fit was asked for but the animal has too few keypoints for one.
 
     Example:
         >>> from animal3dbox import label_animal

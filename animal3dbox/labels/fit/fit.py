@@ -28,6 +28,8 @@ from animal3dbox.smal.model import SPINE_JOINTS, SmalModel
 
 EXCHANGED_ALL = "all"
 """The labeling of keypoints whose left and right have all been exchanged, see exchanges.PARTS."""
+AT_ONCE = 16
+"""How many animals are fitted in one batch: more of them gain little, and need memory."""
 ANOTHER_ORIENTATION = 0.73
 """Rotations that differ by more in the Frobenius norm, by 30 degrees, are another orientation."""
 
@@ -120,7 +122,12 @@ def fit_many(
     for i, request in enumerate(requests):
         if outcomes[i] is None:
             groups.setdefault(id(request.body), []).append(i)
-    for members in groups.values():
+    batches = [
+        members[k : k + AT_ONCE]
+        for members in groups.values()
+        for k in range(0, len(members), AT_ONCE)
+    ]
+    for members in batches:
         fitted = _fitted([requests[i] for i in members], exchanges=config.labelings == "mend")
         for i, body in zip(members, fitted, strict=True):
             outcomes[i] = body

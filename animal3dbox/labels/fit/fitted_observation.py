@@ -18,6 +18,8 @@ BodyChoice = Literal["given", "fit"]
 """Where a body comes from: the caller, or the articulated fit."""
 FITTED = "fit"
 """The start of poses that the articulated fit found, and the word of Quality.body."""
+RIGID_STAND_IN = "preset"
+"""The word of Quality.body for a rigid body in the stead of a fitted one."""
 FOUND_BY_THE_FIT = (
     *("vertices", "faces", "keypoints_3d", "landmark_sigma"),
     *("pose", "pose_hypotheses", "distortion"),
@@ -66,6 +68,16 @@ def fitted_observations(
         fit if isinstance(fit, Rejection) else _observation(animal, fit, config)
         for animal, fit in zip(animals, fits, strict=True)
     ]
+
+
+def rigid_stand_in(observation: Observation) -> Observation:
+    """An animal that cannot be fitted, with a rigid body in its stead; its label says so."""
+    count = int(observation.matched.sum())
+    why = "its lens" if observation.distortion is not None else f"{count} keypoints"
+    warning = f"a rigid body stands in for a fitted one, because of {why}"
+    return replace(
+        observation, warnings=(*observation.warnings, warning), body_source=RIGID_STAND_IN
+    )
 
 
 def _fit_arguments(animal: dict[str, Any]) -> dict[str, Any]:
