@@ -11,6 +11,8 @@ from animal3dbox.lazy_exports import lazy_exports
 if TYPE_CHECKING:
     from animal3dbox.geometry.cuboid import Cuboid as Cuboid
     from animal3dbox.labels.config import LabelConfig as LabelConfig
+    from animal3dbox.labels.fit.fit import fit_animal as fit_animal
+    from animal3dbox.labels.fit.fitted_body import FittedBody as FittedBody
     from animal3dbox.labels.label import label_animal as label_animal
     from animal3dbox.labels.label import label_many as label_many
     from animal3dbox.labels.types import CuboidLabel as CuboidLabel
@@ -23,6 +25,8 @@ __getattr__, __dir__, __all__ = lazy_exports(
     {
         "geometry.cuboid": ("Cuboid",),
         "labels.config": ("LabelConfig",),
+        "labels.fit.fit": ("fit_animal",),
+        "labels.fit.fitted_body": ("FittedBody",),
         "labels.label": ("label_animal", "label_many"),
         "labels.types": ("CuboidLabel", "Rejection"),
     },

@@ -95,7 +95,8 @@ class BodyOptions:
     """Which body the animals have, if not each its own."""
 
     name: Annotated[str | None, arg(name="body")] = None
-    """one body for all: a preset of the quadruped (dog, cat, ...), a SMAL model or a mesh file;
+    """one body for all: a preset of the quadruped (dog, cat, ...), a SMAL model or a mesh file, or
+    "fit" for a body fitted to each animal's keypoints and mask;
     without --model, dog"""
     landmarks: Path | None = None
     """JSON with the mesh file's landmarks (docs/formats.md)"""

@@ -3,7 +3,8 @@
 One step of the paper a file (docs/paper.md): `axes` (which way the body points), `bounds` (the
 box), `pose` (the camera), `visibility` (what the picture shows of the body); `observation` checks
 what comes in, `drafts` goes from there to box and camera, `assemble` to everything that follows.
-NumPy inside; tensors are made by the properties of CuboidLabel.
+`fit` finds body and camera together where no body is known. NumPy inside; tensors are made by the
+properties of CuboidLabel.
 
 The names below are loaded when first used (PEP 562).
 """
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from animal3dbox.labels.calibration import PlacementPitch as PlacementPitch
     from animal3dbox.labels.calibration import load_calibration as load_calibration
     from animal3dbox.labels.config import LabelConfig as LabelConfig
+    from animal3dbox.labels.fit.fit import fit_animal as fit_animal
+    from animal3dbox.labels.fit.fit import fit_many as fit_many
+    from animal3dbox.labels.fit.fitted_body import FitHypothesis as FitHypothesis
+    from animal3dbox.labels.fit.fitted_body import FittedBody as FittedBody
     from animal3dbox.labels.label import label_animal as label_animal
     from animal3dbox.labels.label import label_many as label_many
     from animal3dbox.labels.pose.estimate import estimate_pose as estimate_pose
@@ -58,6 +63,14 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "load_calibration",
         ),
         "config": ("LabelConfig",),
+        "fit.fit": (
+            "fit_animal",
+            "fit_many",
+        ),
+        "fit.fitted_body": (
+            "FitHypothesis",
+            "FittedBody",
+        ),
         "label": (
             "label_animal",
             "label_many",

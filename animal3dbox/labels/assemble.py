@@ -154,7 +154,7 @@ def _flanks(
     drafts: Sequence[LabelDraft], theta: Array, shares: Array
 ) -> tuple[NDArray[np.int64], Array]:
     """The flanks (B,) that drafts show, and the probability (B,) of each; see decided_flanks."""
-    known_camera = np.array([draft.observation.pose is not None for draft in drafts])
+    known_camera = np.array([draft.observation.camera_is_known for draft in drafts])
     told = [draft.pose.evidence for draft in drafts]
     sigma = np.array(
         [UNKNOWN_SD_RAD if one is None else math.radians(one.rotation_sd_deg) for one in told]
@@ -204,7 +204,7 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
         n_inliers=n_inliers,
         mask_iou=draft.mask_iou,
         orientation_rule=draft.orientation_rule,
-        pose_source="estimated" if observation.pose is None else "given",
+        pose_source="given" if observation.camera_is_known else "estimated",
         pose_hypothesis=draft.pose.hypothesis,
         bounds_source=draft.bounds_source,
         mask_source="none" if observation.mask is None else "dataset",
@@ -218,6 +218,7 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
         log_focal_sd=None if evidence is None else evidence.log_focal_sd,
         flags=_flags(draft),
         calibration=draft.calibration,
+        body=observation.body_source,
     )
     if draft.method != "default":
         return quality
@@ -225,7 +226,7 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
     told = confidence_of(
         quality,
         has_template=body.template is not None and body.vertices is not None,
-        is_rigid=body.landmark_sigma is not None,
+        is_rigid=body.landmark_sigma is not None or observation.body_source == "fit",
     )
     return replace(quality, confidence=told.probability, expected_corner_error=told.corner_error)
 

@@ -11,6 +11,11 @@ from animal3dbox.labels.body import ArrayLike, Body
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.drafts import LabelDraft, draft_labels
+from animal3dbox.labels.fit.fitted_observation import (
+    BodyChoice,
+    checked_choice,
+    fitted_observations,
+)
 from animal3dbox.labels.observation import Observation, observe
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -43,6 +48,7 @@ def label_animal(
     down_cam: ArrayLike = None,
     species: str | None = None,
     calibration: Calibration | Path | str | None = None,
+    body: BodyChoice = "given",
 ) -> CuboidLabel | Rejection:
     """The oriented cuboid of one animal, its camera and the faces seen (the whole of section 2).
 
@@ -79,6 +85,10 @@ def label_animal(
         species: the animal's category, by which a calibration tells animals apart.
         calibration: what the animal's dataset taught about its keypoints' places, or the file of it
             (`animal3dbox calibrate`); it counts for bodies without a template.
+        body: "fit" fits a body, of the template's model or the embedded quadruped, to the keypoints
+            and the mask (see fit_animal): no vertices, no keypoints_3d, no pose and no lens then.
+            The species counts if it is one of the quadruped's presets. The label's confidence is
+            that of a rigid body with as much evidence.
 
     Returns:
         A label, or a rejection with its reason.
@@ -97,25 +107,27 @@ def label_animal(
         >>> label.side, label.size.round(decimals=1)
         ('right', tensor([1.2000, 0.3000, 0.8000], dtype=torch.float64))
     """
-    body = Body(vertices, faces, keypoints_3d, landmark_sigma, template)
-    config = config or LabelConfig()
-    observation = observe(
-        image_hw=image_hw,
-        body=body,
-        keypoints_2d=keypoints_2d,
-        K=K,
-        pose=pose,
-        pose_hypotheses=pose_hypotheses,
-        mask=mask,
-        vocabulary=vocabulary,
-        distortion=distortion,
-        down_cam=down_cam,
-        sample_id=sample_id,
-        species=species,
-        calibration=calibration,
-        config=config,
-    )
-    return label_observations([observation], config)[0]
+    animal = {
+        "image_hw": image_hw,
+        "keypoints_2d": keypoints_2d,
+        "keypoints_3d": keypoints_3d,
+        "vertices": vertices,
+        "faces": faces,
+        "template": template,
+        "K": K,
+        "pose": pose,
+        "pose_hypotheses": pose_hypotheses,
+        "mask": mask,
+        "vocabulary": vocabulary,
+        "sample_id": sample_id,
+        "landmark_sigma": landmark_sigma,
+        "distortion": distortion,
+        "down_cam": down_cam,
+        "species": species,
+        "calibration": calibration,
+        "body": body,
+    }
+    return label_many([animal], config)[0]
 
 
 def label_many(
@@ -143,18 +155,30 @@ def label_many(
         'no_axes'
     """
     config = config or LabelConfig()
-    observations = []
-    for animal in animals:
-        arguments = dict(animal)
-        body = Body(
-            vertices=arguments.pop("vertices", None),
-            faces=arguments.pop("faces", None),
-            landmarks=arguments.pop("keypoints_3d", None),
-            landmark_sigma=arguments.pop("landmark_sigma", None),
-            template=arguments.pop("template", None),
-        )
-        observations.append(observe(body=body, config=config, **arguments))
-    return label_observations(observations, config)
+    requests = [dict(animal) for animal in animals]
+    is_fit = [checked_choice(request) == "fit" for request in requests]
+    fitted = iter(
+        fitted_observations([r for r, fit in zip(requests, is_fit, strict=True) if fit], config)
+    )
+    observations = [
+        next(fitted) if fit else _observed(request, config)
+        for request, fit in zip(requests, is_fit, strict=True)
+    ]
+    known = [one for one in observations if isinstance(one, Observation)]
+    labels = iter(label_observations(known, config))
+    return [one if isinstance(one, Rejection) else next(labels) for one in observations]
+
+
+def _observed(arguments: dict[str, Any], config: LabelConfig) -> Observation:
+    """The checked animal of label_animal's arguments, with the body given."""
+    body = Body(
+        vertices=arguments.pop("vertices", None),
+        faces=arguments.pop("faces", None),
+        landmarks=arguments.pop("keypoints_3d", None),
+        landmark_sigma=arguments.pop("landmark_sigma", None),
+        template=arguments.pop("template", None),
+    )
+    return observe(body=body, config=config, **arguments)
 
 
 def label_observations(
@@ -179,7 +203,7 @@ def _unless_degenerate(
     """
     if not label.field("corner_in_front").any():
         return Rejection(observation.sample_id, "behind_camera", BEHIND)
-    if observation.pose is not None:
+    if observation.camera_is_known:
         return label
     if observation.mask is not None:
         animal_px = float(np.count_nonzero(observation.mask))

@@ -61,6 +61,7 @@ class Observation:
         down_cam: (3,) unit, gravity in the camera frame; None: not known.
         species: the animal's category, by which a calibration tells animals apart; None if unknown.
         calibration: what its dataset taught; None if nothing was asked for.
+        body_source: see Quality.body.
     """
 
     sample_id: str | None
@@ -81,6 +82,12 @@ class Observation:
     vertex_ids: NDArray[np.intp] | None = None
     species: str | None = None
     calibration: Calibration | None = None
+    body_source: str = "given"
+
+    @property
+    def camera_is_known(self) -> bool:
+        """Whether the camera's pose was given exactly, not fitted with the body."""
+        return self.pose is not None and self.pose.evidence is None
 
     @cached_property
     def has_landmark(self) -> NDArray[np.bool_]:
@@ -146,7 +153,7 @@ def observe(
         if keypoints_2d is None
         else checks.keypoints(keypoints_2d, len(words), words.name, size)
     )
-    matrix = _checked_intrinsics(checks, K, size, config)
+    matrix = checked_intrinsics(checks, K, size, config)
     return Observation(
         sample_id=sample_id,
         image_hw=size,
@@ -242,7 +249,7 @@ def _used(body: Body, faces: Tensor | None, count: int) -> NDArray[np.bool_] | N
     return used_vertices(faces, count)
 
 
-def _checked_intrinsics(
+def checked_intrinsics(
     checks: ArgumentChecks, K: ArrayLike, image_hw: tuple[int, int], config: LabelConfig
 ) -> Array:
     """The intrinsics (3, 3) as given, or guessed from the longer side of the image."""

@@ -98,6 +98,8 @@ class Quality:
             expected, as a part of the diagonal, beside distance and size; None of a pose that was
             given.
         calibration: the digest of the calibration that had a part in the label; None without.
+        body: "given", "fit" of a body that was fitted to the picture with its camera, or "preset"
+            of a rigid one where a fit was asked for but the animal has too few keypoints for one.
 
     Example:
         >>> from animal3dbox import label_animal
@@ -131,6 +133,7 @@ class Quality:
     confidence: float | None = None
     expected_corner_error: float | None = None
     calibration: str | None = None
+    body: str = "given"
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,11 +83,11 @@ def skinning_tables(
         ),
         bones=bones,
         identities=np.tile(np.eye(4, dtype=weights.dtype), (len(parents) + 1, 1, 1)),
-        jumps=_jumps_up_the_tree(parents),
+        jumps=jumps_up_the_tree(parents),
     )
 
 
-def _jumps_up_the_tree(parents: Sequence[int]) -> tuple[np.ndarray, ...]:
+def jumps_up_the_tree(parents: Sequence[int]) -> tuple[np.ndarray, ...]:
     """The ancestors of each joint 1, 2, 4, ... steps up; J for those beyond the root."""
     jumps = [[parent if parent >= 0 else len(parents) for parent in (*parents, -1)]]
     while any(ancestor < len(parents) for ancestor in jumps[-1]):

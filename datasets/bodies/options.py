@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+from animal3dbox.datasets.bodies.fitted import FIT, FittedBodies
 from animal3dbox.datasets.bodies.mesh_file import load_mesh_body
 from animal3dbox.datasets.bodies.sources import BodySource, ModelBody, preset_body
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import load_model
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 DEFAULT_BODY = "dog"
 """The preset that stands for the animals of a dataset that comes with no bodies."""
@@ -15,13 +17,16 @@ def body_source(body: str, landmarks: Path | None = None) -> BodySource:
     """The source of bodies that the command line's --body and --landmarks name.
 
     Args:
-        body: a preset's name, a model's file (.pkl or .safetensors), or a mesh file.
+        body: a preset's name, "fit" for a body fitted to each animal, a model's file (.pkl or
+            .safetensors), or a mesh file.
         landmarks: where the mesh file has its landmarks, see load_mesh_body.
 
     Raises:
         ConfigError: a mesh file without landmarks, or an unknown preset.
 
     """
+    if body == FIT and landmarks is None:
+        return FittedBodies(load_quadruped())
     if landmarks is not None:
         return load_mesh_body(Path(body), landmarks)
     if Path(body).suffix.lower() in (".pkl", ".safetensors"):

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.sources import many_bodies
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.given_boxes import given_label
@@ -21,9 +22,11 @@ from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.labels.body import Body
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.fit.fitted_observation import fitted_observations, rigid_stand_in
 from animal3dbox.labels.label import label_observations
 from animal3dbox.labels.observation import Observation, observe
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 CameraPolicy = Literal["hypothesis", "exact"]
 """How the camera pose that a dataset stores for its bodies is taken: as one guess, or as known."""
@@ -94,12 +97,21 @@ def _with_siblings(requests: Sequence[LabelRequest], config: LabelConfig) -> Seq
     for request in {id(one.sample): one for one in requests}.values():
         if len(request.sample.animals) < 2 or not _lacks_camera(request):
             continue
-        siblings += [
+        others = (
             LabelRequest(request.sample, place, request.facts)
             for place in range(len(request.sample.animals))
             if (id(request.sample), place) not in asked
-        ]
+        )
+        siblings += [other for other in others if not _is_fitted(other)]
     return [*requests, *siblings]
+
+
+def _is_fitted(request: LabelRequest) -> bool:
+    """Whether an animal gets a fitted body, and with it a focal length of its own."""
+    record, source = request.record, request.bodies
+    if not isinstance(source, FittedBodies) or not isinstance(record, AnimalRecord):
+        return False
+    return source.can_fit(record)
 
 
 def estimates_focal_lengths(config: LabelConfig) -> bool:
@@ -124,15 +136,15 @@ def _labels_of_source(
     """The labels of animals whose bodies come from one source, made together where that works."""
     try:
         records = [_with_camera(request.record, stored_cameras) for request in requests]
-        bodies = many_bodies(requests[0].bodies, records)
-        observations = [
-            _observation(request, record, body, config, calibration=calibration)
-            for request, record, body in zip(requests, records, bodies, strict=True)
-        ]
-        labels = label_observations(observations, config)
+        observe_all = _fitted if isinstance(requests[0].bodies, FittedBodies) else _given
+        observations = observe_all(requests, records, config, calibration=calibration)
+        known = [one for one in observations if isinstance(one, Observation)]
+        labels = iter(label_observations(known, config))
         return [
-            _finished(label, request, record=record, body=body, scale=scale)
-            for label, request, record, body in zip(labels, requests, records, bodies, strict=True)
+            one
+            if isinstance(one, Rejection)
+            else _finished(next(labels), request, record=record, body=one.body, scale=scale)
+            for one, request, record in zip(observations, requests, records, strict=True)
         ]
     except SampleError as error:
         if len(requests) == 1:
@@ -177,6 +189,58 @@ def _with_camera(record: Record, policy: CameraPolicy) -> AnimalRecord:
     if policy == "exact" and record.pose is None:
         return replace(record, pose=record.stored_pose)
     return record
+
+
+def _given(
+    requests: Sequence[LabelRequest],
+    records: Sequence[AnimalRecord],
+    config: LabelConfig,
+    *,
+    calibration: Calibration | None,
+) -> list[Observation | Rejection]:
+    """The checked animals with the bodies that their source gives."""
+    bodies = many_bodies(requests[0].bodies, records)
+    return [
+        _observation(request, record, body, config, calibration=calibration)
+        for request, record, body in zip(requests, records, bodies, strict=True)
+    ]
+
+
+def _fitted(
+    requests: Sequence[LabelRequest],
+    records: Sequence[AnimalRecord],
+    config: LabelConfig,
+    *,
+    calibration: Calibration | None,
+) -> list[Observation | Rejection]:
+    """The checked animals with fitted bodies, and rigid ones of those that cannot be fitted."""
+    source = requests[0].bodies
+    if not isinstance(source, FittedBodies):
+        raise TypeError(f"{source.name} fits no bodies")
+    can_fit = [source.can_fit(record) for record in records]
+    animals = [
+        {
+            "image_hw": record.image_hw,
+            "keypoints_2d": record.keypoints_2d,
+            "mask": request.mask,
+            "K": camera_of(record, request.facts)[0],
+            "vocabulary": record.vocabulary,
+            "sample_id": record.sample_id,
+            "species": source.species(record),
+            "template": None if source.model is load_quadruped() else source.model,
+        }
+        for request, record, fits in zip(requests, records, can_fit, strict=True)
+        if fits
+    ]
+    fitted = iter(fitted_observations(animals, config))
+    return [
+        next(fitted)
+        if fits
+        else rigid_stand_in(
+            _observation(request, record, source.body(record), config, calibration=calibration)
+        )
+        for request, record, fits in zip(requests, records, can_fit, strict=True)
+    ]
 
 
 def _observation(

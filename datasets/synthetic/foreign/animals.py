@@ -205,7 +205,11 @@ def _drawn_pose(rng: np.random.Generator, config: ForeignConfig) -> tuple[str, T
         fall = torch.tensor([np.deg2rad(side), 0.0, 0.0], dtype=torch.float64)
         root = rotation_from_axis_angle(fall) @ root
     root = rotation_from_axis_angle(heading) @ root
-    return name, torch.cat((axis_angle_from_rotation(root)[None], pose[1:]))
+    joints = pose[1:]
+    if config.joints_deg:
+        turns = torch.from_numpy(rng.standard_normal(joints.shape))
+        joints = joints + np.deg2rad(config.joints_deg) * turns
+    return name, torch.cat((axis_angle_from_rotation(root)[None], joints))
 
 
 def _on_the_ground(model: SmalModel, pose: Tensor) -> PosedBody:

@@ -23,6 +23,8 @@ class ForeignConfig:
         faults: of the keypoints and the mask; joint_deg turns the joints of the fitted body.
         standing: part of the animals in one of STANDING_POSES; the others are in OTHER_POSES.
         poses: the only poses, of STANDING_POSES and OTHER_POSES; none: as `standing` says.
+        joints_deg: standard deviation of a further turn of every joint but the root about each
+            axis, whatever the joints' limits.
         lying: part of the animals that lie on a side, whatever their pose.
         proportions: spread of the trunk's, legs', neck's and head's measures beyond the presets':
             0 for none, 1 for logarithms with the standard deviations of bodies.PART_SPREAD.
@@ -47,6 +49,7 @@ class ForeignConfig:
     faults: FaultConfig = field(default_factory=lambda: FaultConfig(noise_px=2.0))
     standing: float = 0.5
     poses: tuple[str, ...] = ()
+    joints_deg: float = 0.0
     lying: float = 0.0
     proportions: float = 1.0
     places: float = 0.08
@@ -60,6 +63,7 @@ class ForeignConfig:
     def __post_init__(self) -> None:
         limits = {
             "standing": (0, 1),
+            "joints_deg": (0, 45),
             "lying": (0, 1),
             "proportions": (0, 3),
             "places": (0, 0.5),

@@ -1,0 +1,213 @@
+"""Batched Levenberg-Marquardt on camera, pose and shape together, by a loss from wide to narrow.
+
+docs/solver.md has the cost and the schedule. Nothing here depends on how many hypotheses or animals
+share a batch: rounds are counted, and products of matrices are stacked, one a hypothesis.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.labels.fit.fit_body import FitBody, PosedJoints
+from animal3dbox.labels.fit.kinematics import (
+    landmark_parts,
+    slopes_by_shape,
+    slopes_of_parts,
+)
+from animal3dbox.labels.fit.problem import CAMERA, FitProblem, FitState
+
+Array = NDArray[np.float64]
+LIMIT_SD_DEG = 5.0
+"""How far a joint may go beyond its limit, as a standard deviation."""
+FIRST_DAMP = 1e-2
+DAMP_DOWN, DAMP_UP = 0.2, 6.0
+LEAST_DAMP, MOST_DAMP = 1e-9, 1e9
+NEAREST_DEPTH = 0.05
+"""Least depth of a landmark, in the body's lengths."""
+
+
+@dataclass(frozen=True)
+class LocalFit:
+    """The cost near states: cost + b . step + step . A step / 2.
+
+    Attributes:
+        cost: (B,); infinite where a state is not allowed.
+        A: (B, P, P).
+        b: (B, P).
+    """
+
+    cost: Array
+    A: Array
+    b: Array
+
+    def __add__(self, other: "LocalFit") -> "LocalFit":
+        return LocalFit(self.cost + other.cost, self.A + other.A, self.b + other.b)
+
+    def replaced(self, ids: NDArray[np.intp], other: "LocalFit") -> "LocalFit":
+        """This, that of some indices being the other."""
+        cost, A, b = self.cost.copy(), self.A.copy(), self.b.copy()
+        cost[ids], A[ids], b[ids] = other.cost, other.A, other.b
+        return LocalFit(cost, A, b)
+
+    def where(self, mask: NDArray[np.bool_], other: "LocalFit") -> "LocalFit":
+        """This where a mask (B,) says so, else the other."""
+        return LocalFit(
+            np.where(mask, self.cost, other.cost),
+            np.where(mask[:, None, None], self.A, other.A),
+            np.where(mask[:, None], self.b, other.b),
+        )
+
+
+def descend_fit(
+    local: Callable[[FitState], LocalFit], state: FitState, rounds: int, pose_count: int
+) -> tuple[FitState, LocalFit]:
+    """States that cost less, by so many damped steps, each kept only if it helps."""
+    here, damping = local(state), np.full(len(state), FIRST_DAMP)
+    for _ in range(rounds):
+        matrix = here.A.copy()
+        diagonal = np.einsum("bii->bi", matrix)
+        diagonal *= 1 + damping[:, None]
+        diagonal += 1e-9
+        step = np.negative(np.linalg.solve(matrix, here.b[..., None])[..., 0], dtype=np.float64)
+        moved = state.moved(step, pose_count)
+        there = local(moved)
+        better = there.cost <= here.cost
+        state, here = moved.where(better, state), there.where(better, here)
+        damping = np.where(better, damping * DAMP_DOWN, damping * DAMP_UP)
+        damping = np.minimum(np.maximum(damping, LEAST_DAMP), MOST_DAMP)
+    return state, here
+
+
+def keypoint_terms(
+    body: FitBody,
+    problem: FitProblem,
+    state: FitState,
+    *,
+    width: Array,
+    counts: tuple[int, int],
+    joints: PosedJoints | None = None,
+) -> LocalFit:
+    """The cost of states by keypoints, priors and joint limits.
+
+    Args:
+        body: the body's tables and priors.
+        problem: of all animals.
+        state: B hypotheses.
+        width: (B,) of the keypoints' Cauchy loss, in standard deviations.
+        counts: how many pose and shape directions are free.
+        joints: of the states, if they are at hand.
+
+    """
+    joints = joints or body.joints(state.pose, state.shape, counts[0])
+    frames = joints.frames
+    parts = landmark_parts(body.tables, frames, state.shape)
+    by_pose = slopes_of_parts(
+        body.skeleton, frames, parts, turns=joints.turns, beyond=body.tables.beyond
+    )
+    by_shape = slopes_by_shape(body.skeleton, body.tables, frames, counts[1])
+    slopes = np.concatenate((by_pose, by_shape), 1)
+    pixels, weights = labeled(body, problem, state)
+    linear = problem.linear[state.animal]
+    px, moves, depth = projected(state, linear, parts.sum(1), slopes)
+    r = (px - pixels) * weights[:, None]
+    moves *= weights[:, None, None]
+    square = (r * r).sum(1) / (width**2)[:, None]
+    factor = 1 / (1 + square)
+    cost = (width**2) / 2 * np.log1p(square).sum(-1)
+    flat = moves.reshape(*moves.shape[:2], -1)
+    weighted = (moves * factor[:, None, None]).reshape(flat.shape)
+    A = weighted @ flat.swapaxes(1, 2)
+    b = (weighted @ r.reshape(len(r), -1, 1))[..., 0]
+    nearest = np.where(weights > 0, depth, np.inf).min(-1)
+    cost = np.where(nearest > NEAREST_DEPTH * body.length, cost, np.inf)
+    return _with_priors(
+        LocalFit(cost, A, b), body, problem, state, theta=joints.theta, counts=counts
+    )
+
+
+def labeled(body: FitBody, problem: FitProblem, state: FitState) -> tuple[Array, Array]:
+    """The pixels (B, 2, L) and weights (B, L) of each landmark, under each state's labeling."""
+    own, order = np.arange(len(body.exchanged)), np.array(body.exchanged)
+    names = np.where(state.exchanged[:, None], order, own)
+    weights = problem.weights[state.animal[:, None], names]
+    pixels = problem.pixels[state.animal[:, None, None], np.arange(2)[:, None], names[:, None]]
+    return pixels, weights
+
+
+def projected(
+    state: FitState, linear: Array, points: Array, slopes: Array
+) -> tuple[Array, Array, Array]:
+    """Where points are seen about the principal point, and how that moves with a step.
+
+    Args:
+        state: B hypotheses.
+        linear: (B, 2, 2).
+        points: (B, 3, L) on the body.
+        slopes: (B, Q, 3, L) by the pose and shape directions that are free.
+
+    Returns:
+        px (B, 2, L), moves (B, CAMERA + Q, 2, L) and depth (B, L).
+
+    """
+    turned = state.R @ points
+    cam = turned + state.t[..., None]
+    depth = cam[:, 2]
+    inverse = 1 / np.maximum(depth, 1e-9)
+    zoom = np.exp(state.focal)[:, None]
+    plane = cam[:, :2] * inverse[:, None]
+    x, y = plane[:, 0], plane[:, 1]
+    X, Y, Z = turned[:, 0], turned[:, 1], turned[:, 2]
+    moves = np.zeros((len(state), CAMERA + slopes.shape[1], 2, points.shape[-1]))
+    u, v = moves[:, :, 0], moves[:, :, 1]
+    u[:, 0], u[:, 1], u[:, 2] = -x * Y, Z + x * X, -Y
+    v[:, 0], v[:, 1], v[:, 2] = -Z - y * Y, y * X, X
+    size = np.exp(state.scale)[:, None]
+    u[:, 3] = v[:, 4] = size
+    t = state.t[..., None]
+    u[:, 5], v[:, 5] = t[:, 0] - x * t[:, 2], t[:, 1] - y * t[:, 2]
+    u[:, 6], v[:, 6] = -x * t[:, 2], -y * t[:, 2]
+    by_body = state.R[:, None] @ slopes
+    u[:, CAMERA:] = by_body[:, :, 0] - x[:, None] * by_body[:, :, 2]
+    v[:, CAMERA:] = by_body[:, :, 1] - y[:, None] * by_body[:, :, 2]
+    moves *= (inverse * zoom)[:, None, None]
+    plane = plane * zoom[:, None]
+    moves[:, 6] += plane
+    if not linear[:, 0, 1].any():
+        focal = linear[:, range(2), range(2)]
+        return focal[..., None] * plane, moves * focal[:, None, :, None], depth
+    return linear @ plane, linear[:, None] @ moves, depth
+
+
+def _with_priors(
+    local: LocalFit,
+    body: FitBody,
+    problem: FitProblem,
+    state: FitState,
+    *,
+    theta: Array,
+    counts: tuple[int, int],
+) -> LocalFit:
+    """The cost with those of the priors and the joints' limits added, in place."""
+    cost, A, b = local.cost, local.A, local.b
+    prior = body.pose_prior
+    P, S = counts
+    focal_sd = problem.focal_sd[state.animal]
+    cost = cost + ((state.pose**2).sum(-1) + (state.shape**2).sum(-1)) / 2
+    cost = cost + (state.focal / focal_sd) ** 2 / 2
+    A[:, 6, 6] += 1 / focal_sd**2
+    b[:, 6] += state.focal / focal_sd**2
+    own = np.arange(CAMERA, CAMERA + P + S)
+    A[:, own, own] += 1.0
+    b[:, CAMERA : CAMERA + P] += state.pose[:, :P]
+    b[:, CAMERA + P :] += state.shape[:, :S]
+    sd = np.deg2rad(LIMIT_SD_DEG)
+    excess = (np.maximum(theta - prior.high, 0.0) + np.minimum(theta - prior.low, 0.0)) / sd
+    excess = excess.reshape(len(state), -1)
+    cost = cost + (excess**2).sum(-1) / 2
+    slopes = prior.directions.reshape(-1, prior.directions.shape[2])[:, :P] / sd
+    active = (slopes.T * (excess != 0)[:, None]) @ slopes
+    A[:, CAMERA : CAMERA + P, CAMERA : CAMERA + P] += active
+    b[:, CAMERA : CAMERA + P] += (excess[:, None] @ slopes)[:, 0]
+    return LocalFit(cost, A, b)

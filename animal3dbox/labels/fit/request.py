@@ -1,0 +1,140 @@
+"""One animal that a body is to be fitted to: its arguments, checked."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from animal3dbox.errors import ConfigError, ShapeError
+from animal3dbox.geometry.checks import check_image_hw
+from animal3dbox.labels.argument_checks import ArgumentChecks
+from animal3dbox.labels.body import Array, ArrayLike
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.fit.fit_body import FitBody, fit_body
+from animal3dbox.labels.fit.problem import FitProblem, fit_problem
+from animal3dbox.labels.observation import checked_intrinsics
+from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma
+from animal3dbox.labels.pose.problem import SAME_PIXEL
+from animal3dbox.labels.types import Rejection
+from animal3dbox.smal.keypoints.vocabularies import find_vocabulary
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """One animal that a body is to be fitted to, checked.
+
+    Attributes:
+        sample_id: named in every error.
+        image_hw: height and width.
+        keypoints_2d: (J, 3), zeros where nothing is seen.
+        K: (3, 3) as given or guessed.
+        K_is_given: which.
+        mask: (H, W) bool, or None.
+        body: what is fitted.
+        body_name: see FittedBody.
+        noise_px: (J,) standard deviations of the keypoints.
+    """
+
+    sample_id: str | None
+    image_hw: tuple[int, int]
+    keypoints_2d: Array
+    K: Array
+    K_is_given: bool
+    mask: NDArray[np.bool_] | None
+    body: FitBody
+    body_name: str
+    noise_px: Array
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Which keypoints are seen and have a landmark on the body, (J,)."""
+        used: NDArray[np.bool_] = (self.keypoints_2d[:, 2] > 0) & self.body.tables.known
+        return used
+
+    @property
+    def problem(self) -> FitProblem:
+        """The problem of this animal alone."""
+        return fit_problem(
+            self.keypoints_2d,
+            self.K,
+            self.body.tables,
+            image_hw=self.image_hw,
+            focal_is_known=self.K_is_given,
+            noise_px=self.noise_px,
+        )
+
+
+def fit_request(
+    *,
+    image_hw: tuple[int, int],
+    keypoints_2d: ArrayLike,
+    config: LabelConfig,
+    mask: ArrayLike = None,
+    K: ArrayLike = None,
+    vocabulary: str | Vocabulary = "animal3d26",
+    species: str | None = None,
+    model: SmalModel | None = None,
+    sample_id: str | None = None,
+) -> FitRequest:
+    """The checked arguments of one animal; see fit_animal."""
+    checks, words = ArgumentChecks(sample_id), find_vocabulary(vocabulary)
+    try:
+        check_image_hw("image_hw", image_hw)
+    except (ShapeError, TypeError, ValueError) as error:
+        raise checks.fail("image_hw", str(error)) from error
+    size = (int(image_hw[0]), int(image_hw[1]))
+    keypoints, _ = checks.keypoints(keypoints_2d, len(words), words.name, size)
+    model = model or load_quadruped()
+    _check_body(model, species)
+    name = "quadruped" if model is load_quadruped() else "model"
+    return FitRequest(
+        sample_id=sample_id,
+        image_hw=size,
+        keypoints_2d=keypoints,
+        K=checked_intrinsics(checks, K, size, config),
+        K_is_given=K is not None,
+        mask=None if mask is None else checks.mask(mask, size),
+        body=fit_body(model, words, species),
+        noise_px=keypoint_sigma(keypoints, size, config),
+        body_name=name if species is None else f"{name}:{species}",
+    )
+
+
+def _check_body(model: SmalModel, species: str | None) -> None:
+    """Raise a ConfigError for a model that has no priors, or a species that is not known."""
+    if not model.landmarks:
+        raise ConfigError("model has no landmarks, so no keypoint has a place on it")
+    known = set(load_quadruped().joint_names)
+    unknown = [name for name in model.joint_names if name not in known]
+    if unknown:
+        raise ConfigError(
+            f"model has the joint {unknown[0]!r}, of which no pose is known: its joints must have"
+            " the quadruped's names, which are SMAL's"
+        )
+    presets = quadruped_names().presets
+    if species is not None and (species not in presets or model is not load_quadruped()):
+        raise ConfigError(
+            f"species must be one of {', '.join(presets)}, and of the embedded quadruped, got"
+            f" {species!r}"
+        )
+
+
+def without_points(request: FitRequest, config: LabelConfig) -> Rejection | None:
+    """The rejection of an animal with too few keypoints, or all at one pixel."""
+    seen = request.keypoints_2d[request.used, :2]
+    if len(seen) < config.min_keypoints:
+        return Rejection(
+            request.sample_id,
+            "too_few_keypoints",
+            f"{len(seen)} visible keypoints, but min_keypoints is {config.min_keypoints}",
+        )
+    if np.abs(seen - seen[0]).max() < SAME_PIXEL:
+        return Rejection(
+            request.sample_id,
+            "coplanar_keypoints",
+            f"all {len(seen)} visible keypoints are at the same pixel {seen[0].tolist()}",
+        )
+    return None

@@ -1,0 +1,70 @@
+"""The body source "fit": each animal's own body, fitted to its picture with its camera."""
+
+from dataclasses import dataclass
+
+from animal3dbox.datasets.bodies.sources import ModelBody, model_digest, preset_body
+from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.storage.fingerprint import digest
+from animal3dbox.labels.body import Body
+from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
+
+FIT = "fit"
+"""The source's name for --body and in reports."""
+FIT_FROM = 10
+"""Animals with fewer keypoints get a rigid preset: a fit would follow their noise."""
+STAND_IN = "dog"
+"""The preset of animals whose category is none of the presets."""
+
+
+@dataclass(frozen=True)
+class FittedBodies:
+    """A body source that leaves it to labelling to fit a body to each animal.
+
+    Its own bodies, rigid ones, are for animals that cannot be fitted: those with fewer than
+    FIT_FROM keypoints, and those behind a lens.
+
+    Attributes:
+        model: whose pose and shape are fitted; the embedded quadruped or a model of the user's.
+
+    Example:
+        >>> FittedBodies(load_quadruped()).name
+        'fit'
+    """
+
+    model: SmalModel
+
+    @property
+    def name(self) -> str:
+        """The source's name in reports."""
+        return FIT
+
+    @property
+    def fingerprint(self) -> bytes:
+        """Digest of the model, and that it is fitted."""
+        return digest(model_digest(self.model), FIT.encode())
+
+    @property
+    def lasting(self) -> bool:
+        """True: the model is held in memory and does not change."""
+        return True
+
+    def content(self, sample_id: str) -> bytes:
+        """Empty: what a fit depends on is the animal's own annotation."""
+        return b""
+
+    def can_fit(self, record: AnimalRecord) -> bool:
+        """Whether a body is fitted to an animal, or a rigid one stands in."""
+        count = int((record.keypoints_2d[:, 2] > 0).sum())
+        return count >= FIT_FROM and record.distortion is None
+
+    def species(self, record: AnimalRecord) -> str | None:
+        """The preset that an animal's category names; None if none does, or of another model."""
+        is_preset = record.category in quadruped_names().presets
+        return record.category if is_preset and self.model is load_quadruped() else None
+
+    def body(self, record: AnimalRecord) -> Body:
+        """The rigid body that stands in for an animal that cannot be fitted."""
+        if self.model is load_quadruped():
+            return preset_body(self.species(record) or STAND_IN).body(record)
+        return ModelBody(self.model, FIT).body(record)
