@@ -1,11 +1,12 @@
 """Fit the coefficients of a label's confidence, and judge them on another mix of animals.
 
-    python benchmarks/fit_confidence.py --n 1500 --judge 1000 --judge-from 750
+    python benchmarks/fit_confidence.py --n 1500 --judge 1000 --judge-from 750 --fits 500 \
+        --judge-fits 400
 
 The coefficients are made with the mix "learned" of animal3dbox.evaluate.confidence_mix, its labels
-weighted so that part BASE_RATE are bad of those with a mask and of those without, and go into
-animal3dbox/labels/assets/confidence.json. The table is of the mix "judged". --draws FOLDER keeps
-and reuses the labels of both.
+weighted so that part BASE_RATE are bad of those with a mask and of those without; fits count as
+they are. They go into animal3dbox/labels/assets/confidence.json. The table is of the mix "judged".
+--draws FOLDER keeps and reuses the labels of both.
 """
 
 import argparse
@@ -19,7 +20,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from animal3dbox.evaluate.confidence_mix import BAD_DEG, FAMILIES, outcomes
+from animal3dbox.evaluate.confidence_mix import BAD_DEG, FAMILIES, FITTED, Family, outcomes
 from animal3dbox.evaluate.reliability import Judged, reliability_table
 from animal3dbox.evaluate.tables import shown
 from animal3dbox.labels.confidence import (
@@ -39,7 +40,7 @@ BASE_RATE = 0.3
 RIDGE = 4.0
 """Strength of the penalty on weights of standardised features."""
 MASKED = "+mask"
-KINDS = ("own", "own+mask", "rigid", "rigid+mask")
+KINDS = ("own", "own+mask", "rigid", "rigid+mask", "fit", "fit+mask")
 RIGID = ("species", "dog")
 
 
@@ -62,14 +63,15 @@ class Draw(msgspec.Struct):
         return self.body != "alone"
 
 
-def draws_of(name: str, numbers: range, folder: Path | None) -> list[Draw]:
+def draws_of(family: Family, numbers: range, folder: Path | None) -> list[Draw]:
     """The labels of some animals of a mix, kept in a folder if there is one."""
+    name = f"{family.name}-fit" if family in FITTED.values() else family.name
     kept = None if folder is None else folder / f"{name}-{numbers.start}-{numbers.stop}.json"
     if kept is not None and kept.exists():
         return msgspec.json.decode(kept.read_bytes(), type=list[Draw])
     draws = [
         Draw(one.body, one.label.quality, one.rotation_deg, one.corner_part)
-        for one in outcomes(FAMILIES[name], numbers)
+        for one in outcomes(family, numbers)
     ]
     if kept is not None:
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -77,11 +79,20 @@ def draws_of(name: str, numbers: range, folder: Path | None) -> list[Draw]:
     return draws
 
 
-def coefficients_of(draws: Sequence[Draw], bad_part: float) -> KindCoefficients:
-    """The coefficients of the labels of one kind, where part bad_part of its like are bad."""
+def coefficients_of(draws: Sequence[Draw], bad_part: float | None) -> KindCoefficients:
+    """The coefficients of the labels of one kind.
+
+    Args:
+        draws: of the kind.
+        bad_part: how many of its like are bad, so that they are weighted to BASE_RATE; None: they
+            count as they are.
+
+    """
     X = np.array([features(one.quality, has_template=one.has_template) for one in draws])
     good = np.array([one.rotation_deg < BAD_DEG for one in draws])
-    weight = np.where(good, (1 - BASE_RATE) / (1 - bad_part), BASE_RATE / bad_part)
+    weight = np.ones(len(draws))
+    if bad_part is not None:
+        weight = np.where(good, (1 - BASE_RATE) / (1 - bad_part), BASE_RATE / bad_part)
     middle, spread = X.mean(0), X.std(0)
     middle[0], spread = 0.0, np.where(spread > 1e-9, spread, np.inf)
     spread[0] = 1.0
@@ -134,24 +145,33 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--n", type=int, default=1500)
     parser.add_argument("--judge", type=int, default=1000)
+    parser.add_argument("--fits", type=int, default=500)
+    parser.add_argument("--judge-fits", type=int, default=400)
     parser.add_argument("--judge-from", type=int, default=750)
     parser.add_argument("--draws", type=Path, default=None)
     options = parser.parse_args()
     torch.set_num_threads(1)
-    learned = draws_of("learned", range(options.n), options.draws)
+    learned = draws_of(FAMILIES["learned"], range(options.n), options.draws)
+    fits = draws_of(FITTED["learned"], range(options.fits), options.draws)
     bad_parts = {has_mask: _bad_part(learned, has_mask) for has_mask in (True, False)}
     by_kind: dict[str, list[Draw]] = {kind: [] for kind in KINDS}
-    for one in learned:
+    for one in (*learned, *fits):
         by_kind[kind_of(one.quality, is_rigid=one.is_rigid)].append(one)
     made = Coefficients(
         command=(
             f"python benchmarks/fit_confidence.py --n {options.n} --judge {options.judge}"
-            f" --judge-from {options.judge_from}"
+            f" --judge-from {options.judge_from} --fits {options.fits}"
+            f" --judge-fits {options.judge_fits}"
         ),
-        mix=f"learned, {len(learned)} labels; weighted to {BASE_RATE:.0%} bad",
+        mix=(
+            f"learned, {len(learned)} labels, weighted to {BASE_RATE:.0%} bad; {len(fits)} fits as"
+            " they are"
+        ),
         features=FEATURES,
         kinds={
-            kind: coefficients_of(draws, bad_parts[kind.endswith(MASKED)])
+            kind: coefficients_of(
+                draws, None if kind.startswith("fit") else bad_parts[kind.endswith(MASKED)]
+            )
             for kind, draws in by_kind.items()
         },
         axes={
@@ -163,7 +183,11 @@ def main() -> None:
     coefficients.cache_clear()  # the labels above were made with those before
     judged = []
     numbers = range(options.judge_from, options.judge_from + options.judge)
-    for one in draws_of("judged", numbers, options.draws):
+    judged_fits = range(options.judge_from, options.judge_from + options.judge_fits)
+    for one in (
+        *draws_of(FAMILIES["judged"], numbers, options.draws),
+        *draws_of(FITTED["judged"], judged_fits, options.draws),
+    ):
         told = confidence_of(one.quality, has_template=one.has_template, is_rigid=one.is_rigid)
         judged.append(_judged(one, told.probability, told.corner_error))
     table: Any = reliability_table(judged)

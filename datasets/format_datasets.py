@@ -38,7 +38,7 @@ class AnnotatedDataset(LabelDataset):
         vocabulary: what the keypoints are, if their names do not tell: a vocabulary, its name, or a
             TOML file.
         body: one body for all animals, a preset's name, a model's file or a source; None: the
-            dataset's own, else a dog.
+            dataset's own, else one fitted to each animal.
         focal_px: of every image without a camera of its own; None: what the dataset or the
             picture's header says, or a guess.
         **options: LabelDataset's.

@@ -385,7 +385,7 @@ def _escaped(text: str) -> str:
 
 
 def bodies_for(dataset: ReadDataset, own: BodySource | None) -> BodySource:
-    """The user's body for all animals if there is one, else the dataset's own bodies, else a dog.
+    """The user's body for all animals if there is one, else the dataset's own bodies, else a fit.
 
     Raises:
         ConfigError: a user's body for a dataset whose cameras are known in the frame of its own.

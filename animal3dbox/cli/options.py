@@ -95,9 +95,9 @@ class BodyOptions:
     """Which body the animals have, if not each its own."""
 
     name: Annotated[str | None, arg(name="body")] = None
-    """one body for all: a preset of the quadruped (dog, cat, ...), a SMAL model or a mesh file, or
-    "fit" for a body fitted to each animal's keypoints and mask;
-    without --model, dog"""
+    """one body for all: a preset of the quadruped (dog, cat, ...; "preset" is dog), a SMAL model or
+    a mesh file; or "fit", a body fitted to each animal's keypoints and mask, which is the default
+    without --model"""
     landmarks: Path | None = None
     """JSON with the mesh file's landmarks (docs/formats.md)"""
 

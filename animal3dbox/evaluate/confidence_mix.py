@@ -4,7 +4,7 @@ Two families with different dials: `learned` is what the shipped coefficients we
 `judged` what they are reported on.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -122,6 +122,13 @@ FAMILIES = {
     )
 }
 """Name -> mix."""
+FITTED: Mapping[str, Family] = {
+    name: replace(family, bodies=(("fit", 1.0),)) for name, family in FAMILIES.items()
+}
+"""The same mixes, of animals whose bodies are fitted to the picture; half of their species are
+known."""
+KNOWN_SPECIES = 0.5
+TOLD_TO_A_FIT = ("image_hw", "keypoints_2d", "K", "mask", "vocabulary", "sample_id")
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +208,10 @@ def mixed_case(family: Family, index: int) -> Case:
         arguments["K"] = arguments["K"] @ torch.diag(torch.tensor([wrong, wrong, 1.0]).double())
     if rng.random() > family.masks:
         arguments["mask"] = None
+    if body == "fit":
+        species = animal.preset if rng.random() < KNOWN_SPECIES else None
+        arguments = {name: arguments[name] for name in TOLD_TO_A_FIT}
+        arguments |= {"body": "fit", "species": species}
     return Case(animal, body, arguments)
 
 

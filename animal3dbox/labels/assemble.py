@@ -226,7 +226,7 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
     told = confidence_of(
         quality,
         has_template=body.template is not None and body.vertices is not None,
-        is_rigid=body.landmark_sigma is not None or observation.body_source == "fit",
+        is_rigid=body.landmark_sigma is not None,
     )
     return replace(quality, confidence=told.probability, expected_corner_error=told.corner_error)
 

@@ -83,7 +83,7 @@ def confidence_of(quality: Quality, *, has_template: bool, is_rigid: bool) -> Co
 
 def kind_of(quality: Quality, *, is_rigid: bool) -> str:
     """Which coefficients are a label's: of its kind of body, with a mask or without."""
-    body = "rigid" if is_rigid else "own"
+    body = "fit" if quality.body == "fit" else "rigid" if is_rigid else "own"
     return body if quality.mask_iou is None else f"{body}+mask"
 
 

@@ -2,23 +2,25 @@
 
 from pathlib import Path
 
-from animal3dbox.datasets.bodies.fitted import FIT, FittedBodies
+from animal3dbox.datasets.bodies.fitted import FIT, STAND_IN, FittedBodies
 from animal3dbox.datasets.bodies.mesh_file import load_mesh_body
 from animal3dbox.datasets.bodies.sources import BodySource, ModelBody, preset_body
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import load_model
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
-DEFAULT_BODY = "dog"
-"""The preset that stands for the animals of a dataset that comes with no bodies."""
+DEFAULT_BODY = FIT
+"""The body of the animals of a dataset that comes with no bodies."""
+PRESET = "preset"
+"""The word for the rigid preset that stands in where no body can be fitted."""
 
 
 def body_source(body: str, landmarks: Path | None = None) -> BodySource:
     """The source of bodies that the command line's --body and --landmarks name.
 
     Args:
-        body: a preset's name, "fit" for a body fitted to each animal, a model's file (.pkl or
-            .safetensors), or a mesh file.
+        body: a preset's name, "preset" for the usual one, "fit" for a body fitted to each animal, a
+            model's file (.pkl or .safetensors), or a mesh file.
         landmarks: where the mesh file has its landmarks, see load_mesh_body.
 
     Raises:
@@ -36,4 +38,4 @@ def body_source(body: str, landmarks: Path | None = None) -> BodySource:
             f"--body {body} is a file: give --landmarks too, or there is no telling its nose from"
             " its tail"
         )
-    return preset_body(body)
+    return preset_body(STAND_IN if body == PRESET else body)

@@ -136,7 +136,9 @@ def _labels_of_source(
     """The labels of animals whose bodies come from one source, made together where that works."""
     try:
         records = [_with_camera(request.record, stored_cameras) for request in requests]
-        observe_all = _fitted if isinstance(requests[0].bodies, FittedBodies) else _given
+        # Methods basic and paper estimate the camera of a body that they are given, a rigid one.
+        fits = config.method == "default" and isinstance(requests[0].bodies, FittedBodies)
+        observe_all = _fitted if fits else _given
         observations = observe_all(requests, records, config, calibration=calibration)
         known = [one for one in observations if isinstance(one, Observation)]
         labels = iter(label_observations(known, config))
