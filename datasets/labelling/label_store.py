@@ -1,5 +1,6 @@
 """The labels of one dataset under one method: from the cache if they are there, made otherwise."""
 
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.cache import LabelCache
+from animal3dbox.datasets.labelling.fit_notice import FitNotice
 from animal3dbox.datasets.labelling.image_index import AnimalEntry
 from animal3dbox.datasets.labelling.image_samples import ImageSample
 from animal3dbox.datasets.labelling.label_records import (
@@ -70,6 +72,7 @@ class LabelStore:
         self.reuse, self.calibration = reuse, calibration
         self.cache: LabelCache | None = None
         self._reported: set[str] = set()
+        self._fit_notice = FitNotice()
         if cache is not None:
             try:
                 scale_digest = content_digest(scale)
@@ -139,6 +142,7 @@ class LabelStore:
                 missing[place] = request
             else:
                 outcomes[place] = cached
+        begin = time.perf_counter()
         made = label_records(
             list(missing.values()),
             self.config,
@@ -146,6 +150,7 @@ class LabelStore:
             stored_cameras=self.stored_cameras,
             calibration=self.calibration,
         )
+        self._fit_notice.tell(made, time.perf_counter() - begin)
         for (place, request), outcome in zip(missing.items(), made, strict=True):
             outcomes[place] = outcome
             if not isinstance(outcome, SampleError):
