@@ -181,13 +181,16 @@ def main() -> None:
     )
     ASSET.write_bytes(msgspec.json.format(msgspec.json.encode(made), indent=1) + b"\n")
     coefficients.cache_clear()  # the labels above were made with those before
+    given = range(options.judge_from, options.judge_from + options.judge)
+    fitted = range(options.judge_from, options.judge_from + options.judge_fits)
+    print_table(draws_of(FAMILIES["judged"], given, options.draws))
+    print_table(draws_of(FITTED["judged"], fitted, options.draws))
+
+
+def print_table(draws: Sequence[Draw]) -> None:
+    """The reliability of the confidence that the coefficients give some labels."""
     judged = []
-    numbers = range(options.judge_from, options.judge_from + options.judge)
-    judged_fits = range(options.judge_from, options.judge_from + options.judge_fits)
-    for one in (
-        *draws_of(FAMILIES["judged"], numbers, options.draws),
-        *draws_of(FITTED["judged"], judged_fits, options.draws),
-    ):
+    for one in draws:
         told = confidence_of(one.quality, has_template=one.has_template, is_rigid=one.is_rigid)
         judged.append(_judged(one, told.probability, told.corner_error))
     table: Any = reliability_table(judged)

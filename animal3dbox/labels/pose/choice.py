@@ -24,7 +24,7 @@ GRAVITY_SIGMA_DEG = 40.0
 MOST_UP = 6.0
 """Most that a pose can cost more for its up, in halves of a squared standard deviation: what
 keypoints tell for certain stays."""
-EXCHANGE_COST, MOST_MISFIT = 3.0, 3.0
+EXCHANGE_COST, MOST_MISFIT = 3.5, 3.0
 HIDDEN_COST = 2.0
 """Of a keypoint that is marked although the body hides it, in halves of a squared standard
 deviation, by the root of the body's misfit: a body in another pose hides other places."""
