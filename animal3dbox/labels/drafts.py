@@ -22,7 +22,7 @@ from animal3dbox.labels.observation import Observation
 from animal3dbox.labels.pose.estimate import estimate_pose, estimate_zoom
 from animal3dbox.labels.pose.focal_length import common_zoom
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma, misfit_sigma
-from animal3dbox.labels.pose.outline_refinement import OUTLINE_POINTS
+from animal3dbox.labels.pose.outline_refinement import RIM_POINTS
 from animal3dbox.labels.pose.problem import AS_GIVEN, PoseEstimate, PoseFailure, PoseProblem
 from animal3dbox.labels.types import Rejection
 from animal3dbox.labels.visibility.body_in_picture import body_in_picture
@@ -294,7 +294,7 @@ def _outline(observation: Observation, config: LabelConfig) -> MaskOutline | Non
     mask = observation.mask
     if mask is None or config.method != "default" or config.mask_box not in (None, "mesh"):
         return None
-    return mask_outline(mask, OUTLINE_POINTS, observation.K, observation.distortion)
+    return mask_outline(mask, RIM_POINTS, observation.K, observation.distortion)
 
 
 def _exchanged_points(

@@ -6,19 +6,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.geometry.mask_supports import PIXEL_REACH
+from animal3dbox.geometry.mask_outline import mask_outline
 from animal3dbox.labels.fit.problem import frame_about
 
 Array = NDArray[np.float64]
 OUTLINE_POINTS = 110
-SMALL_PART = 0.02
-"""Parts of a mask smaller than this part of the largest do not count."""
 GRID_SIDE = 160
 """Most cells of the grid along each side."""
 GRID_MARGIN = 0.3
 """How far the grid reaches beyond the mask, by the longer side of its box."""
-TANGENT_REACH = 0.005
-"""Half the length over which an outline's direction is taken, by the outline's."""
 
 
 @dataclass(frozen=True)
@@ -47,43 +43,17 @@ class MaskTarget:
 def mask_target(mask: NDArray[np.bool_], center: Array) -> MaskTarget:
     """The target of a mask (H, W), not empty, about the principal point (2,)."""
     height, width = mask.shape
-    points, normals = _outline(mask)
-    on_border = (points < 1).any(1) | (points > np.array([width - 2, height - 2])).any(1)
+    outline = mask_outline(mask, OUTLINE_POINTS)
     nearest, corner, cell = _way_back(mask)
     return MaskTarget(
-        points=points + PIXEL_REACH * normals - center,
-        normals=normals,
-        counts=np.where(on_border, 0.0, 1.0),
+        points=outline.points - center,
+        normals=outline.normals,
+        counts=outline.is_whole.astype(np.float64),
         nearest=nearest - center,
         corner=corner - center,
         cell=cell,
         frame=frame_about((height, width), center),
     )
-
-
-def _outline(mask: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """OUTLINE_POINTS points of the outline, evenly along it, and their outward normals."""
-    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    rings = [contour[:, 0].astype(np.float64) for contour in contours]
-    areas = [cv2.contourArea(contour) + len(contour) / 2 for contour in contours]
-    rings = [r for r, area in zip(rings, areas, strict=True) if area >= SMALL_PART * max(areas)]
-    lengths = np.array([len(ring) for ring in rings])
-    whole = int(lengths.sum())
-    reach = max(2, round(TANGENT_REACH * whole))
-    starts = np.cumsum(lengths) - lengths
-    picks = (np.arange(OUTLINE_POINTS) + 0.5) * whole / OUTLINE_POINTS
-    points, normals = [], []
-    for ring, start in zip(rings, starts, strict=True):
-        own = (picks[(picks >= start) & (picks < start + len(ring))] - start).astype(np.intp)
-        ahead, behind = ring[(own + reach) % len(ring)], ring[(own - reach) % len(ring)]
-        points.append(ring[own])
-        # OpenCV's outer contours run so that the outside is at the right of the way, y down
-        along = ahead - behind
-        normals.append(np.stack((-along[:, 1], along[:, 0]), -1))
-    outward = np.concatenate(normals)
-    length = np.sqrt((outward * outward).sum(-1, keepdims=True))
-    outward = np.where(length > 0, outward / np.maximum(length, 1e-12), np.array([1.0, 0.0]))
-    return np.concatenate(points), outward
 
 
 def _way_back(mask: NDArray[np.bool_]) -> tuple[Array, Array, float]:

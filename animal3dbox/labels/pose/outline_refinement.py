@@ -29,7 +29,8 @@ from animal3dbox.labels.pose.robust_joint_cost import (
 )
 
 Array = NDArray[np.float64]
-OUTLINE_POINTS = 96
+RIM_POINTS = 96
+"""Points of the mask's outline that are compared with the body's rim."""
 OUTLINE_SIGMA_PX = 1.0
 """Least standard deviation of a point of the outline from the body's rim."""
 FAR_PX = 8.0
@@ -84,7 +85,7 @@ def refine_on_outline(
     if outline is None or faces is None or not misfit_of_body <= MOST_BODY_MISFIT:
         return None
     terms = joint_terms(problem, misfit, misfit_of_body, config=config)
-    if not terms.body.size or not len(outline.points):
+    if not terms.body.size or not outline.is_whole.any():
         return None
     of_rim = _rim_terms(problem, pose, outline, faces=faces, terms=terms, misfit=misfit_of_body)
     if of_rim is None:
@@ -137,11 +138,12 @@ def _rim_terms(
     ids = rim_vertices(vertices, faces, pixels)
     if len(ids) < NEIGHBOURS:
         return None
-    points, seen = outline.points - problem.K[:2, 2], pixels[:, ids]
+    whole, seen = outline.is_whole, pixels[:, ids]
+    points, normals = outline.points[whole] - problem.K[:2, 2], outline.normals[whole]
     near = np.argpartition(_square_distances(points, seen), NEIGHBOURS, axis=1)[:, :NEIGHBOURS]
-    rim = RimTerms(vertices[ids][near], points, outline.normals, weight=1.0)
+    rim = RimTerms(vertices[ids][near], points, normals, weight=1.0)
     _, places, _ = _nearest(problem, pose, rim)
-    spread = MAD_TO_SD * float(np.median(np.abs(((places - points) * outline.normals).sum(1))))
+    spread = MAD_TO_SD * float(np.median(np.abs(((places - points) * normals).sum(1))))
     sigma = OUTLINE_SIGMA_PX * max(1.0, spread / OUTLINE_SIGMA_PX) ** 2 * misfit**2
     return replace(rim, weight=terms.mask_share / sigma)
 
