@@ -88,6 +88,7 @@ def keypoint_terms(
     width: Array,
     counts: tuple[int, int],
     joints: PosedJoints | None = None,
+    by_kind: bool = False,
 ) -> LocalFit:
     """The cost of states by keypoints, priors and joint limits.
 
@@ -98,6 +99,7 @@ def keypoint_terms(
         width: (B,) of the keypoints' Cauchy loss, in standard deviations.
         counts: how many pose and shape directions are free.
         joints: of the states, if they are at hand.
+        by_kind: whether the shape's prior is that of the nearest species, not of all together.
 
     """
     joints = joints or body.joints(state.pose, state.shape, counts[0])
@@ -122,9 +124,10 @@ def keypoint_terms(
     b = (weighted @ r.reshape(len(r), -1, 1))[..., 0]
     nearest = np.where(weights > 0, depth, np.inf).min(-1)
     cost = np.where(nearest > NEAREST_DEPTH * body.length, cost, np.inf)
-    return _with_priors(
+    local = _with_priors(
         LocalFit(cost, A, b), body, problem, state, theta=joints.theta, counts=counts
     )
+    return _with_shape_prior(local, body, state, counts=counts, by_kind=by_kind)
 
 
 def labeled(body: FitBody, problem: FitProblem, state: FitState) -> tuple[Array, Array]:
@@ -192,16 +195,15 @@ def _with_priors(
     """The cost with those of the priors and the joints' limits added, in place."""
     cost, A, b = local.cost, local.A, local.b
     prior = body.pose_prior
-    P, S = counts
+    P, _ = counts
     focal_sd = problem.focal_sd[state.animal]
-    cost = cost + ((state.pose**2).sum(-1) + (state.shape**2).sum(-1)) / 2
+    cost = cost + (state.pose**2).sum(-1) / 2
     cost = cost + (state.focal / focal_sd) ** 2 / 2
     A[:, 6, 6] += 1 / focal_sd**2
     b[:, 6] += state.focal / focal_sd**2
-    own = np.arange(CAMERA, CAMERA + P + S)
+    own = np.arange(CAMERA, CAMERA + P)
     A[:, own, own] += 1.0
     b[:, CAMERA : CAMERA + P] += state.pose[:, :P]
-    b[:, CAMERA + P :] += state.shape[:, :S]
     sd = np.deg2rad(LIMIT_SD_DEG)
     excess = (np.maximum(theta - prior.high, 0.0) + np.minimum(theta - prior.low, 0.0)) / sd
     excess = excess.reshape(len(state), -1)
@@ -211,3 +213,25 @@ def _with_priors(
     A[:, CAMERA : CAMERA + P, CAMERA : CAMERA + P] += active
     b[:, CAMERA : CAMERA + P] += (excess[:, None] @ slopes)[:, 0]
     return LocalFit(cost, A, b)
+
+
+def _with_shape_prior(
+    local: LocalFit, body: FitBody, state: FitState, *, counts: tuple[int, int], by_kind: bool
+) -> LocalFit:
+    """The cost with that of the shape added, in place; see keypoint_terms."""
+    P, S = counts
+    prior, shape = body.shape_prior, state.shape
+    shapes = slice(CAMERA + P, CAMERA + P + S)
+    if not by_kind:
+        own = np.arange(CAMERA + P, CAMERA + P + S)
+        local.A[:, own, own] += 1.0
+        local.b[:, shapes] += shape[:, :S]
+        return LocalFit(local.cost + (shape**2).sum(-1) / 2, local.A, local.b)
+    apart = shape[:, None] - prior.kinds  # (B, C, S)
+    pull = apart @ prior.precision
+    costs = (pull * apart).sum(-1) / 2
+    nearest = costs.argmin(1)
+    rows = np.arange(len(shape))
+    local.A[:, shapes, shapes] += prior.precision[:S, :S]
+    local.b[:, shapes] += pull[rows, nearest][:, :S]
+    return LocalFit(local.cost + costs[rows, nearest], local.A, local.b)

@@ -39,8 +39,6 @@ LIGHT_MASK, LIGHT_ROUNDS = (40.0, 80.0), 6
 """Weights of the mask's two parts, see MaskWeights, before the choice is made."""
 HEAVY_MASK, HEAVY_ROUNDS = (120.0, 240.0), 10
 """Weights once it is made."""
-OTHER_LABELING = 1e6
-"""Puts hypotheses of the other labeling behind those of the better one."""
 MASK_VOTE = 0.25
 """Part of the mask's cost that counts in the choice: things that hide an animal cut its mask."""
 
@@ -86,21 +84,19 @@ def ranked_fits(
     state, _ = _by_keypoints(body, problem, exchanges=exchanges)
     score = _keypoint_terms(body, problem, CHOICE_LOSS)(state).cost
     score = score + choice_costs(body, problem, state).total
-    # A mask does not tell left from right, so the labeling is chosen before
-    labeling = state.exchanged.reshape(animals, -1)
-    least = score.reshape(animals, -1).argmin(1)[:, None]
-    other = (labeling != np.take_along_axis(labeling, least, 1)).ravel()
-    ranks = score + OTHER_LABELING * other
-    order = _cheapest(ranks, state, animals, most=len(state) // animals, apart=FIT_APART[-1])
+    order = _ranked(score, state, animals)
     state, score = state[order], score[order].reshape(animals, -1)
     masked = np.array(sorted(targets), dtype=np.intp)
     if len(masked):
         first = (masked[:, None] * score.shape[1] + np.arange(MASKED)).ravel()
         lightly, cost = _lightly_masked(body, problem, state[first], targets)
-        state, cost = state.replaced(first, lightly), cost.reshape(len(masked), MASKED)
-        # The others stay as far behind as they were
-        score[masked] += (cost.min(1) - score[masked].min(1))[:, None]
-        score[masked, :MASKED] = cost
+        state = state.replaced(first, lightly)
+        labeling, cost = lightly.exchanged.reshape(-1, MASKED), cost.reshape(-1, MASKED)
+        # The others stay as far behind as they were, and so does the other labeling
+        same = labeling == labeling[:, :1]
+        gain = np.where(same, cost, np.inf).min(1) - score[masked].min(1)
+        score[masked] += gain[:, None]
+        score[masked, :MASKED] = np.where(same, cost, score[masked, :MASKED])
     chosen = score.argmin(1)
     best = state[np.arange(animals) * score.shape[1] + chosen]
     local = _keypoint_terms(body, problem)(best)
@@ -109,6 +105,26 @@ def ranked_fits(
         refined, by_mask = descend_fit(terms, best[masked], HEAVY_ROUNDS, body.sizes[0])
         best, local = best.replaced(masked, refined), local.replaced(masked, by_mask)
     return Ranking(state, score, chosen, best, local, choice_costs(body, problem, best))
+
+
+def _ranked(score: Array, state: FitState, animals: int) -> NDArray[np.intp]:
+    """The order of all hypotheses of each animal: first those of the labeling of the least score.
+
+    A mask does not tell left from right, so the labeling is chosen before. Within a labeling those
+    whose orientations differ come first.
+
+    Args:
+        score: (B,).
+        state: B hypotheses.
+        animals: how many there are.
+
+    """
+    count = len(state) // animals
+    order = _cheapest(score, state, animals, most=count, apart=FIT_APART[-1])
+    by_animal = order.reshape(animals, count)
+    labeling = state.exchanged[by_animal]
+    other = labeling != labeling[:, :1]  # the first is the one of the least score
+    return np.take_along_axis(by_animal, np.argsort(other, axis=1, kind="stable"), 1).ravel()
 
 
 def _lightly_masked(
@@ -133,7 +149,7 @@ def _keypoint_terms(
 
     def terms(state: FitState) -> LocalFit:
         widths = np.full(len(state), width)
-        return keypoint_terms(body, problem, state, width=widths, counts=body.sizes)
+        return keypoint_terms(body, problem, state, width=widths, counts=body.sizes, by_kind=True)
 
     return terms
 
@@ -151,7 +167,7 @@ def _terms(
         joints = body.joints(state.pose, state.shape, body.sizes[0])
         width = np.full(len(state), NARROW_LOSS)
         return keypoint_terms(
-            body, problem, state, width=width, counts=body.sizes, joints=joints
+            body, problem, state, width=width, counts=body.sizes, joints=joints, by_kind=True
         ) + mask_terms(
             body,
             problem,
@@ -177,7 +193,8 @@ def _by_keypoints(
         width = np.full(animals, NARROW_LOSS)
         if stage < len(LOSS_WIDTHS):
             width = np.maximum(LOSS_WIDTHS[stage] * problem.extent / sigma, NARROW_LOSS)
-        terms = partial(keypoint_terms, body, problem, counts=counts)
+        by_kind = stage == len(STAGE_ROUNDS) - 1
+        terms = partial(keypoint_terms, body, problem, counts=counts, by_kind=by_kind)
         state, local = descend_fit(
             partial(terms, width=width[state.animal]), state, rounds, counts[0]
         )

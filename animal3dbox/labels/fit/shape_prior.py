@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 SHAPE_DIRECTIONS = 18
 MEASURE_SD, VARIATION_SD = 0.5, 0.3
 """Standard deviations of the quadruped's measures and of its smaller variations."""
+KIND_SHARE = 0.3
+"""Part of the variance between species that each has about itself where none is known."""
 KNOWN_SPECIES = 0.04
 """Part of the variance between species that remains where the species is known."""
 
@@ -27,13 +29,19 @@ KNOWN_SPECIES = 0.04
 class ShapePrior:
     """A Gaussian over betas, whitened: betas = mean + directions s, with s standard normal.
 
+    It is one wide Gaussian over all species; the narrow ones of each species are about the kinds.
+
     Attributes:
         mean: (S',) betas.
         directions: (S', S) betas per unit of each coefficient, those that move most first.
+        kinds: (C, S) coefficients of the species; one, zero, where there is nothing to choose.
+        precision: (S, S) inverse covariance of the coefficients within a species.
     """
 
     mean: Array
     directions: Array
+    kinds: Array
+    precision: Array
 
 
 @lru_cache(maxsize=64)
@@ -50,16 +58,28 @@ def shape_prior(model: SmalModel, species: str | None = None) -> ShapePrior:
     order = np.argsort(-values, kind="stable")[:SHAPE_DIRECTIONS]
     vectors = vectors[:, order]
     vectors = vectors * np.sign(vectors[np.abs(vectors).argmax(0), range(len(order))])
-    return ShapePrior(mean, np.ascontiguousarray(root @ vectors))
+    directions = np.ascontiguousarray(root @ vectors)
+    if model is not load_quadruped() or species is not None:
+        nothing = np.zeros((1, len(order)))
+        return ShapePrior(mean, directions, nothing, np.eye(len(order)))
+    whitening = vectors.T @ np.linalg.pinv(root, hermitian=True)
+    presets, between, within = _species()
+    covariance = whitening @ (KIND_SHARE * between + within) @ whitening.T
+    return ShapePrior(mean, directions, (presets - mean) @ whitening.T, np.linalg.inv(covariance))
 
 
 def _quadruped_shapes(species: str | None) -> tuple[Array, Array]:
     """Mean (S',) and covariance (S', S') of the quadruped's betas."""
+    presets, between, within = _species()
+    if species is None:
+        return presets.mean(0), between + within
+    return as_numpy(preset_betas(species)), KNOWN_SPECIES * between + within
+
+
+def _species() -> tuple[Array, Array, Array]:
+    """The presets' betas (C, S'), their covariance, and that within each, (S', S')."""
     names = quadruped_names()
     presets = np.stack([as_numpy(preset_betas(name)) for name in names.presets])
-    mean, between = presets.mean(0), np.cov(presets.T, bias=True)
-    if species is not None:
-        mean, between = as_numpy(preset_betas(species)), KNOWN_SPECIES * between
     deviations = np.array(
         [
             0.0
@@ -68,7 +88,7 @@ def _quadruped_shapes(species: str | None) -> tuple[Array, Array]:
             for name in names.columns
         ]
     )
-    return mean, between + np.diag(deviations**2)
+    return presets, np.cov(presets.T, bias=True), np.diag(deviations**2)
 
 
 def _square_root(covariance: Array) -> Array:

@@ -164,15 +164,18 @@ def test_slopes_of_pixels_are_their_finite_differences(skew: float) -> None:
         assert np.abs(moves[:, k] - numeric).max() < 1e-5 * np.abs(numeric).max()
 
 
-def test_the_gradient_of_the_cost_is_its_finite_difference() -> None:
+@pytest.mark.parametrize("by_kind", [False, True])
+def test_the_gradient_of_the_cost_is_its_finite_difference(by_kind: bool) -> None:
     body = body_of()
     problem, state = states(body)
     width = np.array([3.0, 10.0, 40.0])
 
     def cost(moved: FitState) -> Array:
-        return keypoint_terms(body, problem, moved, width=width, counts=body.sizes).cost
+        return keypoint_terms(
+            body, problem, moved, width=width, counts=body.sizes, by_kind=by_kind
+        ).cost
 
-    local = keypoint_terms(body, problem, state, width=width, counts=body.sizes)
+    local = keypoint_terms(body, problem, state, width=width, counts=body.sizes, by_kind=by_kind)
     total = local.b.shape[1]
     for k in range(total):
         step = STEP * np.broadcast_to(np.eye(total)[k], (3, total))

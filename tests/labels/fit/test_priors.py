@@ -75,6 +75,21 @@ def test_species_are_within_the_prior_of_shapes_and_their_own_is_narrower() -> N
         assert (s**2).mean() < 2.5
 
 
+def test_each_preset_is_a_kind_of_its_own_and_likelier_there_than_in_the_middle() -> None:
+    model = load_quadruped()
+    prior, dogs = shape_prior(model), shape_prior(model, "dog")
+    assert len(prior.kinds) == len(quadruped_names().presets)
+    columns = as_numpy(model.shapedirs).reshape(-1, model.beta_count)
+    for name, kind in zip(quadruped_names().presets, prior.kinds, strict=True):
+        apart = columns @ (as_numpy(preset_betas(name)) - prior.mean - prior.directions @ kind)
+        whole = columns @ (as_numpy(preset_betas(name)) - prior.mean)
+        assert np.linalg.norm(apart) < 0.35 * np.linalg.norm(whole)
+    narrower = np.linalg.eigvalsh(prior.precision)  # than all species together
+    assert narrower.min() > 1 - 1e-9
+    assert narrower.max() > 5
+    assert (dogs.kinds.tolist(), dogs.precision[0, 0]) == ([[0.0] * 18], 1.0)
+
+
 def test_the_overall_size_is_not_among_the_shapes() -> None:
     prior = shape_prior(load_quadruped())
     size = quadruped_names().columns.index("size")
