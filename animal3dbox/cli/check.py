@@ -124,17 +124,7 @@ def check_dataset(job: CheckJob) -> CheckReport:
         DatasetFormatError: not readable as a whole.
 
     """
-    dataset = AnnotatedDataset(
-        job.path,
-        format=job.dataset.format,
-        images=job.dataset.images,
-        model=job.dataset.model,
-        vocabulary=job.dataset.vocabulary,
-        body=job.body,
-        on_bad="skip",
-        stored_cameras=job.stored_camera,
-        cache=job.cache,
-    )
+    dataset = _dataset_of(job)
     loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
     findings: list[CheckedFault] = []
     mended: list[str] = []
@@ -166,6 +156,21 @@ def check_dataset(job: CheckJob) -> CheckReport:
     warnings = Counter(report.warnings) + Counter(case.field for case in rejected)
     warnings += Counter({EXCHANGED: len(mended)})
     return msgspec.structs.replace(report, warnings=warnings)
+
+
+def _dataset_of(job: CheckJob) -> AnnotatedDataset:
+    """The job's dataset, whose bad samples are counted, not raised."""
+    return AnnotatedDataset(
+        job.path,
+        format=job.dataset.format,
+        images=job.dataset.images,
+        model=job.dataset.model,
+        vocabulary=job.dataset.vocabulary,
+        body=job.body,
+        on_bad="skip",
+        stored_cameras=job.stored_camera,
+        cache=job.cache,
+    )
 
 
 def mended_animals(target: Mapping[str, Any]) -> list[str]:

@@ -16,7 +16,7 @@ from animal3dbox.labels.fit.kinematics import (
     slopes_by_shape,
     slopes_of_parts,
 )
-from animal3dbox.labels.fit.problem import CAMERA, FitProblem, FitState
+from animal3dbox.labels.fit.problem import CAMERA, FOCAL_KNOWN_SD, FitProblem, FitState
 
 Array = NDArray[np.float64]
 LIMIT_SD_DEG = 5.0
@@ -24,6 +24,9 @@ LIMIT_SD_DEG = 5.0
 FIRST_DAMP = 1e-2
 DAMP_DOWN, DAMP_UP = 0.2, 6.0
 LEAST_DAMP, MOST_DAMP = 1e-9, 1e9
+USUAL_DISTANCE, DISTANCE_SD = 4.0, 0.3
+"""How far away animals are photographed from, in their lengths, and the standard deviation of its
+logarithm; where the focal length is not known."""
 NEAREST_DEPTH = 0.05
 """Least depth of a landmark, in the body's lengths."""
 
@@ -183,6 +186,21 @@ def projected(
     return linear @ plane, linear[:, None] @ moves, depth
 
 
+def _with_distance(
+    A: Array, b: Array, body: FitBody, state: FitState, *, is_known: NDArray[np.bool_]
+) -> Array:
+    """The cost (B,) of distances where the focal length is not known, added in place to A and b."""
+    weight = np.where(is_known, 0.0, 1 / DISTANCE_SD)
+    distance = state.scale + state.focal  # its logarithm
+    off = weight * (distance - np.log(USUAL_DISTANCE * body.length))
+    for i in (5, 6):
+        b[:, i] += weight * off
+        for j in (5, 6):
+            A[:, i, j] += weight**2
+    half: Array = off**2 / 2
+    return half
+
+
 def _with_priors(
     local: LocalFit,
     body: FitBody,
@@ -201,6 +219,7 @@ def _with_priors(
     cost = cost + (state.focal / focal_sd) ** 2 / 2
     A[:, 6, 6] += 1 / focal_sd**2
     b[:, 6] += state.focal / focal_sd**2
+    cost = cost + _with_distance(A, b, body, state, is_known=focal_sd <= FOCAL_KNOWN_SD)
     own = np.arange(CAMERA, CAMERA + P)
     A[:, own, own] += 1.0
     b[:, CAMERA : CAMERA + P] += state.pose[:, :P]
