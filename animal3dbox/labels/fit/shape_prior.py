@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 SHAPE_DIRECTIONS = 18
 MEASURE_SD, VARIATION_SD = 0.5, 0.3
 """Standard deviations of the quadruped's measures and of its smaller variations."""
-KIND_SHARE = 0.1
+KIND_SHARE = 0.3
 """Part of the variance between species that each has about itself where none is known."""
 KNOWN_SPECIES = 0.04
 """Part of the variance between species that remains where the species is known."""
