@@ -100,6 +100,8 @@ class BodyOptions:
     without --model"""
     landmarks: Path | None = None
     """JSON with the mesh file's landmarks (docs/formats.md)"""
+    species: str = "auto"
+    """of fitted animals: a preset of the quadruped, by each one's category, or unknown"""
 
     def source(self, model: Path | None) -> "BodySource | None":
         """The one body of all animals, or None where the options name none.
@@ -114,9 +116,9 @@ class BodyOptions:
         """
         from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 
-        if self.name is None and self.landmarks is None:
+        if self.name is None and self.landmarks is None and self.species == "auto":
             return None
-        source = body_source(self.name or DEFAULT_BODY, self.landmarks)
+        source = body_source(self.name or DEFAULT_BODY, self.landmarks, species=self.species)
         if model is not None:
             raise ConfigError(
                 "--model takes each animal's own body from the dataset's parameters, --body one"

@@ -3,11 +3,17 @@
 from dataclasses import dataclass
 
 from animal3dbox.datasets.bodies.sources import ModelBody, model_digest, preset_body
+from animal3dbox.datasets.bodies.species import (
+    AUTO,
+    UNKNOWN,
+    check_species,
+    preset_of_category,
+)
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import digest
 from animal3dbox.labels.body import Body
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 FIT = "fit"
 """The source's name for --body and in reports."""
@@ -26,6 +32,11 @@ class FittedBodies:
 
     Attributes:
         model: whose pose and shape are fitted; the embedded quadruped or a model of the user's.
+        species: of all animals, a preset of the quadruped; "auto": by each one's category (see
+            species.py); "unknown": of none.
+
+    Raises:
+        ConfigError: there is no such species.
 
     Example:
         >>> FittedBodies(load_quadruped()).name
@@ -33,6 +44,10 @@ class FittedBodies:
     """
 
     model: SmalModel
+    species: str = AUTO
+
+    def __post_init__(self) -> None:
+        check_species(self.species)
 
     @property
     def name(self) -> str:
@@ -42,7 +57,7 @@ class FittedBodies:
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model, and that it is fitted."""
-        return digest(model_digest(self.model), FIT.encode())
+        return digest(model_digest(self.model), FIT.encode(), self.species.encode())
 
     @property
     def lasting(self) -> bool:
@@ -58,13 +73,14 @@ class FittedBodies:
         count = int((record.keypoints_2d[:, 2] > 0).sum())
         return count >= FIT_FROM and record.distortion is None
 
-    def species(self, record: AnimalRecord) -> str | None:
-        """The preset that an animal's category names; None if none does, or of another model."""
-        is_preset = record.category in quadruped_names().presets
-        return record.category if is_preset and self.model is load_quadruped() else None
+    def species_of(self, record: AnimalRecord) -> str | None:
+        """The preset that is an animal's; None if it is not known, or of another model."""
+        if self.model is not load_quadruped() or self.species == UNKNOWN:
+            return None
+        return preset_of_category(record.category) if self.species == AUTO else self.species
 
     def body(self, record: AnimalRecord) -> Body:
         """The rigid body that stands in for an animal that cannot be fitted."""
         if self.model is load_quadruped():
-            return preset_body(self.species(record) or STAND_IN).body(record)
+            return preset_body(self.species_of(record) or STAND_IN).body(record)
         return ModelBody(self.model, FIT).body(record)

@@ -5,6 +5,7 @@ from pathlib import Path
 from animal3dbox.datasets.bodies.fitted import FIT, STAND_IN, FittedBodies
 from animal3dbox.datasets.bodies.mesh_file import load_mesh_body
 from animal3dbox.datasets.bodies.sources import BodySource, ModelBody, preset_body
+from animal3dbox.datasets.bodies.species import AUTO
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import load_model
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
@@ -15,20 +16,24 @@ PRESET = "preset"
 """The word for the rigid preset that stands in where no body can be fitted."""
 
 
-def body_source(body: str, landmarks: Path | None = None) -> BodySource:
+def body_source(body: str, landmarks: Path | None = None, *, species: str = AUTO) -> BodySource:
     """The source of bodies that the command line's --body and --landmarks name.
 
     Args:
         body: a preset's name, "preset" for the usual one, "fit" for a body fitted to each animal, a
             model's file (.pkl or .safetensors), or a mesh file.
         landmarks: where the mesh file has its landmarks, see load_mesh_body.
+        species: of fitted animals, see FittedBodies.
 
     Raises:
-        ConfigError: a mesh file without landmarks, or an unknown preset.
+        ConfigError: a mesh file without landmarks, an unknown preset or species, or a species for
+            bodies that are not fitted.
 
     """
+    if species != AUTO and (body != FIT or landmarks is not None):
+        raise ConfigError(f"species={species!r} is for fitted bodies: leave it out, or {body!r}")
     if body == FIT and landmarks is None:
-        return FittedBodies(load_quadruped())
+        return FittedBodies(load_quadruped(), species)
     if landmarks is not None:
         return load_mesh_body(Path(body), landmarks)
     if Path(body).suffix.lower() in (".pkl", ".safetensors"):

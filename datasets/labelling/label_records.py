@@ -228,7 +228,7 @@ def _fitted(
             "K": camera_of(record, request.facts)[0],
             "vocabulary": record.vocabulary,
             "sample_id": record.sample_id,
-            "species": source.species(record),
+            "species": source.species_of(record),
             "template": None if source.model is load_quadruped() else source.model,
         }
         for request, record, fits in zip(requests, records, can_fit, strict=True)
