@@ -24,9 +24,9 @@ LIMIT_SD_DEG = 5.0
 FIRST_DAMP = 1e-2
 DAMP_DOWN, DAMP_UP = 0.2, 6.0
 LEAST_DAMP, MOST_DAMP = 1e-9, 1e9
-USUAL_DISTANCE, DISTANCE_SD = 4.0, 0.3
-"""How far away animals are photographed from, in their lengths, and the standard deviation of its
-logarithm; where the focal length is not known."""
+NEAR_DISTANCE, DISTANCE_SD = 4.0, 0.3
+"""Animals are seldom photographed from nearer, in their lengths; by which standard deviation of the
+logarithm a nearer camera costs, where the focal length is not known."""
 NEAREST_DEPTH = 0.05
 """Least depth of a landmark, in the body's lengths."""
 
@@ -189,10 +189,11 @@ def projected(
 def _with_distance(
     A: Array, b: Array, body: FitBody, state: FitState, *, is_known: NDArray[np.bool_]
 ) -> Array:
-    """The cost (B,) of distances where the focal length is not known, added in place to A and b."""
-    weight = np.where(is_known, 0.0, 1 / DISTANCE_SD)
-    distance = state.scale + state.focal  # its logarithm
-    off = weight * (distance - np.log(USUAL_DISTANCE * body.length))
+    """The cost (B,) of near cameras where the focal length is not known, added to A and b too."""
+    # The logarithm of the distance, by the least that is usual
+    distance = state.scale + state.focal - np.log(NEAR_DISTANCE * body.length)
+    weight = np.where(is_known | (distance > 0), 0.0, 1 / DISTANCE_SD)
+    off = weight * distance
     for i in (5, 6):
         b[:, i] += weight * off
         for j in (5, 6):
