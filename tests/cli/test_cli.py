@@ -250,7 +250,8 @@ def test_known_bodies_are_labelled_with_the_side_the_camera_sees(good: Path) -> 
         azimuth, side = SIDES[row.image]
         assert row.side == side
         assert abs((row.azimuth_deg - azimuth + 180) % 360 - 180) < 3
-        assert float(str(row.quality["reprojection_error_px"])) < 0.5
+        # Exact keypoints, and a mask of whole pixels that is trusted to about one.
+        assert float(str(row.quality["reprojection_error_px"])) < 0.7
         assert float(str(row.quality["mask_iou"])) > 0.95
 
 
