@@ -10,7 +10,12 @@ from torch import Tensor
 
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.arrays import as_numpy
-from animal3dbox.geometry.checks import check_finite, check_rotation, check_shape
+from animal3dbox.geometry.checks import (
+    check_finite,
+    check_image_hw,
+    check_rotation,
+    check_shape,
+)
 from animal3dbox.labels.body import Array, ArrayLike
 from animal3dbox.labels.pose.problem import PoseEstimate
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -79,6 +84,14 @@ class ArgumentChecks:
         R, t = self.array(f"{field} R", value[0], "3 3"), self.finite(f"{field} t", value[1], "3")
         self.check(check_rotation, f"{field} R", R)
         return PoseEstimate(R.copy(), t.copy(), name)
+
+    def image_hw(self, image_hw: tuple[int, int]) -> tuple[int, int]:
+        """Height and width of the image."""
+        try:
+            check_image_hw("image_hw", image_hw)
+        except (ShapeError, TypeError, ValueError) as error:
+            raise self.fail("image_hw", str(error)) from error
+        return int(image_hw[0]), int(image_hw[1])
 
     def keypoints(
         self, value: ArrayLike, count: int, vocabulary: str, image_hw: tuple[int, int]

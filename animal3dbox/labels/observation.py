@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.camera import intrinsics
-from animal3dbox.geometry.checks import check_image_hw, check_intrinsics
+from animal3dbox.geometry.checks import check_intrinsics
 from animal3dbox.geometry.distortion import check_distortion
 from animal3dbox.geometry.used_vertices import used_vertices
 from animal3dbox.labels.argument_checks import ArgumentChecks
@@ -142,11 +141,7 @@ def observe(
 
     """
     checks, words = ArgumentChecks(sample_id), find_vocabulary(vocabulary)
-    try:
-        check_image_hw("image_hw", image_hw)
-    except (ShapeError, TypeError, ValueError) as error:
-        raise checks.fail("image_hw", str(error)) from error
-    size = (int(image_hw[0]), int(image_hw[1]))
+    size = checks.image_hw(image_hw)
     checked, vertex_ids = _checked_body(checks, body, words)
     keypoints, warnings = (
         (None, [])

@@ -12,13 +12,12 @@ from animal3dbox.datasets.bodies.species import (
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import digest
 from animal3dbox.labels.body import Body
+from animal3dbox.labels.fit.fitted_observation import ENOUGH_KEYPOINTS
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 FIT = "fit"
 """The source's name for --body and in reports."""
-FIT_FROM = 10
-"""Animals with fewer keypoints get a rigid preset: a fit would follow their noise."""
 STAND_IN = "dog"
 """The preset of animals whose category is none of the presets."""
 
@@ -28,7 +27,7 @@ class FittedBodies:
     """A body source that leaves it to labelling to fit a body to each animal.
 
     Its own bodies, rigid ones, are for animals that cannot be fitted: those with fewer than
-    FIT_FROM keypoints, and those behind a lens.
+    ENOUGH_KEYPOINTS keypoints, and those behind a lens.
 
     Attributes:
         model: whose pose and shape are fitted; the embedded quadruped or a model of the user's.
@@ -71,7 +70,7 @@ class FittedBodies:
     def can_fit(self, record: AnimalRecord) -> bool:
         """Whether a body is fitted to an animal, or a rigid one stands in."""
         count = int((record.keypoints_2d[:, 2] > 0).sum())
-        return count >= FIT_FROM and record.distortion is None
+        return count >= ENOUGH_KEYPOINTS and record.distortion is None
 
     def species_of(self, record: AnimalRecord) -> str | None:
         """The preset that is an animal's; None if it is not known, or of another model."""

@@ -49,7 +49,7 @@ class ChoiceCosts:
 
     @property
     def total(self) -> Array:
-        """Their sum, (B,)."""
+        """What each state costs in all beside the descent's cost, (B,)."""
         return self.exchange + self.facing + self.up
 
 

@@ -42,7 +42,7 @@ class FitProblem:
     frame: Array
 
     def __getitem__(self, ids: Any) -> "FitProblem":
-        """Those of some indices."""
+        """The problem of the animals of some indices alone."""
         return FitProblem(*(getattr(self, name)[ids] for name in self.__dataclass_fields__))
 
 
@@ -135,7 +135,7 @@ class FitState:
 
     @property
     def t(self) -> Array:
-        """(B, 3) t_cam_body."""
+        """The translations (B, 3) from the body's frame to the camera's."""
         depth = np.exp(self.scale)
         return np.concatenate(
             (self.aim * depth[:, None], (depth * np.exp(self.focal))[:, None]), axis=1

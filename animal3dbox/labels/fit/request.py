@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.errors import ConfigError, ShapeError
-from animal3dbox.geometry.checks import check_image_hw
+from animal3dbox.errors import ConfigError
 from animal3dbox.labels.argument_checks import ArgumentChecks
 from animal3dbox.labels.body import Array, ArrayLike
 from animal3dbox.labels.config import LabelConfig
@@ -81,11 +80,7 @@ def fit_request(
 ) -> FitRequest:
     """The checked arguments of one animal; see fit_animal."""
     checks, words = ArgumentChecks(sample_id), find_vocabulary(vocabulary)
-    try:
-        check_image_hw("image_hw", image_hw)
-    except (ShapeError, TypeError, ValueError) as error:
-        raise checks.fail("image_hw", str(error)) from error
-    size = (int(image_hw[0]), int(image_hw[1]))
+    size = checks.image_hw(image_hw)
     keypoints, _ = checks.keypoints(keypoints_2d, len(words), words.name, size)
     model = model or load_quadruped()
     _check_body(model, species)

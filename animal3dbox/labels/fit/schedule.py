@@ -38,7 +38,7 @@ MASKED = 2
 LIGHT_MASK, LIGHT_ROUNDS = (40.0, 80.0), 6
 """Weights of the mask's two parts, see MaskWeights, before the choice is made."""
 HEAVY_MASK, HEAVY_ROUNDS = (120.0, 240.0), 10
-"""Weights once it is made."""
+"""Weights and rounds once the choice between hypotheses is made."""
 MASK_VOTE = 0.25
 """Part of the mask's cost that counts in the choice: things that hide an animal cut its mask."""
 

@@ -23,7 +23,7 @@ SCAN_WIDTH = 0.06
 SCAN_UP = 2.0
 """What a view from under the ground, or one rolled by half a turn, costs in the scan at most."""
 A_VIEW = 3
-"""Most starts of one view."""
+"""Most starts that are taken from one direction of view, so that others get their turn."""
 STARTS, EXCHANGED_STARTS = 28, 8
 """Starts of the labeling given, and of the exchanged one."""
 
