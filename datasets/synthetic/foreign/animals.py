@@ -1,5 +1,6 @@
 """Animals of a foreign world before a camera: what is true, and what a dataset would say."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,7 +21,12 @@ from animal3dbox.datasets.synthetic.foreign.config import (
     STANDING_POSES,
     ForeignConfig,
 )
-from animal3dbox.datasets.synthetic.foreign.masks import supersampled_mask, worn_mask
+from animal3dbox.datasets.synthetic.foreign.masks import (
+    occluding_thing,
+    supersampled_mask,
+    worn_mask,
+)
+from animal3dbox.datasets.synthetic.foreign.parts import model_of_parts
 from animal3dbox.datasets.synthetic.foreign.places import (
     carried_places,
     drawn_offsets,
@@ -144,9 +150,9 @@ def foreign_animal(
     config = config or ForeignConfig()
     rng = {
         part: world_generator(seed, index, f"foreign-{part}")
-        for part in ("shape", "pose", "places", "camera", "mask", "fit")
+        for part in ("shape", "pose", "places", "camera", "mask", "fit", "surface", "occluder")
     }
-    preset, model = _drawn_body(rng["shape"], index, config)
+    preset, model = _drawn_body(rng, index, config)
     name, pose = _drawn_pose(rng["pose"], config)
     body = _on_the_ground(model, pose)
     vocabulary = config.world.vocabulary
@@ -164,6 +170,9 @@ def foreign_animal(
         camera=camera,
         config=config,
     )
+    mask = _mask(rng["mask"], model=model, body=body, camera=camera, config=config)
+    if rng["occluder"].random() < config.occluded:
+        keypoints, mask = _behind_a_thing(keypoints, mask, rng["occluder"])
     return ForeignAnimal(
         sample_id=sample_id,
         preset=preset,
@@ -175,20 +184,21 @@ def foreign_animal(
         landmarks=landmarks,
         exact=exact,
         keypoints_2d=keypoints,
-        mask=_mask(rng["mask"], model=model, body=body, camera=camera, config=config),
+        mask=mask,
         fitted=_fitted(rng["fit"], model=model, pose=pose, body=body, places=places, config=config),
     )
 
 
 def _drawn_body(
-    rng: np.random.Generator, index: int, config: ForeignConfig
+    rng: Mapping[str, np.random.Generator], index: int, config: ForeignConfig
 ) -> tuple[str, SmalModel]:
-    """A species, and its model with parts stretched."""
+    """A species, and its model with parts stretched, its surface or another."""
     presets = config.world.presets or quadruped_names().presets
     preset = presets[index % len(presets)]
-    betas = draw_betas(rng, preset, config.world.shape_spread)
-    scales = part_scales(rng, config.proportions)
-    return preset, stretched_model(load_quadruped(), betas, scales)
+    betas = draw_betas(rng["shape"], preset, config.world.shape_spread)
+    scales = part_scales(rng["shape"], config.proportions)
+    model = stretched_model(load_quadruped(), betas, scales)
+    return preset, model_of_parts(model, rng["surface"]) if config.surface == "parts" else model
 
 
 def _drawn_pose(rng: np.random.Generator, config: ForeignConfig) -> tuple[str, Tensor]:
@@ -272,6 +282,18 @@ def _mask(
     holes = rng.random() < config.mask_holes
     worn = worn_mask(drawn, rng, jitter_px=config.mask_jitter_px, holes=holes)
     return resized_mask(worn, config.faults.mask_px)
+
+
+def _behind_a_thing(
+    keypoints: Tensor, mask: Tensor, rng: np.random.Generator
+) -> tuple[Tensor, Tensor]:
+    """Keypoints (J, 3) and mask (H, W) of an animal before which something stands."""
+    thing = torch.from_numpy(occluding_thing(mask.numpy(), rng))
+    height, width = mask.shape
+    x = keypoints[:, 0].round().long().clamp(0, width - 1)
+    y = keypoints[:, 1].round().long().clamp(0, height - 1)
+    seen = keypoints * ~thing[y, x, None]
+    return seen, mask & ~thing
 
 
 def _fitted(
