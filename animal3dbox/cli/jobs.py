@@ -71,6 +71,8 @@ class LabelJob:
     cache: CacheOptions
     calibration: Path | None = None
     """what `animal3dbox calibrate` learned of this dataset; for bodies without a template"""
+    misplaced: Literal["fault", "flag"] = "fault"
+    """keypoints beside the frame, or the animal's own box or mask: an error, or a flag"""
     json: bool = False
     """print report.json instead of words; no progress bar"""
 
