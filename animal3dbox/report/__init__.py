@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from animal3dbox.report.gallery import write_gallery as write_gallery
     from animal3dbox.report.label_cuboids import read_label_cuboids as read_label_cuboids
     from animal3dbox.report.label_files import AnimalRow as AnimalRow
+    from animal3dbox.report.label_files import FitRow as FitRow
     from animal3dbox.report.label_files import LabelFile as LabelFile
     from animal3dbox.report.label_files import RejectedRow as RejectedRow
     from animal3dbox.report.label_files import animal_row as animal_row
@@ -56,6 +57,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "label_cuboids": ("read_label_cuboids",),
         "label_files": (
             "AnimalRow",
+            "FitRow",
             "LabelFile",
             "RejectedRow",
             "animal_row",

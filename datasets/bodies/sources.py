@@ -100,7 +100,7 @@ class ModelBody:
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model and its shape."""
-        return digest(model_digest(self.model), content_digest(self.betas))
+        return digest(self.model.digest.encode(), content_digest(self.betas))
 
     @property
     def lasting(self) -> bool:
@@ -141,12 +141,6 @@ def preset_body(preset: str) -> ModelBody:
 
     """
     return ModelBody(load_quadruped(), f"quadruped:{preset}", tuple(preset_betas(preset).tolist()))
-
-
-@lru_cache(maxsize=16)
-def model_digest(model: SmalModel) -> bytes:
-    """Digest of a model's content, computed once a model."""
-    return content_digest(model)
 
 
 @lru_cache(maxsize=16)
@@ -234,7 +228,7 @@ class ParametersBody:
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model and of the type in which it is posed."""
-        return digest(model_digest(self.model), str(self.vertices_in).encode())
+        return digest(self.model.digest.encode(), str(self.vertices_in).encode())
 
     @property
     def lasting(self) -> bool:
