@@ -43,7 +43,7 @@ def run_label(job: LabelJob) -> ExitCode:
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     calibration = calibration_of(job.calibration)
     own_body = job.body.source(job.dataset.model)
-    options = job.dataset.read_options(job.camera.focal_px)
+    options = job.body.read_options(job.dataset, job.camera.focal_px)
     dataset = read_dataset(job.path, job.dataset.format, options)
     bodies, records = bodies_for(dataset, own_body), dataset.records
     for note in records.notes:
