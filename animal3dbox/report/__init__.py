@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from animal3dbox.report.label_files import RejectedRow as RejectedRow
     from animal3dbox.report.label_files import animal_row as animal_row
     from animal3dbox.report.label_files import write_labels_json as write_labels_json
+    from animal3dbox.report.label_fits import read_label_fits as read_label_fits
     from animal3dbox.report.label_reading import read_label_rows as read_label_rows
     from animal3dbox.report.label_reading import read_labels_json as read_labels_json
     from animal3dbox.report.label_table import write_labels_csv as write_labels_csv
@@ -63,6 +64,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "animal_row",
             "write_labels_json",
         ),
+        "label_fits": ("read_label_fits",),
         "label_table": ("write_labels_csv",),
         "label_reading": ("read_label_rows", "read_labels_json"),
         "label_targets": ("target_of_row",),
