@@ -71,6 +71,8 @@ class LabelJob:
     cache: CacheOptions
     calibration: Path | None = None
     """what `animal3dbox calibrate` learned of this dataset; for bodies without a template"""
+    outline: bool = True
+    """draw the outlines of fitted bodies into the pictures"""
     json: bool = False
     """print report.json instead of words; no progress bar"""
 

@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import LabelJob
+from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.images.photos import Photo, read_photo
@@ -28,18 +29,7 @@ AT_ONCE = 16
 
 def run_label(job: LabelJob) -> ExitCode:
     """Label the animals of a dataset and write labels, pictures and a report."""
-    if job.out is None:
-        raise ConfigError(
-            "give --out for labels, pictures and a report, or --cache to fill a Dataset's label"
-            " cache"
-        )
-    for name, value in (
-        ("--shard", job.cache.shard),
-        ("--resume", job.cache.resume),
-        ("--workers", job.cache.workers),
-    ):
-        if value:
-            raise ConfigError(f"{name} is for filling a label cache: give --cache, or leave it out")
+    out = _checked_folder(job)
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     calibration = calibration_of(job.calibration)
     own_body = job.body.source(job.dataset.model)
@@ -53,9 +43,13 @@ def run_label(job: LabelJob) -> ExitCode:
         any(has_camera(record) for record in records.records),
         records.notes,
     )
-    if job.out.exists() and not job.out.is_dir():
-        raise ConfigError(f"--out {job.out} is a file: give a folder")
-    writer = RunWriter(job.out, source=str(job.path), body=bodies.name, config=job.config)
+    writer = RunWriter(
+        out,
+        source=str(job.path),
+        body=bodies.name,
+        config=job.config,
+        fitted=bodies.model if job.outline and isinstance(bodies, FittedBodies) else None,
+    )
     writer.add(records.faults)
     progress = tqdm(
         total=len(records.records), desc="labelling", unit="animal", disable=job.json or None
@@ -66,8 +60,27 @@ def run_label(job: LabelJob) -> ExitCode:
         progress.update(len(batch))
     progress.close()
     summary = writer.finish()
-    _print(summary, job, job.out)
+    _print(summary, job, out)
     return ExitCode.FAULTY if summary.faulty else ExitCode.OK
+
+
+def _checked_folder(job: LabelJob) -> Path:
+    """The folder that is written to; raises a ConfigError for options that are for a cache."""
+    if job.out is None:
+        raise ConfigError(
+            "give --out for labels, pictures and a report, or --cache to fill a Dataset's label"
+            " cache"
+        )
+    for name, value in (
+        ("--shard", job.cache.shard),
+        ("--resume", job.cache.resume),
+        ("--workers", job.cache.workers),
+    ):
+        if value:
+            raise ConfigError(f"{name} is for filling a label cache: give --cache, or leave it out")
+    if job.out.exists() and not job.out.is_dir():
+        raise ConfigError(f"--out {job.out} is a file: give a folder")
+    return job.out
 
 
 def _labelled(
