@@ -199,6 +199,8 @@ class InspectJob:
     path: Annotated[Positional[Path], arg(metavar="PATH")]
     """a dataset's folder or its annotation file"""
     dataset: KeypointDatasetOptions
+    fits: bool = False
+    """with --model: compare stored parameters with bodies fitted here, of 200 animals at most"""
     json: bool = False
     """print JSON (docs/formats.md) instead of words"""
 
