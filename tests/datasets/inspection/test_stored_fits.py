@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import torch
-from animal3d_copies import copy_with
+from animal3d_copies import copy_with, in_pytorch3d_frame
 from commands import ran
 
 from animal3dbox.datasets.formats import ReadOptions
@@ -70,6 +70,13 @@ def test_bodies_as_they_are_are_not_contradicted(home: Path, tmp_path: Path) -> 
     assert facts.compared == 4
     assert (facts.turned, facts.worse, facts.examples) == ([], [], [])
     assert "no stored body of 4 compared is contradicted" in words
+
+
+def test_the_frame_that_bodies_are_stored_in_does_not_matter(home: Path, tmp_path: Path) -> None:
+    copy = copy_with(home, tmp_path / "copy", in_pytorch3d_frame)
+    facts = inspect_dataset(copy, options=ReadOptions(model=home / "body.pkl"), fits=True)
+    assert facts.stored_fits is not None
+    assert (facts.stored_fits.compared, facts.stored_fits.examples) == (4, [])
 
 
 def test_a_body_that_is_turned_is_named_by_its_trunk_and_its_keypoints(
