@@ -59,7 +59,7 @@ def run_fill(job: LabelJob) -> ExitCode:
         job.path,
         format=job.dataset.format,
         images=job.dataset.images,
-        model=job.dataset.model,
+        model=None if job.body.fits else job.dataset.model,
         vocabulary=job.dataset.vocabulary,
         body=body,
         on_bad="skip",

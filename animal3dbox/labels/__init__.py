@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from animal3dbox.labels.fit.fit import fit_many as fit_many
     from animal3dbox.labels.fit.fitted_body import FitHypothesis as FitHypothesis
     from animal3dbox.labels.fit.fitted_body import FittedBody as FittedBody
+    from animal3dbox.labels.fit_parameters import FitParameters as FitParameters
+    from animal3dbox.labels.fit_parameters import fitted_vertices as fitted_vertices
     from animal3dbox.labels.label import label_animal as label_animal
     from animal3dbox.labels.label import label_many as label_many
     from animal3dbox.labels.pose.estimate import estimate_pose as estimate_pose
@@ -70,6 +72,10 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "fit.fitted_body": (
             "FitHypothesis",
             "FittedBody",
+        ),
+        "fit_parameters": (
+            "FitParameters",
+            "fitted_vertices",
         ),
         "label": (
             "label_animal",

@@ -22,6 +22,8 @@ from animal3dbox.labels.fit.shape_prior import ShapePrior, shape_prior
 from animal3dbox.smal.keypoints.exchanges import exchange_order
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
+from animal3dbox.smal.quadruped.rest_pose import rest_alignment
 
 Array = NDArray[np.float64]
 
@@ -96,10 +98,15 @@ def fit_body(model: SmalModel, vocabulary: Vocabulary, species: str | None = Non
     """The body of a model for a vocabulary, and a species where it is known."""
     shapes = shape_prior(model, species)
     arguments = (shapes.mean, shapes.directions)
+    alignment = (
+        None
+        if model is load_quadruped()
+        else rest_alignment(model, shapes.mean, shape_prior(load_quadruped()).mean)
+    )
     return FitBody(
         model=model,
         vocabulary=vocabulary,
-        skeleton=skeleton_of(model, *arguments),
+        skeleton=skeleton_of(model, *arguments, alignment),
         tables=landmark_tables(model, vocabulary, *arguments),
         pose_prior=pose_prior(model.joint_names),
         shape_prior=shapes,
