@@ -43,7 +43,11 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.linear_blend_skinning import PosedBody
 from animal3dbox.smal.model import SmalModel, trunk_rotation
 from animal3dbox.smal.quadruped.poses import ground_trans
-from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
+from animal3dbox.smal.quadruped.preset_bodies import (
+    load_quadruped,
+    preset_betas,
+    quadruped_names,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +138,8 @@ def foreign_animal(
         seed: of the world.
         index: of the animal.
         config: the dials.
-        dataset: number of the dataset, whose keypoint places it shares; None: it is alone in one.
+        dataset: number of the dataset, whose keypoint places and classes it shares; None: it is
+            alone in one.
 
     Example:
         >>> animal = foreign_animal(0, 0)
@@ -146,11 +151,12 @@ def foreign_animal(
         part: world_generator(seed, index, f"foreign-{part}")
         for part in ("shape", "pose", "places", "camera", "mask", "fit")
     }
-    preset, model = _drawn_body(rng["shape"], index, config)
+    own_dataset = index if dataset is None else dataset
+    preset, model = _drawn_body(rng["shape"], seed, index, dataset=own_dataset, config=config)
     name, pose = _drawn_pose(rng["pose"], config)
     body = _on_the_ground(model, pose)
     vocabulary = config.world.vocabulary
-    offsets = _offsets(seed, index if dataset is None else dataset, rng["places"], config)
+    offsets = _offsets(seed, own_dataset, rng["places"], config)
     places = template_places(model, vocabulary, offsets, config)
     landmarks = carried_places(model, vocabulary, places, body)
     camera = draw_camera(rng["camera"], body.vertices[0], config.world)
@@ -181,13 +187,20 @@ def foreign_animal(
 
 
 def _drawn_body(
-    rng: np.random.Generator, index: int, config: ForeignConfig
+    rng: np.random.Generator, seed: int, index: int, *, dataset: int, config: ForeignConfig
 ) -> tuple[str, SmalModel]:
     """A species, and its model with parts stretched."""
     presets = config.world.presets or quadruped_names().presets
     preset = presets[index % len(presets)]
-    betas = draw_betas(rng, preset, config.world.shape_spread)
-    scales = part_scales(rng, config.proportions)
+    spread, proportions = config.world.shape_spread, config.proportions
+    if config.individual == 1:
+        betas, scales = draw_betas(rng, preset, spread), part_scales(rng, proportions)
+        return preset, stretched_model(load_quadruped(), betas, scales)
+    of_class = world_generator(seed, dataset, f"foreign-class-{preset}")
+    betas, scales = draw_betas(of_class, preset, spread), part_scales(of_class, proportions)
+    betas = betas + draw_betas(rng, preset, config.individual * spread) - preset_betas(preset)
+    own = part_scales(rng, config.individual * proportions)
+    scales = {name: scale * own[name] for name, scale in scales.items()}
     return preset, stretched_model(load_quadruped(), betas, scales)
 
 
