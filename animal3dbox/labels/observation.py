@@ -61,6 +61,7 @@ class Observation:
         species: the animal's category, by which a calibration tells animals apart; None if unknown.
         calibration: what its dataset taught; None if nothing was asked for.
         body_source: see Quality.body.
+        body_calibration: digest of the calibration that had a part in a fitted body; None without.
     """
 
     sample_id: str | None
@@ -82,6 +83,7 @@ class Observation:
     species: str | None = None
     calibration: Calibration | None = None
     body_source: str = "given"
+    body_calibration: str | None = None
 
     @property
     def camera_is_known(self) -> bool:

@@ -181,5 +181,5 @@ def test_a_dataset_whose_bodies_have_templates_teaches_nothing(tmp_path: Path) -
     world = WorldConfig(image_hw=(48, 64), vocabulary=VOCABULARIES["stanfordextra24"])
     write_stanfordextra(SyntheticSet(0, 2, world), tmp_path / "dogs")
     job = CalibrateJob(path=tmp_path / "dogs", dataset=KeypointDatasetOptions(), body=BodyOptions())
-    with pytest.raises(ConfigError, match="teaches nothing"):
+    with pytest.raises(ConfigError, match="teaches nothing about its keypoints' placement"):
         run_calibrate(job)
