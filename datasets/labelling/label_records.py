@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -240,16 +240,7 @@ def _fitted(
         raise TypeError(f"{source.name} fits no bodies")
     can_fit = [source.can_fit(record) for record in records]
     animals = [
-        {
-            "image_hw": record.image_hw,
-            "keypoints_2d": record.keypoints_2d,
-            "mask": request.mask,
-            "K": camera_of(record, request.facts)[0],
-            "vocabulary": record.vocabulary,
-            "sample_id": record.sample_id,
-            "species": source.species_of(record),
-            "template": None if source.model is load_quadruped() else source.model,
-        }
+        {**fit_arguments(request, record, source), "calibration": calibration}
         for request, record, fits in zip(requests, records, can_fit, strict=True)
         if fits
     ]
@@ -262,6 +253,28 @@ def _fitted(
         )
         for request, record, fits in zip(requests, records, can_fit, strict=True)
     ]
+
+
+def fit_arguments(
+    request: LabelRequest, record: AnimalRecord, source: FittedBodies
+) -> dict[str, Any]:
+    """label_animal's arguments by name for a fit to a record, its category beside its species.
+
+    Raises:
+        SampleError: the mask cannot be read.
+
+    """
+    return {
+        "image_hw": record.image_hw,
+        "keypoints_2d": record.keypoints_2d,
+        "mask": request.mask,
+        "K": camera_of(record, request.facts)[0],
+        "vocabulary": record.vocabulary,
+        "sample_id": record.sample_id,
+        "species": source.species_of(record),
+        "category": record.category,
+        "template": None if source.model is load_quadruped() else source.model,
+    }
 
 
 def _observation(

@@ -49,7 +49,11 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.linear_blend_skinning import PosedBody
 from animal3dbox.smal.model import SmalModel, trunk_rotation
 from animal3dbox.smal.quadruped.poses import ground_trans
-from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, quadruped_names
+from animal3dbox.smal.quadruped.preset_bodies import (
+    load_quadruped,
+    preset_betas,
+    quadruped_names,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +144,8 @@ def foreign_animal(
         seed: of the world.
         index: of the animal.
         config: the dials.
-        dataset: number of the dataset, whose keypoint places it shares; None: it is alone in one.
+        dataset: number of the dataset, whose keypoint places and classes it shares; None: it is
+            alone in one.
 
     Example:
         >>> animal = foreign_animal(0, 0)
@@ -152,11 +157,12 @@ def foreign_animal(
         part: world_generator(seed, index, f"foreign-{part}")
         for part in ("shape", "pose", "places", "camera", "mask", "fit", "surface", "occluder")
     }
-    preset, model = _drawn_body(rng, index, config)
+    own_dataset = index if dataset is None else dataset
+    preset, model = _drawn_body(rng, seed, index, dataset=own_dataset, config=config)
     name, pose = _drawn_pose(rng["pose"], config)
     body = _on_the_ground(model, pose)
     vocabulary = config.world.vocabulary
-    offsets = _offsets(seed, index if dataset is None else dataset, rng["places"], config)
+    offsets = _offsets(seed, own_dataset, rng["places"], config)
     places = template_places(model, vocabulary, offsets, config)
     landmarks = carried_places(model, vocabulary, places, body)
     camera = draw_camera(rng["camera"], body.vertices[0], config.world)
@@ -171,8 +177,7 @@ def foreign_animal(
         config=config,
     )
     mask = _mask(rng["mask"], model=model, body=body, camera=camera, config=config)
-    if rng["occluder"].random() < config.occluded:
-        keypoints, mask = _behind_a_thing(keypoints, mask, rng["occluder"])
+    keypoints, mask = _behind_a_thing(keypoints, mask, rng["occluder"], config)
     return ForeignAnimal(
         sample_id=sample_id,
         preset=preset,
@@ -190,15 +195,33 @@ def foreign_animal(
 
 
 def _drawn_body(
-    rng: Mapping[str, np.random.Generator], index: int, config: ForeignConfig
+    rng: Mapping[str, np.random.Generator],
+    seed: int,
+    index: int,
+    *,
+    dataset: int,
+    config: ForeignConfig,
 ) -> tuple[str, SmalModel]:
     """A species, and its model with parts stretched, its surface or another."""
     presets = config.world.presets or quadruped_names().presets
     preset = presets[index % len(presets)]
-    betas = draw_betas(rng["shape"], preset, config.world.shape_spread)
-    scales = part_scales(rng["shape"], config.proportions)
+    betas, scales = _drawn_shape(rng["shape"], seed, preset, dataset=dataset, config=config)
     model = stretched_model(load_quadruped(), betas, scales)
     return preset, model_of_parts(model, rng["surface"]) if config.surface == "parts" else model
+
+
+def _drawn_shape(
+    rng: np.random.Generator, seed: int, preset: str, *, dataset: int, config: ForeignConfig
+) -> tuple[Tensor, dict[str, float]]:
+    """The betas and the factors of measures of an animal of a dataset's class."""
+    spread, proportions = config.world.shape_spread, config.proportions
+    if config.individual == 1:
+        return draw_betas(rng, preset, spread), part_scales(rng, proportions)
+    of_class = world_generator(seed, dataset, f"foreign-class-{preset}")
+    betas, scales = draw_betas(of_class, preset, spread), part_scales(of_class, proportions)
+    betas = betas + draw_betas(rng, preset, config.individual * spread) - preset_betas(preset)
+    own = part_scales(rng, config.individual * proportions)
+    return betas, {name: scale * own[name] for name, scale in scales.items()}
 
 
 def _drawn_pose(rng: np.random.Generator, config: ForeignConfig) -> tuple[str, Tensor]:
@@ -285,9 +308,11 @@ def _mask(
 
 
 def _behind_a_thing(
-    keypoints: Tensor, mask: Tensor, rng: np.random.Generator
+    keypoints: Tensor, mask: Tensor, rng: np.random.Generator, config: ForeignConfig
 ) -> tuple[Tensor, Tensor]:
-    """Keypoints (J, 3) and mask (H, W) of an animal before which something stands."""
+    """Keypoints (J, 3) and mask (H, W) of an animal before which something may stand."""
+    if rng.random() >= config.occluded:
+        return keypoints, mask
     thing = torch.from_numpy(occluding_thing(mask.numpy(), rng))
     height, width = mask.shape
     x = keypoints[:, 0].round().long().clamp(0, width - 1)

@@ -29,6 +29,9 @@ class ForeignConfig:
         lying: part of the animals that lie on a side, whatever their pose.
         proportions: spread of the trunk's, legs', neck's and head's measures beyond the presets':
             0 for none, 1 for logarithms with the standard deviations of bodies.PART_SPREAD.
+        individual: part of the spread of shapes and proportions by which each animal differs from
+            its class, the animals of a species in a dataset; the class has them in full. 1: there
+            are no classes, every animal has a shape and proportions of its own.
         places: standard deviation of the keypoints' places from the quadruped's, as a part of the
             trunk's length; drawn once a dataset, mirrored left and right.
         places_of_animal: the same, drawn for each animal.
@@ -57,6 +60,7 @@ class ForeignConfig:
     joints_deg: float = 0.0
     lying: float = 0.0
     proportions: float = 1.0
+    individual: float = 1.0
     places: float = 0.08
     places_of_animal: float = 0.02
     shoulders: Shoulders = "own"
@@ -73,6 +77,7 @@ class ForeignConfig:
             "joints_deg": (0, 45),
             "lying": (0, 1),
             "proportions": (0, 3),
+            "individual": (0, 1),
             "places": (0, 0.5),
             "places_of_animal": (0, 0.5),
             "cell": (0, 0.2),

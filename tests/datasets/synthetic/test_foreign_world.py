@@ -223,3 +223,20 @@ def test_noise_by_extent_grows_with_the_animal() -> None:
         extent = (exact.amax(0) - exact.amin(0)).max()
         parts.append((animal.keypoints_2d[marked, :2] - exact) / extent)
     assert float(torch.cat(parts).std()) == pytest.approx(0.02, rel=0.15)
+
+
+def test_animals_of_a_class_are_alike_and_other_datasets_have_other_classes() -> None:
+    config = replace(EXACT, individual=0.0)
+
+    def template(index: int, dataset: int) -> torch.Tensor:
+        return foreign_animal(1, index, config, dataset=dataset).model.v_template
+
+    again = 10  # presets, taken in turn
+    assert torch.equal(template(0, 0), template(again, 0))
+    assert not torch.equal(template(0, 0), template(0, 1))
+    assert not torch.equal(template(0, 0), template(1, 0))
+    varied = replace(config, individual=0.3)
+    own = foreign_animal(1, again, varied, dataset=0).model.v_template
+    apart = float((own - template(0, 0)).norm(dim=1).mean())
+    others = foreign_animal(1, again, replace(config, individual=1.0), dataset=0).model.v_template
+    assert 0 < apart < float((others - template(0, 0)).norm(dim=1).mean())
