@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.sources import preset_body
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import read_dataset
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.rasterizer import covered_part

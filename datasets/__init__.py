@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.format_datasets import DeepLabCutDataset as DeepLabCutDataset
     from animal3dbox.datasets.format_datasets import MeshFolderDataset as MeshFolderDataset
     from animal3dbox.datasets.format_datasets import StanfordExtraDataset as StanfordExtraDataset
-    from animal3dbox.datasets.formats import ReadOptions as ReadOptions
     from animal3dbox.datasets.formats import read_dataset as read_dataset
     from animal3dbox.datasets.formats import recognised_format as recognised_format
     from animal3dbox.datasets.inspection.inspect import inspect_dataset as inspect_dataset
@@ -58,6 +57,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.labelling.scale import SpeciesScale as SpeciesScale
     from animal3dbox.datasets.labelling.skipped import Skipped as Skipped
     from animal3dbox.datasets.omni3d_dataset import Omni3DDataset as Omni3DDataset
+    from animal3dbox.datasets.read_options import ReadOptions as ReadOptions
     from animal3dbox.datasets.readers.kitti.reader import read_kitti as read_kitti
     from animal3dbox.datasets.readers.omni3d.reader import read_omni3d as read_omni3d
     from animal3dbox.datasets.records import AnimalRecord as AnimalRecord
@@ -93,11 +93,8 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "MeshFolderDataset",
             "StanfordExtraDataset",
         ),
-        "formats": (
-            "ReadOptions",
-            "read_dataset",
-            "recognised_format",
-        ),
+        "formats": ("read_dataset", "recognised_format"),
+        "read_options": ("ReadOptions",),
         "inspection.inspect": ("inspect_dataset",),
         "label_dataset": ("LabelDataset",),
         "labelling.file_source": ("FileSource",),

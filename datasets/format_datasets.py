@@ -3,6 +3,7 @@
 Each reads its annotations and leaves the rest to LabelDataset.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar, Literal, Unpack, get_args
 
@@ -10,16 +11,18 @@ from animal3dbox.datasets.bodies.fitted import FIT
 from animal3dbox.datasets.bodies.mesh_folder import MeshFolderBodies
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.bodies.sources import BodySource, ParametersBody
-from animal3dbox.datasets.formats import ReadOptions, bodies_for, read_dataset
+from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import entries as animal3d_entries
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 from animal3dbox.datasets.readers.coco import reader as coco
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
+from animal3dbox.datasets.readers.tolerance import Optional, Visibility
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -43,6 +46,10 @@ class AnnotatedDataset(LabelDataset):
             dataset's own, else one fitted to each animal.
         focal_px: of every image without a camera of its own; None: what the dataset or the
             picture's header says, or a guess.
+        optional: a bad mask or box is a "fault" of its animal, or left out with a note: "drop".
+        visibility: what stands beside a keypoint: "flags" (0, 1, 2), or a network's "scores".
+        categories: names of those that are read, of files that list some; none: all with an
+            animal's keypoints.
         **options: LabelDataset's.
 
     Raises:
@@ -73,6 +80,9 @@ class AnnotatedDataset(LabelDataset):
         vocabulary: str | Vocabulary | None = None,
         body: str | BodySource | None = None,
         focal_px: float | None = None,
+        optional: Optional = "fault",
+        visibility: Visibility = "flags",
+        categories: Sequence[str] = (),
         **options: Unpack[Options],
     ) -> None:
         folder, file = (None if p is None else Path(p) for p in (images, model))
@@ -83,7 +93,15 @@ class AnnotatedDataset(LabelDataset):
         dataset = read_dataset(
             _split_file(self.root, format, split),
             format,
-            ReadOptions(folder, None if fitted is not None else file, vocabulary, focal_px),
+            ReadOptions(
+                folder,
+                None if fitted is not None else file,
+                vocabulary,
+                focal_px,
+                optional=optional,
+                visibility=visibility,
+                categories=tuple(categories),
+            ),
         )
         own_body = body_source(body, model=fitted) if isinstance(body, str) else body
         bodies = bodies_for(dataset, own_body)

@@ -3,7 +3,6 @@
 READERS lists the formats of annotated animals; a new one is a reader in readers/ and a line there.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -13,11 +12,13 @@ import msgspec
 
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.bodies.sources import BodySource
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import entries as animal3d_entries
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 from animal3dbox.datasets.readers.coco import reader as coco
 from animal3dbox.datasets.readers.deeplabcut import h5 as deeplabcut_h5
+from animal3dbox.datasets.readers.deeplabcut import project as deeplabcut_project
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
 from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
@@ -26,35 +27,6 @@ from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
-
-
-@dataclass(frozen=True)
-class ReadOptions:
-    """The user's options for reading a dataset, besides its path.
-
-    A reader refuses an option that it has no use for.
-
-    Attributes:
-        images: the folder that image paths are relative to; None: the format's usual one.
-        model: the SMAL file that the dataset's parameters or meshes belong to; None without.
-        vocabulary: the keypoints, of a format whose names may not tell them; None: by the names.
-        focal_px: focal length of every image that has no camera of its own, with the principal
-            point in the middle; None: as the dataset or the picture's header says, or a guess.
-
-    Example:
-        >>> ReadOptions(images=Path("photos"), focal_px=1200.0).focal_px
-        1200.0
-
-    """
-
-    images: Path | None = None
-    model: Path | None = None
-    vocabulary: Vocabulary | None = None
-    focal_px: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.focal_px is not None and not 0 < self.focal_px < math.inf:
-            raise ConfigError(f"focal_px must be a positive number of pixels, got {self.focal_px}")
 
 
 @dataclass(frozen=True)
@@ -88,16 +60,17 @@ class PathSummary:
 
 def _read_animal3d(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_vocabulary(options, animal3d_entries.VOCABULARY)
-    dataset = animal3d.read_animal3d(path, options.model, options.images)
+    dataset = animal3d.read_animal3d(path, options.model, options.images, options.tolerance())
     if options.model is not None and dataset.bodies is None:
         wrong = [
             fault
             for fault in dataset.records.faults
             if fault.field.partition(",")[0] in animal3d_entries.PARAMETERS
         ]
+        faults = wrong or dataset.records.faults
         remedy = (
-            f"{len(wrong)} entries have wrong ones, the first: {wrong[0]}"
-            if wrong
+            f"{len(faults)} entries are faulty, the first: {faults[0]}"
+            if faults
             else "give a --body"
         )
         raise ConfigError(
@@ -110,12 +83,20 @@ def _read_animal3d(path: Path, options: ReadOptions) -> ReadDataset:
 def _read_stanfordextra(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_model(options, "StanfordExtra")
     _refuse_vocabulary(options, stanfordextra.VOCABULARY)
-    return ReadDataset(stanfordextra.read_stanfordextra(path, options.images), None)
+    records = stanfordextra.read_stanfordextra(path, options.images, options.tolerance())
+    return ReadDataset(records, None)
 
 
 def _read_coco(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_model(options, "COCO")
-    return ReadDataset(coco.read_coco(path, options.images, options.vocabulary), None)
+    records = coco.read_coco(
+        path,
+        options.images,
+        options.vocabulary,
+        tolerance=options.tolerance(),
+        categories=options.categories,
+    )
+    return ReadDataset(records, None)
 
 
 def _read_mesh_folder(path: Path, options: ReadOptions) -> ReadDataset:
@@ -125,6 +106,10 @@ def _read_mesh_folder(path: Path, options: ReadOptions) -> ReadDataset:
 
 def _read_deeplabcut(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_model(options, "DeepLabCut")
+    if deeplabcut_project.is_project(path):
+        return ReadDataset(
+            deeplabcut_project.read_project(path, options.images, options.vocabulary), None
+        )
     return ReadDataset(deeplabcut.read_deeplabcut(path, options.images, options.vocabulary), None)
 
 
@@ -167,7 +152,9 @@ def _is_coco(summary: PathSummary) -> bool:
 
 def _is_deeplabcut(summary: PathSummary) -> bool:
     if summary.path.is_dir():
-        return bool(deeplabcut.label_files(summary.path))
+        return deeplabcut_project.is_project(summary.path) or bool(
+            deeplabcut.label_files(summary.path)
+        )
     return summary.path.suffix.lower() in (".csv", *deeplabcut_h5.SUFFIXES)
 
 
@@ -196,7 +183,7 @@ READERS: dict[str, Reader] = {
     animal3d.FORMAT: Reader("train.json or test.json", _is_animal3d, _read_animal3d),
     mesh_folder.FORMAT: Reader("images/ and meshes/", _is_mesh_folder, _read_mesh_folder),
     coco.FORMAT: Reader(" or ".join(coco.FILES), _is_coco, _read_coco),
-    deeplabcut.FORMAT: Reader("a csv or h5 table", _is_deeplabcut, _read_deeplabcut),
+    deeplabcut.FORMAT: Reader("a csv or h5 table, or a project", _is_deeplabcut, _read_deeplabcut),
     stanfordextra.FORMAT: Reader("StanfordExtra*.json", _is_stanfordextra, _read_stanfordextra),
 }
 """Every format by name, in the order in which a path is tried."""

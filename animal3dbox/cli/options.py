@@ -25,8 +25,8 @@ from animal3dbox.labels.config import (
 
 if TYPE_CHECKING:
     from animal3dbox.datasets.bodies.sources import BodySource
-    from animal3dbox.datasets.formats import ReadOptions
     from animal3dbox.datasets.labelling.scale import ScaleSource
+    from animal3dbox.datasets.read_options import ReadOptions
     from animal3dbox.datasets.synthetic.faults import FaultConfig
 
 Format = Literal["auto", "animal3d", "mesh_folder", "coco", "deeplabcut", "stanfordextra"]
@@ -61,7 +61,7 @@ class DatasetOptions:
             ConfigError: a focal length that is not positive.
 
         """
-        from animal3dbox.datasets.formats import ReadOptions
+        from animal3dbox.datasets.read_options import ReadOptions
 
         return ReadOptions(self.images, self.model, focal_px=focal_px)
 
@@ -72,6 +72,12 @@ class KeypointDatasetOptions(DatasetOptions):
 
     vocabulary: str | None = None
     """what the keypoints are if their names do not tell: a vocabulary's name or a TOML file"""
+    optional: Literal["drop", "fault"] = "drop"
+    """a bad mask or box: left out with a note, or an error of its animal"""
+    visibility: Literal["flags", "scores"] = "flags"
+    """what stands beside a keypoint: 0, 1 or 2, or how sure a network was of it"""
+    categories: tuple[str, ...] = ()
+    """names of those that are read; none: all with an animal's keypoints"""
 
     def read_options(self, focal_px: float | None = None) -> "ReadOptions":
         """The options as `read_dataset` takes them, with the vocabulary.
@@ -85,7 +91,12 @@ class KeypointDatasetOptions(DatasetOptions):
         """
         from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 
-        options = super().read_options(focal_px)
+        options = replace(
+            super().read_options(focal_px),
+            optional=self.optional,
+            visibility=self.visibility,
+            categories=self.categories,
+        )
         if self.vocabulary is None:
             return options
         return replace(options, vocabulary=vocabulary_of_option(self.vocabulary))

@@ -42,35 +42,6 @@ class Photo:
     facts: PhotoFacts
 
 
-def resolve_inside(root: Path, relative: str, sample_id: str, field: str) -> Path:
-    """The path of the file that an annotation names, which must lie under root.
-
-    Raises:
-        SampleError: the path is absolute, leads out of root (through "..", or a link), or is no
-            file.
-
-    """
-    home = root.resolve()
-    if not relative or "\0" in relative:
-        raise SampleError(sample_id, field, f"is {relative!r}, which names no file")
-    try:
-        path = (home / relative).resolve()
-        is_file = path.is_file()
-    except (OSError, RuntimeError, ValueError) as error:
-        # Too long a name, a loop of links, or a character that no file's name has.
-        raise SampleError(sample_id, field, f"{relative!r} names no file: {error}") from error
-    if Path(relative).is_absolute() or not path.is_relative_to(home):
-        raise SampleError(
-            sample_id,
-            field,
-            f"{relative!r} leads out of {root}: paths must stay inside the images' root (see"
-            " --images)",
-        )
-    if not is_file:
-        raise SampleError(sample_id, field, f"there is no file {relative!r} under {root}")
-    return path
-
-
 def is_file(path: Path) -> bool:
     """Whether there is a file of this path.
 

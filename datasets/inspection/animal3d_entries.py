@@ -51,7 +51,7 @@ def read_raw(path: Path) -> RawFiles:
         for i, raw in enumerate(split.data):
             place = f"{file.name} entry {i}"
             with suppress(SampleError):  # it is among the reader's faults
-                place = numbered_id(raw, place, image_counts)
+                place = numbered_id(raw, place, image_counts, file.parent)
             entry = msgspec.json.decode(raw)
             if isinstance(entry, dict):
                 entries[place] = entry

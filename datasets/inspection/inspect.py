@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from animal3dbox.datasets.formats import ReadOptions, bodies_for, read_dataset
+from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.inspection.animal3d import animal3d_facts
 from animal3dbox.datasets.inspection.answers import answers
 from animal3dbox.datasets.inspection.labelings import labeling_facts
@@ -20,6 +20,7 @@ from animal3dbox.datasets.inspection.records import (
 )
 from animal3dbox.datasets.inspection.result import Inspection
 from animal3dbox.datasets.inspection.stored_fits import stored_fit_facts
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 
 

@@ -4,7 +4,7 @@ A bad element is an error that names its sample and its field, and spoils no oth
 """
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -24,9 +24,21 @@ def decoded(raw: msgspec.Raw, kind: type[_Entry], sample_id: str) -> _Entry:
     try:
         return msgspec.json.decode(raw, type=kind)
     except msgspec.ValidationError as error:
-        raise SampleError(sample_id, *_field_and_problem(error)) from error
+        try:
+            return msgspec.convert(_with_whole_numbers(msgspec.json.decode(raw)), kind)
+        except msgspec.ValidationError:
+            raise SampleError(sample_id, *_field_and_problem(error)) from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise SampleError(sample_id, "entry", f"cannot be decoded: {error}") from error
+
+
+def _with_whole_numbers(value: Any) -> Any:
+    """A decoded JSON value with integers for floats such as 640.0, which tables of floats write."""
+    if isinstance(value, dict):
+        return {key: _with_whole_numbers(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_with_whole_numbers(one) for one in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _field_and_problem(error: msgspec.ValidationError) -> tuple[str, str]:
@@ -66,7 +78,8 @@ def read_rows(
 ) -> NDArray[np.float64]:
     """The keypoints (count, 3) of a file's rows of x, y, visibility.
 
-    A row with a null counts as missing and becomes zeros.
+    A row with a null counts as missing and becomes zeros. Rows of x and y alone are visible but for
+    (0, 0).
 
     Args:
         rows: as the file has them.
@@ -78,6 +91,8 @@ def read_rows(
         SampleError: other than count rows of three numbers.
 
     """
+    if rows and all(len(row) == 2 for row in rows):
+        rows = [[*row, float(any(row))] for row in rows]
     if len(rows) != count or any(len(row) != 3 for row in rows):
         lengths = sorted({len(row) for row in rows})
         raise SampleError(

@@ -1,10 +1,11 @@
 """The reader of StanfordExtra: photographs of dogs with 24 keypoints and run-length masks."""
 
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
-from animal3dbox.datasets.images.photos import resolve_inside
+from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
 from animal3dbox.datasets.images.segmentation import read_runs
 from animal3dbox.datasets.readers.elements import (
     decoded,
@@ -12,6 +13,7 @@ from animal3dbox.datasets.readers.elements import (
     read_box,
     read_rows,
 )
+from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import read_json_list
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
@@ -72,13 +74,16 @@ def annotation_files(folder: Path) -> list[Path]:
     )
 
 
-def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
+def read_stanfordextra(
+    path: Path, images: Path | None = None, tolerance: Tolerance | None = None
+) -> RecordSet:
     """The dogs of a StanfordExtra json.
 
     Args:
         path: the json, or the folder it lies in.
         images: the folder that img_path is relative to; None: "images" beside the json if there is
             one, else the json's folder.
+        tolerance: how bad masks and boxes, and scores, are taken; None: not at all.
 
     Returns:
         The records in the file's order, and a fault for each that is unusable.
@@ -96,6 +101,7 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
     )
     if not root.is_dir():
         raise DatasetNotFoundError(f"there is no folder of images {root}")
+    tolerance = tolerance or Tolerance()
     records: list[AnimalRecord] = []
     faults: list[SampleError] = []
     counts: dict[str, int] = {}
@@ -105,7 +111,7 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
         raise DatasetFormatError(f"{annotations} is a list without an entry")
     for i, raw in enumerate(entries):
         try:
-            record = _record(raw, i, root, counts)
+            record = _record(raw, i, root, counts, tolerance=tolerance)
             if (first := copies.setdefault(bytes(raw), i)) != i:
                 raise SampleError(
                     record.sample_id,
@@ -115,10 +121,15 @@ def read_stanfordextra(path: Path, images: Path | None = None) -> RecordSet:
             records.append(record)
         except SampleError as error:
             faults.append(error)
-    return RecordSet(FORMAT, tuple(records), tuple(faults), categories=(CATEGORY,))
+    kept, same_files = one_name_a_file(records)
+    return RecordSet(
+        FORMAT, kept, (*faults, *same_files), notes=tolerance.notes(), categories=(CATEGORY,)
+    )
 
 
-def _record(raw: msgspec.Raw, index: int, root: Path, counts: dict[str, int]) -> AnimalRecord:
+def _record(
+    raw: msgspec.Raw, index: int, root: Path, counts: dict[str, int], *, tolerance: Tolerance
+) -> AnimalRecord:
     """The record of one entry, checked; raises SampleError.
 
     Args:
@@ -126,24 +137,28 @@ def _record(raw: msgspec.Raw, index: int, root: Path, counts: dict[str, int]) ->
         index: its place in the file.
         root: the folder that img_path is relative to.
         counts: image -> entries so far, to which this one is added.
+        tolerance: how bad parts are taken.
 
     """
-    image = decoded(raw, _ImageName, f"entry {index}").img_path
+    image = portable_name(root, decoded(raw, _ImageName, f"entry {index}").img_path)
     count = counts.get(image, 0)
     counts[image] = count + 1
     sample_id = image if count == 0 else f"{image}#{count}"
     entry = decoded(raw, StanfordExtraEntry, sample_id)
     image_hw = image_size(entry.img_height, entry.img_width, sample_id, "img_width, img_height")
-    box = read_box(entry.img_bbox, sample_id, "img_bbox")
-    joints = read_rows(entry.joints, len(VOCABULARY), sample_id, "joints")
+    rows = read_rows(entry.joints, len(VOCABULARY), sample_id, "joints")
+    seg, bbox = entry.seg, entry.img_bbox
+    runs = None
+    if seg is not None:
+        runs = tolerance.part(partial(read_runs, seg, image_hw, sample_id, "seg"))
     return AnimalRecord(
         sample_id=sample_id,
-        image_id=entry.img_path,
-        image_path=resolve_inside(root, entry.img_path, sample_id, "img_path"),
+        image_id=image,
+        image_path=resolve_inside(root, image, sample_id, "img_path"),
         image_hw=image_hw,
         vocabulary=VOCABULARY,
-        keypoints_2d=joints,
-        mask_runs=None if entry.seg is None else read_runs(entry.seg, image_hw, sample_id, "seg"),
+        keypoints_2d=tolerance.without_minus_ones(rows, sample_id),
+        mask_runs=runs,
         category=CATEGORY,
-        box=box,
+        box=tolerance.part(lambda: read_box(bbox, sample_id, "img_bbox")),
     )

@@ -132,7 +132,7 @@ def faulty(tmp_path_factory: pytest.TempPathFactory, views: dict[str, View]) -> 
             good[2],
         ],
     )
-    result = ran("label", root, "--out", root / "out", "--json")
+    result = ran("label", root, "--out", root / "out", "--optional", "fault", "--json")
     return Faulty(
         root, root / "out", result, json.loads((root / "out" / "report.json").read_text()), spoilt
     )
@@ -306,12 +306,12 @@ def test_a_second_run_into_the_same_folder_changes_no_byte(good: Path) -> None:
 
 def test_words_tell_the_counts_and_where_to_look(tmp_path: Path, views: dict[str, View]) -> None:
     view = views["left.jpg"]
-    spoilt = {**add_photo(tmp_path, view, "b.jpg"), "img_bbox": [0, 0, 0, 0]}
+    spoilt = {**add_photo(tmp_path, view, "b.jpg"), "img_width": 0}
     write_annotations(tmp_path, [few(add_photo(tmp_path, view, "a.jpg"), 5), spoilt])
     result = ran("label", tmp_path, "--out", tmp_path / "out")
     assert "2 animals: 0 kept, 0 flagged, 1 rejected, 1 faulty" in result.stdout
     assert "1 x too_few_keypoints" in result.stdout
-    assert "faulty: b.jpg: img_bbox: must be [x, y, w, h]" in result.stdout
+    assert "faulty: b.jpg: img_width, img_height: must be positive" in result.stdout
     assert str(tmp_path / "out" / "gallery.html") in result.stdout
 
 

@@ -17,7 +17,7 @@ from torch.utils.data import default_collate
 
 from animal3dbox.datasets import Animal3DDataset, AnnotatedDataset, SyntheticDataset
 from animal3dbox.datasets.bodies.sources import preset_body
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.labelling.filters import LabelFilter
@@ -28,6 +28,7 @@ from animal3dbox.datasets.labelling.scale import (
     head_and_body,
 )
 from animal3dbox.datasets.labelling.skipped import Skipped, Target
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.fingerprint import code_files
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet

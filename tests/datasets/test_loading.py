@@ -20,8 +20,9 @@ from torch.utils.data import DataLoader
 from animal3dbox.datasets import LabelDataset, Skipped, collate, collate_stacked
 from animal3dbox.datasets.batches import Targets
 from animal3dbox.datasets.bodies.sources import ParametersBody
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import read_dataset
 from animal3dbox.datasets.labelling.file_source import FileSource
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.errors import SampleError
 from animal3dbox.training.sampler import EpochSampler

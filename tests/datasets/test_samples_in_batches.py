@@ -22,11 +22,12 @@ from animal3dbox.datasets import (
     collate,
 )
 from animal3dbox.datasets.bodies.sources import ParametersBody
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import read_dataset
 from animal3dbox.datasets.images.masks import record_mask
 from animal3dbox.datasets.labelling import image_samples
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.labelling.skipped import Target
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels import bounds, drafts

@@ -325,7 +325,7 @@ FAULTS = {
     "visibility_2": Fault("keypoints_2d", "visibility must be 0 or a confidence",
         joint([50, 50, 2]), when_read=False),
     "negative_visibility": Fault("keypoints_2d", "visibility must be 0 or a confidence",
-        joint([50, 50, -1]), when_read=False),
+        joint([50, 50, -0.5]), when_read=False),
     "keypoint_beyond_reason": Fault("keypoints_2d", "keypoint 2 is over ten image sizes away",
         joint([1e6, 50, 1]), when_read=False),
     "resized_image": Fault("image", "80 x 60, but the annotations are for 160 x 120",

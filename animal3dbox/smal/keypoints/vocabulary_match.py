@@ -1,6 +1,7 @@
 """Matching of a file's keypoint names to a vocabulary: by names, never by positions."""
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,8 @@ from animal3dbox.errors import ConfigError
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
+SLIP = 0.85
+"""Likeness to a known name, by difflib's ratio, from which on another one is a slip of it."""
 LEAST = 4
 """Fewer names than this, which are too few for a pose, do not tell a vocabulary."""
 
@@ -78,10 +81,10 @@ class NameMatch:
 def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMatch:
     """The vocabulary that a source's keypoint names belong to, and their order in it.
 
-    Upper and lower case are the same. A known vocabulary fits if it has all the names, or if the
-    names have all of it: others are then unused. Of several the one with the very same names is
-    taken, then the largest that is there in whole, then the smallest that holds them; those that
-    mean different places by one name are not chosen between.
+    Case, blanks, dashes and underscores are the same, and so are L_ and left_. A known vocabulary
+    fits if it has all the names, or if the names have all of it: others are then unused. Of several
+    the one with the very same names is taken, then the largest that is there in whole, then the
+    smallest that holds them; those that mean different places by one name are not chosen between.
 
     Args:
         names: as the source lists them, in any order.
@@ -95,7 +98,11 @@ def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMa
         'ap10k17'
     """
     twice = sorted(
-        {name for name in names if [other.casefold() for other in names].count(name.casefold()) > 1}
+        {
+            name
+            for name in names
+            if [plain_name(other) for other in names].count(plain_name(name)) > 1
+        }
     )
     if twice:
         raise ConfigError(
@@ -126,14 +133,40 @@ def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMa
     return min(within, key=lambda match: len(match.vocabulary))
 
 
+def plain_name(name: str) -> str:
+    """A keypoint's name without what programs write otherwise: case, blanks, dashes, L_ and R_.
+
+    Example:
+        >>> [plain_name(name) for name in ("LeftFrontPaw", "left front-paw", "L_Front_Paw")]
+        ['left_front_paw', 'left_front_paw', 'left_front_paw']
+    """
+    words = re.split(r"[\W_]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).casefold())
+    words = [word for word in words if word]
+    if words and len(words) > 1:
+        words[0] = {"l": "left", "r": "right"}.get(words[0], words[0])
+    return "_".join(words)
+
+
+def is_misspelt(names: Sequence[str]) -> bool:
+    """Whether keypoint names are an animal's but for slips of the pen, and there is one."""
+    known = {plain_name(name) for words in VOCABULARIES.values() for name in words.keypoints}
+    unknown = [name for name in map(plain_name, names) if name not in known]
+    return bool(unknown) and all(
+        difflib.get_close_matches(name, known, n=1, cutoff=SLIP) for name in unknown
+    )
+
+
 def _matched(names: Sequence[str], vocabulary: Vocabulary) -> NameMatch:
     """The match with one vocabulary, however bad."""
-    keypoint_of = {keypoint.casefold(): keypoint for keypoint in vocabulary.keypoints}
+    keypoint_of = {plain_name(keypoint): keypoint for keypoint in vocabulary.keypoints}
+    keypoint_of |= {keypoint.casefold(): keypoint for keypoint in vocabulary.keypoints}
     spelled = SPELLINGS.get(vocabulary.name, {})
     column_of: dict[str, int] = {}
     unused = []
     for i, name in enumerate(names):
-        keypoint = keypoint_of.get(name.casefold(), spelled.get(name.casefold()))
+        spellings = (name.casefold(), plain_name(name))
+        known = ({**spelled, **keypoint_of}.get(spelling) for spelling in spellings)
+        keypoint = next((keypoint for keypoint in known if keypoint), None)
         if keypoint is None or keypoint in column_of:
             unused.append(name)
         else:
@@ -146,7 +179,9 @@ def _unknown(names: Sequence[str], match: NameMatch) -> str:
     """The names that a vocabulary does not have, with its nearest, for an error's beginning."""
     vocabulary, unknown = match.vocabulary, []
     for name in match.unused[:5]:
-        near = difflib.get_close_matches(name, vocabulary.keypoints, n=2, cutoff=0.0)
+        keypoint_of = {plain_name(keypoint): keypoint for keypoint in vocabulary.keypoints}
+        likest = difflib.get_close_matches(plain_name(name), keypoint_of, n=2, cutoff=0.0)
+        near = [keypoint_of[one] for one in likest]
         unknown.append(f"{name!r} (nearest: {', '.join(near)})")
     more = f" and {len(match.unused) - 5} more" if len(match.unused) > 5 else ""
     missing = ", ".join(unknown) + more if unknown else "only " + (", ".join(names) or "nothing")

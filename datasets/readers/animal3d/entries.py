@@ -8,8 +8,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images.photos import resolve_inside, stored_size
+from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
+from animal3dbox.datasets.images.photos import stored_size
 from animal3dbox.datasets.readers.elements import decoded, image_size, read_rows
+from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import DatasetNotFoundError, SampleError, ShapeError
 from animal3dbox.geometry.camera import intrinsics
@@ -54,7 +56,7 @@ class Animal3DEntry(_ImageName):
     mask_path: str | None = None
     rd_mask_path: str | None = None
     category: int | str | None = None
-    pose: list[float] | None = None
+    pose: list[float | list[float]] | None = None
     shape: list[float] | None = None
     shape_extra: list[float] | None = None
     trans: list[float] | None = None
@@ -80,13 +82,14 @@ def find_splits(path: Path) -> list[Path]:
     return splits
 
 
-def numbered_id(raw: msgspec.Raw, place: str, image_counts: Counter[str]) -> str:
+def numbered_id(raw: msgspec.Raw, place: str, image_counts: Counter[str], root: Path) -> str:
     """The sample id of an entry: its image, and "#k" for the animals after the first.
 
     Args:
         raw: the entry.
         place: the file and the entry's number, named in the error.
         image_counts: image -> number of its entries so far, to which this one is added.
+        root: the folder of images, from which on absolute paths are taken.
 
     Raises:
         SampleError: the entry has no image.
@@ -95,15 +98,17 @@ def numbered_id(raw: msgspec.Raw, place: str, image_counts: Counter[str]) -> str
     image = decoded(raw, _ImageName, place).img_path
     if not image.strip():
         raise SampleError(place, "img_path", f"is {image!r}, which names no file")
+    image = portable_name(root, image)
     image_counts[image] += 1
     return image if image_counts[image] == 1 else f"{image}#{image_counts[image] - 1}"
 
 
 def record_of_entry(
-    entry: Animal3DEntry, sample_id: str, root: Path, split: SplitFile
+    entry: Animal3DEntry, sample_id: str, root: Path, split: SplitFile, *, tolerance: Tolerance
 ) -> AnimalRecord:
     """The record of one entry, checked; raises SampleError."""
-    image = resolve_inside(root, entry.img_path, sample_id, "img_path")
+    name = portable_name(root, entry.img_path)
+    image = resolve_inside(root, name, sample_id, "img_path")
     if entry.height is None or entry.width is None:
         image_hw = stored_size(image, sample_id)
     else:
@@ -112,14 +117,17 @@ def record_of_entry(
         raise SampleError(
             sample_id, "flength", f"must be a focal length in px, got {split.flength}"
         )
-    mask_path, mask_source = _mask_path(entry, root, sample_id)
+    mask_path, mask_source = tolerance.part(lambda: _mask_path(entry, root, sample_id)) or (
+        None,
+        "dataset",
+    )
     return AnimalRecord(
         sample_id=sample_id,
-        image_id=entry.img_path,
+        image_id=name,
         image_path=image,
         image_hw=image_hw,
         vocabulary=VOCABULARY,
-        keypoints_2d=_keypoints(entry.keypoint_2d, sample_id),
+        keypoints_2d=_keypoints(entry.keypoint_2d, sample_id, tolerance),
         mask_runs=None,
         category=_category(entry.category, split),
         mask_path=mask_path,
@@ -143,26 +151,26 @@ def _intrinsics(
     return K
 
 
-def _keypoints(rows: list[list[float | None]], sample_id: str) -> NDArray[np.float64]:
-    """Keypoints (26, 3) with visibility 0 or 1.
+def _keypoints(
+    rows: list[list[float | None]], sample_id: str, tolerance: Tolerance
+) -> NDArray[np.float64]:
+    """Keypoints (26, 3) with visibility 0 or 1, or scores.
 
     The format has 0 and 1; sets converted from others have 2 as well.
     """
     keypoints = read_rows(rows, len(VOCABULARY), sample_id, "keypoint_2d")
-    if not np.isin(keypoints[:, 2], (0, 1, 2)).all():
-        raise SampleError(
-            sample_id,
-            "keypoint_2d",
-            f"visibility must be 0, 1 or 2, got {sorted(set(keypoints[:, 2].tolist()))}",
-        )
-    return np.concatenate((keypoints[:, :2], keypoints[:, 2:] > 0), axis=1)
+    marked = tolerance.keypoints(keypoints, sample_id, "keypoint_2d")
+    return np.concatenate((marked[:, :2], np.minimum(marked[:, 2:], 1.0)), axis=1)
 
 
 def _mask_path(entry: Animal3DEntry, root: Path, sample_id: str) -> tuple[Path | None, str]:
-    """The file of the mask, or else of the rendered one, and the record's mask_source."""
+    """The file of the mask, or else of the rendered one, and the record's mask_source.
+
+    A mask_path that is the picture's own path, as one converter writes it, is no mask.
+    """
     for field in ("mask_path", "rd_mask_path"):
         path = getattr(entry, field)
-        if path:
+        if path and path != entry.img_path:
             try:
                 return resolve_inside(root, path, sample_id, field), (
                     "dataset" if field == "mask_path" else "rendered"
@@ -194,6 +202,16 @@ def category_names(split: SplitFile) -> dict[str, str]:
     return {key: value for key, value in names.items() if isinstance(value, str)}
 
 
+def _flat(
+    numbers: list[float | list[float]] | None, sample_id: str, field: str
+) -> NDArray[np.float64]:
+    """Parameters as one array, of a list of numbers or of one of three a joint."""
+    try:
+        return np.array(numbers or [], dtype=np.float64).reshape(-1)
+    except ValueError as error:
+        raise SampleError(sample_id, field, "must be numbers, or rows as long") from error
+
+
 def parameters_of_entry(entry: Animal3DEntry, sample_id: str) -> SmalParameters | None:
     """The parameters of an entry's body; None in sets of 2D annotations; raises SampleError."""
     if not entry.pose and not entry.shape and not entry.trans:
@@ -203,7 +221,7 @@ def parameters_of_entry(entry: Animal3DEntry, sample_id: str) -> SmalParameters 
             raise SampleError(
                 sample_id, field, "is missing, though there are other parameters of a body"
             )
-    values = {name: np.array(getattr(entry, name) or [], dtype=np.float64) for name in PARAMETERS}
+    values = {name: _flat(getattr(entry, name), sample_id, name) for name in PARAMETERS}
     for field, array in values.items():
         if not np.isfinite(array).all():
             raise SampleError(sample_id, field, "must be finite")

@@ -24,6 +24,7 @@ from animal3dbox.datasets.readers.animal3d.entries import (
     record_of_entry,
 )
 from animal3dbox.datasets.readers.elements import decoded
+from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import (
@@ -59,7 +60,12 @@ class Animal3D:
     bodies: ParametersBody | None
 
 
-def read_animal3d(path: Path, model: Path | None = None, images: Path | None = None) -> Animal3D:
+def read_animal3d(
+    path: Path,
+    model: Path | None = None,
+    images: Path | None = None,
+    tolerance: Tolerance | None = None,
+) -> Animal3D:
     """The animals of an Animal3D folder or file.
 
     Args:
@@ -67,6 +73,7 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
         model: the SMAL file that the parameters belong to; without it there are keypoints and masks
             only.
         images: the folder that img_path is relative to; None: the json's.
+        tolerance: how bad masks, and scores, are taken; None: not at all.
 
     Raises:
         DatasetNotFoundError: no such file or folder.
@@ -75,13 +82,15 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
         ModelFileError: the model is refused.
 
     """
-    splits, animals = _read_splits(path, images)
+    tolerance = tolerance or Tolerance()
+    splits, animals = _read_splits(path, images, tolerance)
     # An empty split beside another one is a small dataset.
     if not animals.records and not animals.faults:
         raise DatasetFormatError(
             f"{' and '.join(str(file) for file in find_splits(path))} has an empty data list"
         )
-    records, faults = animals.records, tuple(animals.faults)
+    kept, same_files = one_name_a_file(animals.records)
+    records, faults = list(kept), (*animals.faults, *same_files)
     if model is not None and animals.limb_scale_faults:
         records = [
             record for record in records if record.sample_id not in animals.limb_scale_faults
@@ -103,7 +112,7 @@ def read_animal3d(path: Path, model: Path | None = None, images: Path | None = N
             name=FORMAT,
             records=tuple(records),
             faults=faults,
-            notes=(*notes, *_mask_notes(records)),
+            notes=(*notes, *_mask_notes(records), *_zero_notes(animals), *tolerance.notes()),
             categories=tuple(
                 dict.fromkeys(name for split in splits for name in category_names(split).values())
             ),
@@ -122,6 +131,22 @@ def _mask_notes(records: Sequence[AnimalRecord]) -> tuple[str, ...]:
             f"{rendered} of {len(records)} animals have no mask of their own (mask_path missing, or"
             " its file): the rendered one is used"
         ),
+    )
+
+
+def _are_zero(parameters: SmalParameters) -> bool:
+    """Whether all of a body's parameters are zero, which stands for none."""
+    numbers = (parameters.pose, parameters.betas, parameters.trans)
+    return not any(bool(part.any()) for part in numbers)
+
+
+def _zero_notes(animals: "_Animals") -> tuple[str, ...]:
+    """A sentence on animals whose parameters are all zero."""
+    if not animals.without_parameters:
+        return ()
+    return (
+        f"the parameters of {len(animals.without_parameters)} animals are all zero, which stands"
+        f" for none; the first is {animals.without_parameters[0]}",
     )
 
 
@@ -146,6 +171,8 @@ class _Animals:
         without_tail: sample ids of bodies that were fitted without a tail.
         limb_scale_faults: sample id -> the error that scales of single limbs are to a model.
         image_counts: image -> number of its entries.
+        without_parameters: sample ids of animals whose parameters are all zero.
+        places: content of an entry -> where it stands.
     """
 
     records: list[AnimalRecord] = field(default_factory=list)
@@ -155,9 +182,13 @@ class _Animals:
     without_tail: set[str] = field(default_factory=set)
     limb_scale_faults: dict[str, SampleError] = field(default_factory=dict)
     image_counts: Counter[str] = field(default_factory=Counter)
+    without_parameters: list[str] = field(default_factory=list)
+    places: dict[bytes, str] = field(default_factory=dict)
 
 
-def _read_splits(path: Path, images: Path | None) -> tuple[list[SplitFile], _Animals]:
+def _read_splits(
+    path: Path, images: Path | None, tolerance: Tolerance
+) -> tuple[list[SplitFile], _Animals]:
     """The files of a dataset and all their animals; see read_animal3d."""
     splits, animals = list[SplitFile](), _Animals()
     for file in find_splits(path):
@@ -165,11 +196,13 @@ def _read_splits(path: Path, images: Path | None) -> tuple[list[SplitFile], _Ani
         if not root.is_dir():
             raise DatasetNotFoundError(f"there is no folder of images {root}")
         splits.append(decode_json(file, SplitFile))
-        _read_split(splits[-1], file.name, root, animals)
+        _read_split(splits[-1], file.name, root, animals, tolerance=tolerance)
     return splits, animals
 
 
-def _read_split(split: SplitFile, name: str, root: Path, animals: _Animals) -> None:
+def _read_split(
+    split: SplitFile, name: str, root: Path, animals: _Animals, *, tolerance: Tolerance
+) -> None:
     """Add the animals of a split; those of one image after its first get "#1", "#2", ...
 
     Args:
@@ -177,19 +210,29 @@ def _read_split(split: SplitFile, name: str, root: Path, animals: _Animals) -> N
         name: the file's name.
         root: the folder that img_path is relative to.
         animals: the collection that they are added to.
+        tolerance: how bad parts are taken.
 
     """
     for i, raw in enumerate(split.data):
         try:
-            sample_id = numbered_id(raw, f"{name} entry {i}", animals.image_counts)
+            place = f"{name} entry {i}"
+            sample_id = numbered_id(raw, place, animals.image_counts, root)
+            if (first := animals.places.setdefault(bytes(raw), place)) != place:
+                raise SampleError(
+                    sample_id,
+                    "entry",
+                    f"{place} is {first} once more: remove one, or it counts twice",
+                )
             entry = decoded(raw, Animal3DEntry, sample_id)
-            record = record_of_entry(entry, sample_id, root, split)
+            record = record_of_entry(entry, sample_id, root, split, tolerance=tolerance)
             parameters = parameters_of_entry(entry, sample_id)
         except SampleError as error:
             animals.faults.append(error)
             continue
         animals.records.append(record)
-        if parameters is not None:
+        if parameters is not None and _are_zero(parameters):
+            animals.without_parameters.append(sample_id)
+        elif parameters is not None:
             animals.parameters[sample_id] = parameters
             if not entry.with_tail:
                 animals.without_tail.add(sample_id)

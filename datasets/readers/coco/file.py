@@ -14,13 +14,13 @@ from animal3dbox.datasets.readers.elements import decoded
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
-from animal3dbox.smal.keypoints.vocabulary_match import NameMatch, match_by_name
+from animal3dbox.smal.keypoints.vocabulary_match import NameMatch, is_misspelt, match_by_name
 
 
 class _Category(msgspec.Struct):
     """One element of "categories": a species, or whatever else the dataset distinguishes."""
 
-    id: int | str
+    id: int | str | float
     name: str = "animal"
     keypoints: list[str] | None = None
 
@@ -55,7 +55,7 @@ class _AnnotationIds(msgspec.Struct):
 
     image_id: int | str
     id: int | str | None = None
-    iscrowd: int | bool = 0
+    iscrowd: int | bool | None = 0
 
 
 @dataclass(frozen=True)
@@ -186,12 +186,14 @@ class Species:
         keypoints: number of keypoints that its annotations have.
         match: its keypoints' names matched with a vocabulary; None if no vocabulary has them.
         problem: why there is no match; "" with one.
+        misspelt: whether the names are an animal's but for slips.
     """
 
     name: str
     keypoints: int
     match: NameMatch | None
     problem: str = ""
+    misspelt: bool = False
 
 
 def species_by_id(file: CocoFile, own: Vocabulary | None) -> dict[str, Species]:
@@ -209,12 +211,12 @@ def species_by_id(file: CocoFile, own: Vocabulary | None) -> dict[str, Species]:
     """
     by_id: dict[str, Species] = {}
     for category in file.categories:
-        if str(category.id) in by_id:
+        key = _key(category.id)
+        if key in by_id:
             raise DatasetFormatError(
-                f"the categories {by_id[str(category.id)].name} and {category.name} have one id,"
-                f" {category.id}"
+                f"the categories {by_id[key].name} and {category.name} have one id, {key}"
             )
-        by_id[str(category.id)] = _species(category, own)
+        by_id[key] = _species(category, own)
     if not any(species.match for species in by_id.values()):
         problems = list(dict.fromkeys(species.problem for species in by_id.values()))
         raise ConfigError(
@@ -222,6 +224,35 @@ def species_by_id(file: CocoFile, own: Vocabulary | None) -> dict[str, Species]:
             f" {problems[0] if problems else 'the file has no categories'}"
         )
     return by_id
+
+
+def wanted_species(species: dict[str, Species], categories: Sequence[str]) -> frozenset[str]:
+    """The names of the categories that are read.
+
+    Args:
+        species: all of a file.
+        categories: names, in any letter case; none: all with an animal's keypoints, misspelt ones
+            too, so that their animals are errors.
+
+    Raises:
+        ConfigError: the file has no such category.
+
+    """
+    if not categories:
+        animals = (one for one in species.values() if one.match is not None or one.misspelt)
+        return frozenset(kind.name for kind in animals)
+    names = {kind.name.casefold(): kind.name for kind in species.values()}
+    if unknown := [name for name in categories if name.casefold() not in names]:
+        raise ConfigError(
+            f"categories must be of {', '.join(names.values())}, got {', '.join(unknown)}"
+        )
+    return frozenset(names[name.casefold()] for name in categories)
+
+
+def _key(number: int | str | float) -> str:
+    """An id as it is compared: 1, 1.0 and "1" are one."""
+    is_whole = isinstance(number, float) and number.is_integer()
+    return str(int(number) if is_whole else number)
 
 
 def _species(category: _Category, own: Vocabulary | None) -> Species:
@@ -241,6 +272,6 @@ def _species(category: _Category, own: Vocabulary | None) -> Species:
             category.name, len(category.keypoints), match_by_name(category.keypoints, own)
         )
     except ConfigError as error:
-        return Species(
-            category.name, len(category.keypoints), None, f"category {category.name!r}: {error}"
-        )
+        names = category.keypoints
+        problem = f"category {category.name!r}: {error}"
+        return Species(category.name, len(names), None, problem, is_misspelt(names))

@@ -3,8 +3,10 @@
 AP-10K, AnimalPose and what is converted to them are read alike.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images.photos import is_file, resolve_inside, stored_size
+from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
+from animal3dbox.datasets.images.photos import is_file, stored_size
 from animal3dbox.datasets.images.segmentation import read_segmentation
 from animal3dbox.datasets.readers.coco.file import (
     CocoImage,
@@ -21,6 +24,7 @@ from animal3dbox.datasets.readers.coco.file import (
     read_coco_file,
     species_by_id,
     take_apart,
+    wanted_species,
 )
 from animal3dbox.datasets.readers.elements import (
     decoded,
@@ -28,6 +32,7 @@ from animal3dbox.datasets.readers.elements import (
     read_box,
     read_rows,
 )
+from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -83,7 +88,12 @@ def find_coco(path: Path) -> Path:
 
 
 def read_coco(
-    path: Path, images: Path | None = None, vocabulary: Vocabulary | None = None
+    path: Path,
+    images: Path | None = None,
+    vocabulary: Vocabulary | None = None,
+    *,
+    tolerance: Tolerance | None = None,
+    categories: Sequence[str] = (),
 ) -> RecordSet:
     """The animals of a COCO keypoints file, or of AnimalPose's json.
 
@@ -93,6 +103,8 @@ def read_coco(
             the first image.
         vocabulary: what the keypoints are, by their names; None: the known vocabulary that fits
             the categories' names.
+        tolerance: how bad masks and boxes, and scores, are taken; None: not at all.
+        categories: names of those that are read; none: all whose keypoints are an animal's.
 
     Returns:
         The records, those of an image together, in the order of "images", and a fault for each that
@@ -107,38 +119,83 @@ def read_coco(
     annotations = find_coco(path)
     file = read_coco_file(annotations)
     species, parts = species_by_id(file, vocabulary), take_apart(file)
+    tolerance = tolerance or Tolerance()
     root = images or _images_root(annotations, parts.images)
     if not root.is_dir():
         raise DatasetNotFoundError(f"there is no folder of images {root}")
-    animals: list[_Animal] = []
-    faults = list(parts.faults)
-    for image in parts.images:
-        for k, (i, raw) in enumerate(image.annotations):
-            try:
-                sample_id = image.name if k == 0 else f"{image.name}#{k}"
-                animals.append(
-                    _animal(
-                        decoded(raw, CocoEntry, sample_id),
-                        sample_id,
-                        image,
-                        root,
-                        species=species,
-                        has_corners=parts.is_animalpose,
-                    )
-                )
-            except SampleError as error:
-                faults.append(
-                    SampleError(error.sample_id, error.field, f"{error.problem} (annotation {i})")
-                )
-    graded = any(bool((animal.record.keypoints_2d[:, 2] > 1).any()) for animal in animals)
-    records = tuple(_with_confidence(animal.record, graded) for animal in animals)
+    read = wanted_species(species, categories)
+    found = _animals(parts, root, species=species, read=read, tolerance=tolerance)
+    has_flags = tolerance.visibility == "flags"
+    graded = any(bool((animal.record.keypoints_2d[:, 2] > 1).any()) for animal in found.animals)
+    records, copies = one_name_a_file(
+        [
+            _with_confidence(animal.record, graded) if has_flags else animal.record
+            for animal in found.animals
+        ]
+    )
+    used = {key: kind for key, kind in species.items() if kind.name in read}
     return RecordSet(
         name=FORMAT,
         records=records,
-        faults=tuple(faults),
-        notes=_notes(animals, parts, species, graded),
-        categories=tuple(kind.name for kind in species.values()),
+        faults=(*parts.faults, *found.faults, *copies),
+        notes=(
+            *_notes(found.animals, parts, used, is_ungraded=has_flags and not graded),
+            *_category_notes(found.left_out),
+            *tolerance.notes(),
+        ),
+        categories=tuple(kind.name for kind in used.values()),
     )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The animals of a file.
+
+    Attributes:
+        animals: the sound ones, those of an image together.
+        faults: an error for each other one.
+        left_out: category -> how many of its annotations are not read.
+    """
+
+    animals: list[_Animal]
+    faults: list[SampleError]
+    left_out: Counter[str]
+
+
+def _animals(
+    parts: CocoParts,
+    root: Path,
+    *,
+    species: dict[str, Species],
+    read: frozenset[str],
+    tolerance: Tolerance,
+) -> _Found:
+    """The animals of a file's images; arguments as read_coco has them."""
+    found = _Found([], [], Counter())
+    for listed in parts.images:
+        image = replace(listed, name=portable_name(root, listed.name))
+        for k, (i, raw) in enumerate(image.annotations):
+            try:
+                sample_id = image.name if k == 0 else f"{image.name}#{k}"
+                entry = decoded(raw, CocoEntry, sample_id)
+                kind = species.get(str(entry.category_id))
+                if kind is not None and kind.name not in read:
+                    found.left_out[kind.name] += 1
+                    continue
+                animal = _animal(
+                    entry,
+                    sample_id,
+                    image,
+                    root,
+                    species=species,
+                    has_corners=parts.is_animalpose,
+                    tolerance=tolerance,
+                )
+                found.animals.append(animal)
+            except SampleError as error:
+                problem = f"{error.problem} (annotation {i})"
+                found.faults.append(SampleError(error.sample_id, error.field, problem))
+    return found
 
 
 def _images_root(annotations: Path, images: Sequence[CocoImage]) -> Path:
@@ -160,6 +217,7 @@ def _animal(
     *,
     species: dict[str, Species],
     has_corners: bool,
+    tolerance: Tolerance,
 ) -> _Animal:
     """The record of one annotation, checked; raises SampleError.
 
@@ -170,6 +228,7 @@ def _animal(
         root: the folder of images.
         species: category id -> species.
         has_corners: whether bbox holds two corners, as AnimalPose's do.
+        tolerance: how bad parts are taken.
 
     """
     kind = species.get(str(entry.category_id))
@@ -184,12 +243,10 @@ def _animal(
         if height is None or width is None
         else image_size(height, width, sample_id, "width, height of the image")
     )
-    marked = _keypoints(entry, kind.keypoints, sample_id)
+    marked = _keypoints(entry, kind.keypoints, sample_id, tolerance)
     keypoints = kind.match.rows(marked)
     form = "xmin, ymin, xmax, ymax" if has_corners else "x, y, w, h"
-    box = None if entry.bbox is None else read_box(entry.bbox, sample_id, "bbox", form)
-    if box is not None:
-        _check_box_in_image(box, image_hw, sample_id)
+    runs = tolerance.part(partial(read_segmentation, entry.segmentation, image_hw, sample_id))
     record = AnimalRecord(
         sample_id=sample_id,
         image_id=image.name,
@@ -197,14 +254,16 @@ def _animal(
         image_hw=image_hw,
         vocabulary=kind.match.vocabulary,
         keypoints_2d=keypoints,
-        mask_runs=read_segmentation(entry.segmentation, image_hw, sample_id),
+        mask_runs=runs,
         category=kind.name,
-        box=box,
+        box=tolerance.part(lambda: _box(entry.bbox, image_hw, sample_id, form)),
     )
     return _Animal(record, entry.num_keypoints not in (None, int((marked[:, 2] > 0).sum())))
 
 
-def _keypoints(entry: CocoEntry, count: int, sample_id: str) -> NDArray[np.float64]:
+def _keypoints(
+    entry: CocoEntry, count: int, sample_id: str, tolerance: Tolerance
+) -> NDArray[np.float64]:
     """The keypoints (N, 3) of an annotation: x, y and COCO's visibility, in the category's order.
 
     They are zeros if there are none, and where they are not marked (visibility 0).
@@ -228,21 +287,16 @@ def _keypoints(entry: CocoEntry, count: int, sample_id: str) -> NDArray[np.float
     rows = read_rows(
         [flat[i : i + 3] for i in range(0, len(flat), 3)], count, sample_id, "keypoints"
     )
-    if not np.isin(rows[:, 2], (0, 1, 2)).all():
-        raise SampleError(
-            sample_id,
-            "keypoints",
-            f"visibility must be 0, 1 or 2, got {sorted(set(rows[:, 2].tolist()))}: are these"
-            " scores?",
-        )
-    rows[rows[:, 2] == 0] = 0.0
-    return rows
+    return tolerance.keypoints(rows, sample_id, "keypoints")
 
 
-def _check_box_in_image(
-    box: NDArray[np.float64], image_hw: tuple[int, int], sample_id: str
-) -> None:
-    """Raise a SampleError for a box (4,) that lies outside its image."""
+def _box(
+    numbers: list[float] | None, image_hw: tuple[int, int], sample_id: str, form: str
+) -> NDArray[np.float64] | None:
+    """The box (4,) xyxy px of an animal; raises a SampleError if it lies outside its image."""
+    if numbers is None:
+        return None
+    box = read_box(numbers, sample_id, "bbox", form)
     height, width = image_hw
     if not (box[0] < width and box[1] < height and box[2] > 0 and box[3] > 0):
         raise SampleError(
@@ -250,6 +304,7 @@ def _check_box_in_image(
             "bbox",
             f"lies outside the image of {width} x {height}: are these pixels of this image?",
         )
+    return box
 
 
 def _with_confidence(record: AnimalRecord, graded: bool) -> AnimalRecord:
@@ -264,8 +319,16 @@ def _with_confidence(record: AnimalRecord, graded: bool) -> AnimalRecord:
     return replace(record, keypoints_2d=np.concatenate((rows[:, :2], confidence[:, None]), axis=1))
 
 
+def _category_notes(left_out: Counter[str]) -> tuple[str, ...]:
+    """A sentence on the annotations of categories that are not read."""
+    if not left_out:
+        return ()
+    counts = ", ".join(f"{count} of {name!r}" for name, count in left_out.most_common())
+    return (f"annotations of other categories are left out: {counts} (--categories says which)",)
+
+
 def _notes(
-    animals: Sequence[_Animal], parts: CocoParts, species: dict[str, Species], graded: bool
+    animals: Sequence[_Animal], parts: CocoParts, species: dict[str, Species], *, is_ungraded: bool
 ) -> tuple[str, ...]:
     """Notes for the report on what a careful person should know, in whole sentences."""
     notes = []
@@ -286,7 +349,7 @@ def _notes(
             f"num_keypoints is not the number of marked keypoints in {miscounted} of {len(animals)}"
             " animals; the marks count"
         )
-    if not graded and any(animal.record.keypoints_2d.any() for animal in animals):
+    if is_ungraded and any(animal.record.keypoints_2d.any() for animal in animals):
         notes.append(
             "no keypoint has the visibility 2: 1 is taken to mean visible, not labelled but hidden"
         )

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES, is_file, resolve_inside, stored_size
+from animal3dbox.datasets.images.named_files import resolve_inside
+from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES, is_file, stored_size
 from animal3dbox.datasets.readers.deeplabcut.h5 import SUFFIXES, read_h5_table
 from animal3dbox.datasets.readers.deeplabcut.table import DlcTable, is_csv_table, read_csv_table
+from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -57,7 +59,10 @@ def find_labels(path: Path) -> Path:
 
 
 def read_deeplabcut(
-    path: Path, images: Path | None = None, vocabulary: Vocabulary | None = None
+    path: Path,
+    images: Path | None = None,
+    vocabulary: Vocabulary | None = None,
+    tolerance: Tolerance | None = None,
 ) -> RecordSet:
     """The animals of a table of DeepLabCut's.
 
@@ -65,6 +70,7 @@ def read_deeplabcut(
         path: the csv or h5, or the folder it lies in.
         images: the folder that the rows' paths are relative to; None: found by the first row.
         vocabulary: what the bodyparts are, if their names do not tell.
+        tolerance: counts what is taken for missing, for somebody else's notes; None: for these.
 
     Returns:
         The records in the order of the rows, and a fault for each that is unusable.
@@ -75,6 +81,7 @@ def read_deeplabcut(
         ConfigError: the bodyparts are in no known vocabulary, or h5py is not installed.
 
     """
+    counts = tolerance or Tolerance()
     file = find_labels(path)
     table = read_h5_table(file) if file.suffix.lower() in SUFFIXES else read_csv_table(file)
     if images is not None and not images.is_dir():
@@ -95,16 +102,17 @@ def read_deeplabcut(
             try:
                 sample_id = f"{picture.name}#{k}" if k else picture.name
                 _check_row(table, row, picture, sample_id)
-                points = _points(table, row, name, sample_id)
+                points = counts.without_minus_ones(_points(table, row, name, sample_id), sample_id)
                 record = _record(points, picture, matches[name], sample_id)
             except SampleError as error:
                 faults.append(error)
                 continue
             empty += record is None
             records += [] if record is None else [record]
-    return RecordSet(
-        FORMAT, tuple(records), tuple(faults), _notes(table, len(pictures), matches, empty)
-    )
+    kept, same_files = one_name_a_file(records)
+    notes = _notes(table, len(pictures), matches, empty)
+    own_notes = counts.notes() if tolerance is None else ()
+    return RecordSet(FORMAT, kept, (*faults, *same_files), (*notes, *own_notes))
 
 
 @dataclass(frozen=True)
@@ -125,31 +133,47 @@ class _Picture:
 
 
 def _path_pictures(table: DlcTable, file: Path, images: Path | None) -> list[tuple[int, _Picture]]:
-    """The rows with the images that they name, in the folder where the first of them lies."""
+    """The rows with the images that they name, each where it lies itself."""
     names = [str(name).replace("\\", "/") for name in table.index]
-    root, drop = _image_root(names, [images] if images else list(file.parents)[:3])
+    roots = [images] if images else list(file.parents)[:3]
+    is_one_video = len({name.rpartition("/")[0] for name in names}) == 1
+    root, drop = _image_root(names, roots, is_one_video=is_one_video)
     firsts: dict[str, int] = {}
     pictures = []
     for row, name in enumerate(names):
         first = firsts.setdefault(name, row)
+        own = _place_of(name, roots, is_one_video=is_one_video)
+        root, drop = own or (root, drop)
         relative = "/".join(name.split("/")[drop:])
         pictures.append((row, _Picture(name, root, relative, None if first == row else first)))
     return pictures
 
 
-def _image_root(names: Sequence[str], roots: Sequence[Path]) -> tuple[Path, int]:
+def _image_root(
+    names: Sequence[str], roots: Sequence[Path], *, is_one_video: bool
+) -> tuple[Path, int]:
     """The folder that images are found in, and how many leading parts of their paths to leave out.
 
     Tables are often moved without their project, so their paths begin with folders that are gone.
     """
-    for name in names[:100]:
-        parts = name.split("/")
+    places = (_place_of(name, roots, is_one_video=is_one_video) for name in names[:100])
+    return next((place for place in places if place), (roots[0], 0))
+
+
+def _place_of(name: str, roots: Sequence[Path], *, is_one_video: bool) -> tuple[Path, int] | None:
+    """Where an image is found by the longest end of its path; None if it is nowhere.
+
+    The video's folder belongs to a frame's name where a table has several videos.
+    """
+    parts = name.split("/")
+    if ".." in parts:
+        return None
+    for drop in range(len(parts) if is_one_video else max(len(parts) - 1, 1)):
         for root in roots:
-            for drop in range(len(parts)):
-                path = root.joinpath(*parts[drop:])
-                if ".." not in parts and path.is_relative_to(root) and is_file(path):
-                    return root, drop
-    return roots[0], 0
+            path = root.joinpath(*parts[drop:])
+            if path.is_relative_to(root) and is_file(path):
+                return root, drop
+    return None
 
 
 def _frame_pictures(table: DlcTable, root: Path) -> list[tuple[int, _Picture]]:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies.mesh_file import Place, read_landmarks
 from animal3dbox.datasets.bodies.mesh_folder import MeshFile, MeshFolderBodies
-from animal3dbox.datasets.images.photos import resolve_inside, stored_size
+from animal3dbox.datasets.images.named_files import resolve_inside
+from animal3dbox.datasets.images.photos import stored_size
 from animal3dbox.datasets.readers.mesh_folder.camera_files import Camera, load_camera
 from animal3dbox.datasets.readers.mesh_folder.files import AnimalFiles, list_mesh_folder
 from animal3dbox.datasets.records import AnimalRecord, RecordSet

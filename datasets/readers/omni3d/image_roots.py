@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
-from animal3dbox.datasets.images.photos import resolve_inside
+from animal3dbox.datasets.images.named_files import resolve_inside
 from animal3dbox.errors import SampleError
 
 TRIED = 20

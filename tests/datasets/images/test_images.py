@@ -15,7 +15,8 @@ from photo_dataset import png_that_claims
 from PIL import EpsImagePlugin, Image, ImageFile
 
 from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
-from animal3dbox.datasets.images.photos import MAX_PIXELS, read_image, resolve_inside
+from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
+from animal3dbox.datasets.images.photos import MAX_PIXELS, read_image
 from animal3dbox.errors import SampleError
 
 Picture = NDArray[np.uint8]
@@ -367,11 +368,41 @@ def test_a_path_is_refused_unless_it_is_a_file_under_the_root(
     assert reason in refusal(lambda: resolve_inside(root, relative, "s7", "img_path"), "img_path")
 
 
-def test_an_absolute_path_is_refused_even_when_it_points_into_the_root(root: Path) -> None:
-    inside = str(root / "dog" / "a.jpg")
-    assert "leads out of" in refusal(
-        lambda: resolve_inside(root, inside, "s7", "img_path"), "img_path"
-    )
+@pytest.mark.parametrize(
+    "written",
+    [
+        "{root}/dog/a.jpg",
+        "/somebody/else/dog/a.jpg",
+        "C:\\somebody\\dog\\a.jpg",
+        "dog\\a.jpg",
+        "photos/dog/a.jpg",
+        "dog%2Fa.jpg",
+        "https://example.org/set/dog/a.jpg",
+        "DOG/A.JPG",
+    ],
+)
+def test_a_path_written_elsewhere_is_found_where_one_file_answers(root: Path, written: str) -> None:
+    name = written.format(root=root)
+    assert resolve_inside(root, name, "s7", "img_path") == (root / "dog" / "a.jpg").resolve()
+    assert str(root) not in portable_name(root, name)
+
+
+def test_a_path_in_another_unicode_form_is_found(tmp_path: Path) -> None:
+    composed, decomposed = "b\u00e4r.jpg", "ba\u0308r.jpg"
+    (tmp_path / composed).write_bytes(b"x")
+    assert resolve_inside(tmp_path, decomposed, "s7", "img_path").name == composed
+
+
+def test_a_path_that_may_be_two_files_is_refused(tmp_path: Path) -> None:
+    for name in ("A.jpg", "a.JPG"):
+        (tmp_path / name).write_bytes(b"x")
+    words = refusal(lambda: resolve_inside(tmp_path, "a.jpg", "s7", "img_path"), "img_path")
+    assert "may be 'A.jpg' and 'a.JPG'" in words
+
+
+def test_a_near_miss_is_named(root: Path) -> None:
+    words = refusal(lambda: resolve_inside(root, "dog/b.jpg", "s7", "img_path"), "img_path")
+    assert "the nearest there is 'a.jpg'" in words
 
 
 @pytest.mark.parametrize("relative", ["dog/a.jpg", "./dog/a.jpg", "dog/../dog/a.jpg", "inner.jpg"])

@@ -15,10 +15,10 @@ from mesh_folder_dataset import write_json, write_mesh_folder
 from PIL import Image
 
 from animal3dbox.cli.main import main
-from animal3dbox.datasets.formats import ReadOptions
 from animal3dbox.datasets.inspection.inspect import inspect_dataset
 from animal3dbox.datasets.inspection.result import Animal3DFacts, Inspection
 from animal3dbox.datasets.inspection.text import as_text
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet, animal3d_world

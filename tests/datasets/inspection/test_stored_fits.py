@@ -10,10 +10,10 @@ import torch
 from animal3d_copies import copy_with, in_pytorch3d_frame
 from commands import ran
 
-from animal3dbox.datasets.formats import ReadOptions
 from animal3dbox.datasets.inspection.inspect import inspect_dataset
 from animal3dbox.datasets.inspection.result import StoredFitFacts
 from animal3dbox.datasets.inspection.text import as_text
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet, animal3d_world

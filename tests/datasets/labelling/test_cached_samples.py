@@ -17,9 +17,10 @@ from small_animals import model_of, small_dataset
 from animal3dbox.datasets import LabelDataset
 from animal3dbox.datasets.batches import Targets
 from animal3dbox.datasets.bodies.sources import ParametersBody
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import read_dataset
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.labelling.label_codec import packed_outcome, unpacked_outcome
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.storage.codec import Codec
 from animal3dbox.datasets.storage.packed import PackedList
 from animal3dbox.labels.types import CuboidLabel, Rejection

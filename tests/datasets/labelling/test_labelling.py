@@ -13,10 +13,11 @@ from one_label import label_of
 from small_animals import model_of
 
 from animal3dbox.datasets.bodies.sources import BodySource, preset_body
-from animal3dbox.datasets.formats import ReadOptions, read_dataset
+from animal3dbox.datasets.formats import read_dataset
 from animal3dbox.datasets.labelling.label_records import label_records
 from animal3dbox.datasets.labelling.label_requests import request_of_record
 from animal3dbox.datasets.labelling.scale import KnownScale
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
 from animal3dbox.labels.config import LabelConfig

@@ -14,7 +14,8 @@ from one_label import label_of
 from PIL import Image
 from torch.testing import assert_close
 
-from animal3dbox.datasets.formats import ReadOptions, read_dataset, recognised_format
+from animal3dbox.datasets.formats import read_dataset, recognised_format
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers.animal3d.reader import Animal3D, read_animal3d
 from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
 from animal3dbox.datasets.synthetic.faults import FaultConfig
@@ -315,7 +316,7 @@ def test_parameters_that_are_all_wrong_are_told_from_none(home: Path, tmp_path: 
     with pytest.raises(
         ConfigError,
         match=(
-            rf"{len(entries)} entries have wrong ones, the first: .* must have 105 or 99 and 3"
+            rf"{len(entries)} entries are faulty, the first: .* must have 105 or 99 and 3"
             r" numbers, got 72 and 3"
         ),
     ):

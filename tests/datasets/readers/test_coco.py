@@ -21,9 +21,10 @@ from photo_dataset import HW
 from PIL import Image
 
 from animal3dbox.cli.main import main
-from animal3dbox.datasets.formats import ReadOptions, read_dataset, recognised_format
+from animal3dbox.datasets.formats import read_dataset, recognised_format
 from animal3dbox.datasets.images.rle import decode_counts
 from animal3dbox.datasets.images.segmentation import polygon_mask
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers.coco.reader import HIDDEN_CONFIDENCE, read_coco
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.labels.config import LabelConfig

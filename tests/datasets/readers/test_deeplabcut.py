@@ -28,7 +28,8 @@ from deeplabcut_files import (
 from photo_dataset import HW
 
 from animal3dbox.cli.main import main
-from animal3dbox.datasets.formats import ReadOptions, read_dataset, recognised_format
+from animal3dbox.datasets.formats import read_dataset, recognised_format
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers.deeplabcut.reader import LEAST_LIKELIHOOD, read_deeplabcut
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError

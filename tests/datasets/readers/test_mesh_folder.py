@@ -37,9 +37,10 @@ from animal3dbox.cli.main import main
 from animal3dbox.datasets.bodies import mesh_folder as mesh_folder_bodies
 from animal3dbox.datasets.bodies.mesh_formats import read_mesh
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
-from animal3dbox.datasets.formats import ReadOptions, read_dataset, recognised_format
+from animal3dbox.datasets.formats import read_dataset, recognised_format
 from animal3dbox.datasets.labelling.filters import LabelFilter
 from animal3dbox.datasets.labelling.skipped import Skipped
+from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers.mesh_folder.reader import MeshFolder, read_mesh_folder
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.labels.config import LabelConfig

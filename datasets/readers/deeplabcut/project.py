@@ -1,0 +1,60 @@
+"""A whole project of DeepLabCut: config.yaml beside labeled-data/, a folder of pictures a video."""
+
+from pathlib import Path
+
+from animal3dbox.datasets.readers.deeplabcut.reader import FORMAT, label_files, read_deeplabcut
+from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.errors import Animal3DBoxError, DatasetNotFoundError, SampleError
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+
+CONFIG, VIDEOS = "config.yaml", "labeled-data"
+
+
+def is_project(path: Path) -> bool:
+    """Whether a folder is a project."""
+    return (path / CONFIG).is_file() and (path / VIDEOS).is_dir()
+
+
+def read_project(
+    path: Path,
+    images: Path | None = None,
+    vocabulary: Vocabulary | None = None,
+    tolerance: Tolerance | None = None,
+) -> RecordSet:
+    """The animals of all videos of a project; a table that cannot be read spoils no other.
+
+    Args:
+        path: the project's folder.
+        images: the folder that the rows' paths are relative to; None: the project's.
+        vocabulary: what the bodyparts are, if their names do not tell.
+        tolerance: counts what is taken for missing; None: nobody asks.
+
+    Raises:
+        DatasetNotFoundError: no video has a table.
+
+    """
+    tolerance = tolerance or Tolerance()
+    tables = [table for video in sorted((path / VIDEOS).iterdir()) for table in _tables_of(video)]
+    if not tables:
+        raise DatasetNotFoundError(f"no folder of {path / VIDEOS} holds a table of DeepLabCut")
+    records: list[AnimalRecord] = []
+    faults: list[SampleError] = []
+    notes: list[str] = []
+    for table in tables:
+        name = table.relative_to(path).as_posix()
+        try:
+            found = read_deeplabcut(table, images or path, vocabulary, tolerance)
+        except Animal3DBoxError as error:
+            faults.append(SampleError(name, "table", str(error)))
+            continue
+        records += found.records
+        faults += found.faults
+        notes += [f"{name}: {note}" for note in found.notes]
+    kept, same_files = one_name_a_file(records)
+    return RecordSet(FORMAT, kept, (*faults, *same_files), (*notes, *tolerance.notes()))
+
+
+def _tables_of(video: Path) -> list[Path]:
+    """The table of a video's folder; none without."""
+    return label_files(video)[:1] if video.is_dir() else []
