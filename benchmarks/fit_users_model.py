@@ -17,11 +17,12 @@ from unittest.mock import patch
 
 import numpy as np
 import torch
-from fit_bodies import animals_of, report, row_of
+from fit_bodies import report
 
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal
+from animal3dbox.evaluate.box_errors import box_errors
+from animal3dbox.evaluate.fit_study import OWN, animals_of, box_of_fit
 from animal3dbox.geometry.rigid_transforms import rotation_angle
-from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.fit import fit_body
 from animal3dbox.labels.fit.fit import fit_many
 from animal3dbox.labels.fit.fitted_body import FittedBody
@@ -86,7 +87,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=5000)
     options = parser.parse_args()
     torch.set_num_threads(1)
-    animals, model = list(animals_of("own", options.seed, options.n)), converted_stand_in()
+    animals, model = list(animals_of(OWN, range(options.n), options.seed)), converted_stand_in()
     bodies = {
         "quadruped": fits(animals, None),
         "quadruped, one Gaussian": fits_otherwise(animals, None, shape_prior=one_gaussian),
@@ -98,8 +99,7 @@ def main() -> None:
     for name, some in bodies.items():
         rows = []
         for fit, animal in zip(some, animals, strict=True):
-            vertices, rotation = (torch.from_numpy(x) for x in (fit.vertices_cam, fit.rotation))
-            rows.append(row_of(tight_cuboid(vertices, rotation), animal.cuboid))
+            rows.append(box_errors(box_of_fit(fit), animal.cuboid))
         report(name, rows, 0)
     for name in list(bodies)[1:]:
         print(f"quadruped beside {name}: {differences(bodies['quadruped'], bodies[name])}")

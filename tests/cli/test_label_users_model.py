@@ -54,6 +54,21 @@ def test_a_model_without_landmarks_is_refused_with_the_remedy(home: Path) -> Non
     assert "--landmarks" in printed
 
 
+def test_a_model_is_converted_with_its_landmarks_once_for_all(home: Path) -> None:
+    converted = home / "converted.safetensors"
+    code, printed = ran(
+        "convert-model", home / "smal.pkl", converted, "--landmarks", home / "landmarks.json"
+    )
+    assert code == 0, printed
+    assert load_model(converted).landmarks == LANDMARKS
+    (home / "point.json").write_text('{"nose": {"point": [0.0, 0.0, 0.0]}}')
+    code, printed = ran(
+        "convert-model", home / "smal.pkl", converted, "--landmarks", home / "point.json"
+    )
+    assert code == 2
+    assert "nose must be vertex ids" in printed
+
+
 def test_a_dataset_fits_the_model_that_it_is_given(home: Path) -> None:
     save_safetensors(load_model(home / "smal.pkl", LANDMARKS), home / "smal.safetensors")
     dataset = AnnotatedDataset(home / "photos", model=home / "smal.safetensors", body="fit")
