@@ -4,8 +4,9 @@
 
 The stand-in (tests/support/smal_stand_in.py) is the quadruped in another rest pose and shape basis,
 written as a SMAL pickle and converted. Animals and columns are those of fit_bodies.py, own world,
-species unknown. "quadruped, one Gaussian" has the shape prior that a user's model has. The last
-line poses the stand-in by the quadruped's own angles, which its rest pose makes another posture.
+species unknown. "quadruped, one Gaussian" has the shape prior that a user's model has; "rest pose
+ignored" poses the stand-in by the quadruped's own angles, which make another posture of it; "SMAL's
+mesh" has SMAL's 3889 vertices with its landmark ids, the shoulders higher than the quadruped's.
 """
 
 import argparse
@@ -101,6 +102,13 @@ def main() -> None:
         for fit, animal in zip(some, animals, strict=True):
             rows.append(box_errors(box_of_fit(fit), animal.cuboid))
         report(name, rows, 0)
+    smals = fits(animals, converted_stand_in(smal_mesh=True))
+    pairs = zip(smals, animals, strict=True)
+    report(
+        "stand-in, SMAL's mesh",
+        [box_errors(box_of_fit(fit), animal.cuboid) for fit, animal in pairs],
+        0,
+    )
     for name in list(bodies)[1:]:
         print(f"quadruped beside {name}: {differences(bodies['quadruped'], bodies[name])}")
     pair = differences(bodies["quadruped, one Gaussian"], bodies["stand-in"])

@@ -45,6 +45,19 @@ def test_a_users_model_is_fitted_from_the_command_line(home: Path) -> None:
     assert all(isinstance(fit, FitRow) and fit.body == "model" for fit in fits)
 
 
+def test_a_model_with_smals_mesh_needs_no_landmarks(home: Path) -> None:
+    write_smal_pickle(stand_in(smal_mesh=True), home / "mesh.pkl")
+    code, printed = ran("convert-model", home / "mesh.pkl", home / "mesh.safetensors")
+    assert (code, "3889 vertices" in printed) == (0, True)
+    code, printed = ran(
+        "label", home / "photos", "--body", "fit", "--model", home / "mesh.safetensors",
+        "--out", home / "mesh",
+    )  # fmt: skip
+    assert code == 0, printed
+    fits = [row.fit for row in read_labels_json(home / "mesh" / "labels.json").animals]
+    assert any(isinstance(fit, FitRow) and fit.body == "model" for fit in fits)
+
+
 def test_a_model_without_landmarks_is_refused_with_the_remedy(home: Path) -> None:
     code, printed = ran(
         "label", home / "photos", "--body", "fit", "--model", home / "smal.pkl", "--out", home / "x"
