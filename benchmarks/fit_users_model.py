@@ -22,7 +22,7 @@ from fit_bodies import report
 
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal
 from animal3dbox.evaluate.box_errors import box_errors
-from animal3dbox.evaluate.fit_study import OWN, animals_of, box_of_fit
+from animal3dbox.evaluate.fit_study import OWN, animals_of, box_of_fit, fit_arguments
 from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.fit import fit_body
 from animal3dbox.labels.fit.fit import fit_many
@@ -42,17 +42,7 @@ def one_gaussian(model: SmalModel, species: str | None = None) -> ShapePrior:
 
 def fits(animals: Sequence[ForeignAnimal], model: SmalModel | None) -> list[FittedBody]:
     """The fits of a model, or of the quadruped, to all animals."""
-    outcomes = fit_many(
-        {
-            "image_hw": animal.camera.image_hw,
-            "keypoints_2d": animal.keypoints_2d,
-            "K": animal.camera.K,
-            "mask": animal.mask,
-            "vocabulary": animal.vocabulary,
-            "model": model,
-        }
-        for animal in animals
-    )
+    outcomes = fit_many({**fit_arguments(animal), "model": model} for animal in animals)
     return [fit for fit in outcomes if isinstance(fit, FittedBody)]
 
 

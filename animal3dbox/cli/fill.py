@@ -67,6 +67,7 @@ def run_fill(job: LabelJob) -> ExitCode:
         config=config,
         scale=job.scale_source,
         stored_cameras=job.camera.stored_camera,
+        misplaced=job.misplaced,
         cache=job.cache.folder,
         reuse=job.cache.resume,
         calibration=job.calibration,

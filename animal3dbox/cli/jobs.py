@@ -71,6 +71,8 @@ class LabelJob:
     cache: CacheOptions
     calibration: Path | None = None
     """what `animal3dbox calibrate` learned of this dataset; for bodies without a template"""
+    misplaced: Literal["fault", "flag"] = "fault"
+    """keypoints beside the frame, or the animal's own box or mask: an error, or a flag"""
     outline: bool = True
     """draw the outlines of fitted bodies into the pictures"""
     json: bool = False
@@ -209,18 +211,22 @@ class InspectJob:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateJob:
-    """Learn from a dataset's own animals where its keypoints lie on their bodies.
+    """Learn from a dataset's own animals where its keypoints lie, and what shapes they have.
 
-    For bodies without a template, such as a folder of meshes: labels that are given the file have
-    truer axes.
+    The placement is for bodies without a template, such as a folder of meshes; places and shapes
+    are for bodies that are fitted to photographs. Labels that are given the file are truer.
 
-    Example: animal3dbox calibrate capture --out calibration.json
+    Example: animal3dbox calibrate photos --learn places,shapes --out calibration.json
     """
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
     """a dataset's folder or its annotation file"""
     out: Path = Path("calibration.json")
     """the file to write"""
+    learn: str = "placement"
+    """what, with commas: placement (of bodies without a template), or places (of keypoints on
+    fitted bodies) and shapes (of the dataset's categories), which take two fits an animal; if
+    interrupted, the same command goes on from the fits beside --out"""
     dataset: KeypointDatasetOptions
     body: BodyOptions
     json: bool = False

@@ -105,6 +105,7 @@ def _labelled(
         scale=job.scale_source,
         stored_cameras=job.camera.stored_camera,
         calibration=calibration,
+        misplaced=job.misplaced,
     )
     for place, outcome in zip(requests, outcomes, strict=True):
         if isinstance(outcome, SampleError):

@@ -67,6 +67,18 @@ class FitRow:
     errors: BoxErrors | None
 
 
+def fit_arguments(animal: ForeignAnimal) -> dict[str, Any]:
+    """fit_animal's arguments of an animal whose species is not known."""
+    return {
+        "image_hw": animal.camera.image_hw,
+        "keypoints_2d": animal.keypoints_2d,
+        "K": animal.camera.K,
+        "mask": animal.mask,
+        "vocabulary": animal.vocabulary,
+        "sample_id": animal.sample_id,
+    }
+
+
 def fitted_box(animal: ForeignAnimal, **changes: Any) -> Cuboid | None:
     """The box of a body fitted to an animal, in the camera frame; None of one that is rejected.
 
@@ -75,16 +87,7 @@ def fitted_box(animal: ForeignAnimal, **changes: Any) -> Cuboid | None:
         **changes: fit_animal's arguments instead of the animal's own.
 
     """
-    arguments = {
-        "image_hw": animal.camera.image_hw,
-        "keypoints_2d": animal.keypoints_2d,
-        "K": animal.camera.K,
-        "mask": animal.mask,
-        "vocabulary": animal.vocabulary,
-        "sample_id": animal.sample_id,
-        **changes,
-    }
-    fit = fit_animal(**arguments)
+    fit = fit_animal(**{**fit_arguments(animal), **changes})
     return box_of_fit(fit) if isinstance(fit, FittedBody) else None
 
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from animal3dbox.labels.body import Body as Body
     from animal3dbox.labels.bounds import tight_cuboid as tight_cuboid
     from animal3dbox.labels.calibration import Calibration as Calibration
+    from animal3dbox.labels.calibration import ClassShape as ClassShape
+    from animal3dbox.labels.calibration import KeypointPlaces as KeypointPlaces
     from animal3dbox.labels.calibration import PlacementPitch as PlacementPitch
     from animal3dbox.labels.calibration import load_calibration as load_calibration
     from animal3dbox.labels.config import LabelConfig as LabelConfig
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from animal3dbox.labels.fit.fit import fit_many as fit_many
     from animal3dbox.labels.fit.fitted_body import FitHypothesis as FitHypothesis
     from animal3dbox.labels.fit.fitted_body import FittedBody as FittedBody
+    from animal3dbox.labels.fit.learning.rounds import learn_bodies as learn_bodies
     from animal3dbox.labels.fit_parameters import FitParameters as FitParameters
     from animal3dbox.labels.fit_parameters import fitted_vertices as fitted_vertices
     from animal3dbox.labels.label import label_animal as label_animal
@@ -61,6 +64,8 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "bounds": ("tight_cuboid",),
         "calibration": (
             "Calibration",
+            "ClassShape",
+            "KeypointPlaces",
             "PlacementPitch",
             "load_calibration",
         ),
@@ -77,6 +82,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "FitParameters",
             "fitted_vertices",
         ),
+        "fit.learning.rounds": ("learn_bodies",),
         "label": (
             "label_animal",
             "label_many",

@@ -50,7 +50,8 @@ class LabelDraft:
         bounds_source: "vertices" or "keypoints": what the box bounds.
         warnings: of the body and the pose, in whole sentences.
         method: LabelConfig.method.
-        calibration: digest of the calibration that had a part in the axes; None without.
+        calibration: digest of the calibration that had a part in the axes or the fitted body; None
+            without.
     """
 
     observation: Observation
@@ -197,7 +198,7 @@ def _draft(
         bounds_source=bounds_source,
         warnings=(*observation.warnings, *warnings),
         method=config.method,
-        calibration=axes.calibration,
+        calibration=axes.calibration or observation.body_calibration,
     )
 
 

@@ -84,7 +84,8 @@ def label_animal(
             choose between poses that explain the keypoints about equally well.
         species: the animal's category, by which a calibration tells animals apart.
         calibration: what the animal's dataset taught about its keypoints' places, or the file of it
-            (`animal3dbox calibrate`); it counts for bodies without a template.
+            (`animal3dbox calibrate`); its placement counts for bodies without a template, its
+            places and shapes for body="fit".
         body: "fit" fits a body, of the template's model or the embedded quadruped, to the keypoints
             and the mask (see fit_animal): no vertices, no keypoints_3d, no pose and no lens then.
             The species counts if it is one of the quadruped's presets. The label's confidence is

@@ -63,6 +63,7 @@ class Observation:
         calibration: what its dataset taught; None if nothing was asked for.
         body_source: see Quality.body.
         fit: the parameters of a body that was fitted to the picture; None of any other.
+        body_calibration: digest of the calibration that had a part in a fitted body; None without.
     """
 
     sample_id: str | None
@@ -85,6 +86,7 @@ class Observation:
     calibration: Calibration | None = None
     body_source: str = "given"
     fit: FitParameters | None = None
+    body_calibration: str | None = None
 
     @property
     def camera_is_known(self) -> bool:

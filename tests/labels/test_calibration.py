@@ -29,6 +29,25 @@ LINE = "tail_base to shoulder_blade"
 LIFTED = Calibration((PlacementPitch("animal3d26", None, LINE, 12.0, 20),))
 
 
+PLACES = (
+    '{"vocabulary": "own", "body": "0123", "keypoints": ["nose"], "offsets": [[0.1, 0, 0]],'
+    ' "sd": [0.01], "animals": 40}'
+)
+SHAPE = (
+    '{"vocabulary": "own", "body": "0123", "category": "okapi", "preset": null, "betas": [0, 0.5],'
+    ' "scatter": 0.6, "animals": 40}'
+)
+
+
+def told(section: str) -> str:
+    """A file with no placement and one further section."""
+    return f'{{"schema": "animal3dbox-calibration", "version": 2, "placement": [], {section}}}'
+
+
+def told_places(entry: str) -> str:
+    return told(f'"places": [{entry}]')
+
+
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_capture(tmp_path_factory.mktemp("capture") / "set", 12)
@@ -76,6 +95,11 @@ def test_a_file_holds_what_was_saved_under_the_same_digest(tmp_path: Path) -> No
             ' "species": null, "line": "l", "pitch_deg": 9, "animals": 0}]}',
             "placement[0].animals",
         ),
+        (told_places(PLACES.replace("0.01", "0")), "places[0].sd"),
+        (told_places(PLACES.replace('["nose"]', "[]")), "places[0].offsets must have"),
+        (told_places(PLACES.replace("0.1", "3")), "places[0].offsets must lie within"),
+        (told_places(PLACES.replace("40", "0")), "places[0].animals"),
+        (told(f'"shapes": [{SHAPE.replace("0.6", "0")}]'), "shapes[0].scatter"),
     ],
 )
 def test_a_bad_file_is_refused_by_its_name_and_field(
@@ -87,6 +111,24 @@ def test_a_bad_file_is_refused_by_its_name_and_field(
         load_calibration(file)
     assert words in str(error.value)
     assert "c.json" in str(error.value)
+
+
+def test_a_file_of_version_1_is_read_and_one_of_version_2_gives_places_and_shapes(
+    tmp_path: Path,
+) -> None:
+    old, new = tmp_path / "old.json", tmp_path / "new.json"
+    old.write_text('{"schema": "animal3dbox-calibration", "version": 1, "placement": []}')
+    assert load_calibration(old) == Calibration()
+    new.write_text(told(f'"places": [{PLACES}], "shapes": [{SHAPE}]'))
+    calibration = load_calibration(new)
+    places, shape = calibration.places_of("own"), calibration.shape_of("own", "okapi")
+    assert places is not None
+    assert shape is not None
+    assert (places.offsets, shape.betas) == (((0.1, 0.0, 0.0),), (0.0, 0.5))
+    assert calibration.places_of("ap10k17") is None
+    assert calibration.shape_of("own", "horse") is None
+    calibration.save(old)
+    assert load_calibration(old) == calibration
 
 
 def test_a_missing_file_is_refused_by_its_name() -> None:
@@ -181,5 +223,5 @@ def test_a_dataset_whose_bodies_have_templates_teaches_nothing(tmp_path: Path) -
     world = WorldConfig(image_hw=(48, 64), vocabulary=VOCABULARIES["stanfordextra24"])
     write_stanfordextra(SyntheticSet(0, 2, world), tmp_path / "dogs")
     job = CalibrateJob(path=tmp_path / "dogs", dataset=KeypointDatasetOptions(), body=BodyOptions())
-    with pytest.raises(ConfigError, match="teaches nothing"):
+    with pytest.raises(ConfigError, match="teaches nothing about its keypoints' placement"):
         run_calibrate(job)

@@ -14,6 +14,7 @@ from animal3dbox.labels.fit.fit_body import FitBody
 from animal3dbox.labels.fit.kinematics import JointFrames, landmark_parts
 from animal3dbox.labels.fit.pose_prior import ground_normals
 from animal3dbox.labels.fit.problem import FitProblem, FitState
+from animal3dbox.labels.pose.choice import camera_costs
 
 Array = NDArray[np.float64]
 EXCHANGED_COST = 4.0
@@ -27,8 +28,6 @@ FARTHER, FARTHER_COST = 0.5, 2.0
 more than FARTHER of their distance."""
 UNDER_DEG, UNDER_SD_DEG = -10.0, 10.0
 """The camera's elevation over the ground below which a state costs more, and by which deviation."""
-ROLLED_SD_DEG = 50.0
-MOST_FOR_UP = 6.0
 
 
 @dataclass(frozen=True)
@@ -100,8 +99,5 @@ def _up_costs(body: FitBody, state: FitState) -> Array:
     sine = -(up * sight).sum(-1)
     elevation = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
     roll = np.degrees(np.arctan2(up[:, 0], -up[:, 1]))
-    below = np.minimum(elevation - UNDER_DEG, 0.0) / UNDER_SD_DEG
-    # The roll counts as far as the ground's normal is seen at all
-    rolled = np.hypot(up[:, 0], up[:, 1]) * roll / ROLLED_SD_DEG
-    cost: Array = np.minimum((below**2 + rolled**2) / 2, MOST_FOR_UP)
-    return cost
+    shown = np.hypot(up[:, 0], up[:, 1])
+    return camera_costs(elevation, roll, shown=shown, below=(UNDER_DEG, UNDER_SD_DEG))

@@ -83,6 +83,32 @@ def descend_fit(
     return state, here
 
 
+@dataclass(frozen=True)
+class KeypointResiduals:
+    """How far landmarks of B states are seen from their keypoints, in standard deviations.
+
+    Attributes:
+        r: (B, 2, L); 0 where nothing is seen.
+        moves: (B, Q, 2, L) how that changes with a step.
+        factor: (B, L) by which the loss weighs each down.
+        cost: (B,); infinite where a landmark is too near to the camera.
+    """
+
+    r: Array
+    moves: Array
+    factor: Array
+    cost: Array
+
+    @property
+    def local(self) -> LocalFit:
+        """The cost near the states."""
+        flat = self.moves.reshape(*self.moves.shape[:2], -1)
+        weighted = (self.moves * self.factor[:, None, None]).reshape(flat.shape)
+        A = weighted @ flat.swapaxes(1, 2)
+        b = (weighted @ self.r.reshape(len(self.r), -1, 1))[..., 0]
+        return LocalFit(self.cost, A, b)
+
+
 def keypoint_terms(
     body: FitBody,
     problem: FitProblem,
@@ -106,31 +132,53 @@ def keypoint_terms(
 
     """
     joints = joints or body.joints(state.pose, state.shape, counts[0])
+    local = keypoint_residuals(
+        body, problem, state, width=width, shape_count=counts[1], joints=joints
+    ).local
+    local = with_priors(local, body, problem, state, theta=joints.theta, counts=counts)
+    return with_shape_prior(local, body, state, counts=counts, by_kind=by_kind)
+
+
+def keypoint_residuals(
+    body: FitBody,
+    problem: FitProblem,
+    state: FitState,
+    *,
+    width: Array,
+    shape_count: int,
+    joints: PosedJoints,
+    further: Array | None = None,
+) -> KeypointResiduals:
+    """How far landmarks are seen from their keypoints; arguments as keypoint_terms's.
+
+    Args:
+        body: the body's tables.
+        problem: of all animals.
+        state: B hypotheses.
+        width: (B,).
+        shape_count: how many shape directions are free.
+        joints: of the states.
+        further: (B, F, 3, L) by which landmarks move with F more numbers than the states have.
+
+    """
     frames = joints.frames
     parts = landmark_parts(body.tables, frames, state.shape)
     by_pose = slopes_of_parts(
         body.skeleton, frames, parts, turns=joints.turns, beyond=body.tables.beyond
     )
-    by_shape = slopes_by_shape(body.skeleton, body.tables, frames, counts[1])
-    slopes = np.concatenate((by_pose, by_shape), 1)
+    by_shape = slopes_by_shape(body.skeleton, body.tables, frames, shape_count)
+    more = () if further is None else (further,)
+    slopes = np.concatenate((by_pose, by_shape, *more), 1)
     pixels, weights = labeled(body, problem, state)
     linear = problem.linear[state.animal]
     px, moves, depth = projected(state, linear, parts.sum(1), slopes)
     r = (px - pixels) * weights[:, None]
     moves *= weights[:, None, None]
     square = (r * r).sum(1) / (width**2)[:, None]
-    factor = 1 / (1 + square)
     cost = (width**2) / 2 * np.log1p(square).sum(-1)
-    flat = moves.reshape(*moves.shape[:2], -1)
-    weighted = (moves * factor[:, None, None]).reshape(flat.shape)
-    A = weighted @ flat.swapaxes(1, 2)
-    b = (weighted @ r.reshape(len(r), -1, 1))[..., 0]
     nearest = np.where(weights > 0, depth, np.inf).min(-1)
     cost = np.where(nearest > NEAREST_DEPTH * body.length, cost, np.inf)
-    local = _with_priors(
-        LocalFit(cost, A, b), body, problem, state, theta=joints.theta, counts=counts
-    )
-    return _with_shape_prior(local, body, state, counts=counts, by_kind=by_kind)
+    return KeypointResiduals(r, moves, 1 / (1 + square), cost)
 
 
 def labeled(body: FitBody, problem: FitProblem, state: FitState) -> tuple[Array, Array]:
@@ -202,7 +250,7 @@ def _with_distance(
     return half
 
 
-def _with_priors(
+def with_priors(
     local: LocalFit,
     body: FitBody,
     problem: FitProblem,
@@ -235,7 +283,7 @@ def _with_priors(
     return LocalFit(cost, A, b)
 
 
-def _with_shape_prior(
+def with_shape_prior(
     local: LocalFit, body: FitBody, state: FitState, *, counts: tuple[int, int], by_kind: bool
 ) -> LocalFit:
     """The cost with that of the shape added, in place; see keypoint_terms."""

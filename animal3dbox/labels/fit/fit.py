@@ -1,6 +1,7 @@
 """The door of the articulated fit: one animal from arrays to a fitted body, or many at once."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from animal3dbox.geometry.arrays import as_numpy, norm
 from animal3dbox.geometry.rigid_transforms import nearest_rotation
 from animal3dbox.labels.body import Array, ArrayLike
+from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.fit.descent import projected
 from animal3dbox.labels.fit.fit_body import FitBody
@@ -20,6 +22,7 @@ from animal3dbox.labels.fit.pose_prior import whole_pose
 from animal3dbox.labels.fit.problem import CAMERA, FitState, joined
 from animal3dbox.labels.fit.request import FitRequest, fit_request, without_points
 from animal3dbox.labels.fit.schedule import Ranking, ranked_fits
+from animal3dbox.labels.pose.estimate import ANOTHER
 from animal3dbox.labels.pose.multi_start_search import RAYLEIGH_MEDIAN
 from animal3dbox.labels.pose.problem import AS_GIVEN
 from animal3dbox.labels.types import Rejection
@@ -30,8 +33,6 @@ EXCHANGED_ALL = "all"
 """The labeling of keypoints whose left and right have all been exchanged, see exchanges.PARTS."""
 AT_ONCE = 16
 """How many animals are fitted in one batch: more of them gain little, and need memory."""
-ANOTHER_ORIENTATION = 0.73
-"""Rotations that differ by more in the Frobenius norm, by 30 degrees, are another orientation."""
 
 
 def fit_animal(
@@ -42,6 +43,8 @@ def fit_animal(
     K: ArrayLike = None,
     vocabulary: str | Vocabulary = "animal3d26",
     species: str | None = None,
+    category: str | None = None,
+    calibration: Calibration | Path | str | None = None,
     model: SmalModel | None = None,
     sample_id: str | None = None,
     config: LabelConfig | None = None,
@@ -59,6 +62,10 @@ def fit_animal(
         K: (3, 3) in px; None: the focal length is found with the body, about a guess.
         vocabulary: the keypoints' names: a known vocabulary or your own.
         species: one of the quadruped's presets, if it is known what the animal is.
+        category: the animal's class in its dataset, whose shape a calibration may know; its shape
+            comes before that of the species.
+        calibration: what the animal's dataset taught of its keypoints' places and its classes'
+            shapes, or the file of it (`animal3dbox calibrate --learn places,shapes`).
         model: a body of SMAL's structure with landmarks and the quadruped's joint names; None: the
             embedded quadruped.
         sample_id: named in every error.
@@ -69,7 +76,7 @@ def fit_animal(
 
     Raises:
         SampleError: an argument is wrong; names the sample, the argument and the remedy.
-        ConfigError: the vocabulary, the species or the model cannot be used.
+        ConfigError: the vocabulary, the species, the model or the calibration cannot be used.
 
     Example:
         >>> from animal3dbox import fit_animal
@@ -86,6 +93,8 @@ def fit_animal(
         "K": K,
         "vocabulary": vocabulary,
         "species": species,
+        "category": category,
+        "calibration": calibration,
         "model": model,
         "sample_id": sample_id,
     }
@@ -200,8 +209,6 @@ def _fitted_body(
         torch.from_numpy(betas)[None], pose[None], torch.zeros(1, 3, dtype=torch.float64)
     )
     R, t = state.R[0], state.t[0] - state.R[0] @ body.skeleton.origin
-    K = request.K.copy()
-    K[:2, :2] *= np.exp(state.focal[0])
     count = ranking.score.shape[1]
     own = slice(a * count, (a + 1) * count)
     hypotheses = _hypotheses(
@@ -219,7 +226,7 @@ def _fitted_body(
         R_world_joint=as_numpy(posed.R_world_joint[0]),
         R=R,
         t=t,
-        K=request.K if request.K_is_given else K,
+        K=_intrinsics(request, float(state.focal[0])),
         K_source="given" if request.K_is_given else "estimated",
         log_focal=0.0 if request.K_is_given else float(state.focal[0]),
         log_focal_sd=None if request.K_is_given else float(focal_sd),
@@ -230,8 +237,19 @@ def _fitted_body(
         labeling=hypotheses[0].labeling,
         misfit=_misfit(request, state),
         hidden=float(ranking.extras.away[a]),
+        moved_places=body.moved_places(state.shape, as_numpy(posed.R_world_joint))[0],
+        calibration=request.calibration,
         hypotheses=hypotheses,
     )
+
+
+def _intrinsics(request: FitRequest, focal: float) -> Array:
+    """The intrinsics as given, or with the estimated focal length, e^focal times the guess."""
+    if request.K_is_given:
+        return request.K
+    K = request.K.copy()
+    K[:2, :2] *= np.exp(focal)
+    return K
 
 
 def _misfit(request: FitRequest, state: FitState) -> float:
@@ -259,4 +277,4 @@ def _hypotheses(
 def _is_another(one: FitHypothesis, other: FitHypothesis) -> bool:
     """Whether a hypothesis is of another orientation or labeling than another."""
     apart = float(np.sqrt(((one.rotation - other.rotation) ** 2).sum()))
-    return one.labeling != other.labeling or apart > ANOTHER_ORIENTATION
+    return one.labeling != other.labeling or apart > ANOTHER

@@ -61,6 +61,9 @@ class FittedBody:
         labeling: "as given", or "all" where left and right keypoints were exchanged and are mended.
         misfit: how many times larger the keypoints' distances are than their noise, at least 1.
         hidden: part of the marked keypoints whose surface is turned away from the camera.
+        moved_places: (J, 3) how far the keypoints' places, as a calibration has them, lie on the
+            posed body from the model's own; 0 without.
+        calibration: digest of the calibration that had a part in the fit; None without.
         hypotheses: all that were considered, the one taken first.
 
     Example:
@@ -93,6 +96,8 @@ class FittedBody:
     labeling: str
     misfit: float
     hidden: float
+    moved_places: Array
+    calibration: str | None
     hypotheses: tuple[FitHypothesis, ...]
 
     @property
@@ -111,7 +116,8 @@ class FittedBody:
     @property
     def landmarks(self) -> Array:
         """The keypoints (J, 3) on the body; NaN for those that it has no place for."""
-        landmarks: Array = self.model.read_keypoints(self.vocabulary, self.vertices)
+        own: Array = self.model.read_keypoints(self.vocabulary, self.vertices)
+        landmarks: Array = own + self.moved_places
         return landmarks
 
     @property

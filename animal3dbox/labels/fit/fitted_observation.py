@@ -25,7 +25,7 @@ FOUND_BY_THE_FIT = (
     *("pose", "pose_hypotheses", "distortion"),
 )
 """Arguments of label_animal that a fit finds itself, or cannot take account of."""
-SHARED = ("image_hw", "keypoints_2d", "mask", "K", "vocabulary", "sample_id")
+SHARED = ("image_hw", "keypoints_2d", "mask", "K", "vocabulary", "sample_id", "calibration")
 """Arguments of label_animal that are fit_animal's, too."""
 ENOUGH_KEYPOINTS = 10
 """Of fewer keypoints a rigid body tells more than a fitted one."""
@@ -57,7 +57,8 @@ def fitted_observations(
     """Animals with the bodies that were fitted to them, their cameras told with how sure they are.
 
     Args:
-        animals: label_animal's arguments, see checked_choice.
+        animals: label_animal's arguments, see checked_choice; and `category`, the dataset's name of
+            the animal's class, where the species is a preset that stands for it.
         config: the method.
 
     """
@@ -88,13 +89,19 @@ def _fit_arguments(animal: dict[str, Any]) -> dict[str, Any]:
     species, model = animal.get("species"), animal.get("template")
     is_preset = species in quadruped_names().presets and model is None
     arguments = {name: animal[name] for name in SHARED if name in animal}
-    return {**arguments, "species": species if is_preset else None, "model": model}
+    return {
+        **arguments,
+        "species": species if is_preset else None,
+        "category": animal.get("category", species),
+        "model": model,
+    }
 
 
 def _observation(animal: dict[str, Any], fit: FittedBody, config: LabelConfig) -> Observation:
     """An animal with its fitted body, checked."""
     arguments = {**animal, "K": fit.K}
     arguments.pop("template", None)
+    arguments.pop("category", None)
     body = Body(fit.vertices, fit.model.faces, fit.landmarks, None, fit.model)
     observation = observe(body=body, config=config, **arguments)
     return replace(
@@ -105,6 +112,7 @@ def _observation(animal: dict[str, Any], fit: FittedBody, config: LabelConfig) -
         warnings=(*observation.warnings, *_warnings(observation)),
         body_source=FITTED,
         fit=fit.parameters,
+        body_calibration=fit.calibration,
     )
 
 

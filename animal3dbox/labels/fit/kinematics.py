@@ -160,9 +160,26 @@ def skeleton_of(
 
 
 def landmark_tables(
-    model: SmalModel, vocabulary: Vocabulary, mean: Array, directions: Array
+    model: SmalModel,
+    vocabulary: Vocabulary,
+    mean: Array,
+    directions: Array,
+    *,
+    offsets: Array | None = None,
 ) -> LandmarkTables:
-    """The tables of a vocabulary's landmarks; arguments as skeleton_of's."""
+    """The tables of a vocabulary's landmarks.
+
+    A place that is moved by an offset in the template moves with every joint by its weight there,
+    so that only the moments change. Offsets grow with the shape's own trunk.
+
+    Args:
+        model: with SMAL's joints.
+        vocabulary: names the L landmarks.
+        mean: (S',) betas of the mean shape.
+        directions: (S', S) betas of each shape direction.
+        offsets: (L, 3) from the model's places, in trunk lengths; None: none.
+
+    """
     places = LandmarkPlaces.of(
         vocabulary.places(model.landmark_groups, model.vertex_count), model.vertex_count
     )
@@ -177,6 +194,11 @@ def landmark_tables(
     moments -= weights[:, None] * skeleton.rest[:, :, None]
     by_shape = np.einsum("luj,ucs->sjcl", parts, columns @ directions)
     by_shape -= weights[:, None] * skeleton.rest_shape.transpose(2, 0, 1)[..., None]
+    if offsets is not None:
+        length, length_shape = trunk_lengths(skeleton)
+        moved = weights[:, None] * offsets.T
+        moments += length * moved
+        by_shape += length_shape[:, None, None, None] * moved
     normals = vertex_normals(model, mean)[used]
     places_at_rest = shares @ vertices
     unfitted = [j for j, name in enumerate(model.joint_names) if name in UNFITTED]
@@ -192,6 +214,13 @@ def landmark_tables(
         on_trunk=weights[[j for j, name in enumerate(model.joint_names) if name in TRUNK]].sum(0),
         loose=(weights[unfitted].T * arms).sum(1) / np.ptp(places_at_rest[:, 0]),
     )
+
+
+def trunk_lengths(skeleton: Skeleton) -> tuple[float, Array]:
+    """The mean shape's trunk along x, from its first joint to its last, and its slopes (S,)."""
+    first, last = SPINE_JOINTS[0], SPINE_JOINTS[-1]
+    length = float(skeleton.rest[last, 0] - skeleton.rest[first, 0])
+    return length, skeleton.rest_shape[last, 0] - skeleton.rest_shape[first, 0]
 
 
 def vertex_normals(model: SmalModel, betas: Array) -> Array:
@@ -280,6 +309,14 @@ def landmark_parts(tables: LandmarkTables, frames: JointFrames, shape: Array) ->
     parts: Array = frames.rotations @ moments
     parts += frames.places[..., None] * tables.weights
     return parts
+
+
+def blended_rotations(tables: LandmarkTables, rotations: Array) -> Array:
+    """The rotations (B, 3, 3, L) of landmarks' skin: of joints (B, J, 3, 3), by their weights."""
+    batch, joints = rotations.shape[:2]
+    flat = rotations.reshape(batch, joints, 9).swapaxes(1, 2) @ tables.weights[:, 0]
+    blended: Array = flat.reshape(batch, 3, 3, -1)
+    return blended
 
 
 def slopes_of_parts(

@@ -10,8 +10,6 @@ from animal3dbox.labels.fit.kinematics import LandmarkTables
 from animal3dbox.labels.pose.levenberg_marquardt import small_turns
 
 Array = NDArray[np.float64]
-PLACES_SD = 0.015
-"""Standard deviation of a keypoint's place in the picture beside its noise, by their extent."""
 LOOSE_SD = 0.5
 """Standard deviation of a landmark moved by a joint that is not fitted, by its distance from it."""
 FOCAL_SD = 0.5
@@ -54,6 +52,7 @@ def fit_problem(
     image_hw: tuple[int, int],
     focal_is_known: bool,
     noise_px: Array,
+    places_sd: Array,
 ) -> FitProblem:
     """The problem of one animal, A = 1.
 
@@ -64,12 +63,13 @@ def fit_problem(
         image_hw: height and width.
         focal_is_known: whether K is.
         noise_px: (L,) standard deviations of the keypoints.
+        places_sd: (L,) see FitBody.
 
     """
     used = (keypoints_2d[:, 2] > 0) & tables.known
     seen = keypoints_2d[used, :2]
     extent = max(float((seen.max(0) - seen.min(0)).max()), 1.0)
-    places = extent * np.hypot(PLACES_SD, LOOSE_SD * tables.loose)
+    places = extent * np.hypot(places_sd, LOOSE_SD * tables.loose)
     weights = np.where(used, 1 / np.hypot(noise_px, places), 0.0)
     pixels = np.where(used[:, None], keypoints_2d[:, :2] - K[:2, 2], 0.0)
     return FitProblem(

@@ -1,6 +1,7 @@
 """One animal that a body is to be fitted to: its arguments, checked."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +9,9 @@ from numpy.typing import NDArray
 from animal3dbox.errors import ConfigError
 from animal3dbox.labels.argument_checks import ArgumentChecks
 from animal3dbox.labels.body import Array, ArrayLike
+from animal3dbox.labels.calibration import Calibration, ClassShape, KeypointPlaces, calibration_of
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.fit.fit_body import FitBody, fit_body
+from animal3dbox.labels.fit.fit_body import FitBody, body_digest, fit_body
 from animal3dbox.labels.fit.problem import FitProblem, fit_problem
 from animal3dbox.labels.observation import checked_intrinsics
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma
@@ -35,6 +37,7 @@ class FitRequest:
         body: what is fitted.
         body_name: see FittedBody.
         noise_px: (J,) standard deviations of the keypoints.
+        calibration: digest of the calibration that has a part in the body; None without.
     """
 
     sample_id: str | None
@@ -46,6 +49,7 @@ class FitRequest:
     body: FitBody
     body_name: str
     noise_px: Array
+    calibration: str | None
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -63,6 +67,7 @@ class FitRequest:
             image_hw=self.image_hw,
             focal_is_known=self.K_is_given,
             noise_px=self.noise_px,
+            places_sd=self.body.places_sd,
         )
 
 
@@ -77,6 +82,8 @@ def fit_request(
     species: str | None = None,
     model: SmalModel | None = None,
     sample_id: str | None = None,
+    calibration: Calibration | Path | str | None = None,
+    category: str | None = None,
 ) -> FitRequest:
     """The checked arguments of one animal; see fit_animal."""
     checks, words = ArgumentChecks(sample_id), find_vocabulary(vocabulary)
@@ -85,6 +92,8 @@ def fit_request(
     model = model or load_quadruped()
     _check_body(model, species)
     name = "quadruped" if model is load_quadruped() else "model"
+    taught = calibration_of(calibration)
+    places, shape = _lessons(taught, words, model, category)
     return FitRequest(
         sample_id=sample_id,
         image_hw=size,
@@ -92,10 +101,34 @@ def fit_request(
         K=checked_intrinsics(checks, K, size, config),
         K_is_given=K is not None,
         mask=None if mask is None else checks.mask(mask, size),
-        body=fit_body(model, words, species),
+        body=fit_body(model, words, None if shape else species, places=places, shape=shape),
         noise_px=keypoint_sigma(keypoints, size, config),
         body_name=name if species is None else f"{name}:{species}",
+        calibration=taught.digest if taught is not None and (places or shape) else None,
     )
+
+
+def _lessons(
+    calibration: Calibration | None, words: Vocabulary, model: SmalModel, category: str | None
+) -> tuple[KeypointPlaces | None, ClassShape | None]:
+    """What a calibration says of an animal's body: its keypoints' places and its class's shape."""
+    if calibration is None:
+        return None, None
+    places = calibration.places_of(words.name)
+    shape = calibration.shape_of(words.name, category)
+    for lesson in (places, shape):
+        if lesson is not None and lesson.body != body_digest(model):
+            raise ConfigError(
+                f"the calibration's places and shapes were learned with another body"
+                f" ({lesson.body}) than the one to be fitted ({body_digest(model)}): fit that body,"
+                " or learn anew with animal3dbox calibrate --learn places,shapes"
+            )
+    if places is not None and places.keypoints != words.keypoints:
+        raise ConfigError(
+            f"the calibration's places are of other keypoints than vocabulary {words.name} has now:"
+            " learn anew with animal3dbox calibrate --learn places,shapes"
+        )
+    return places, shape
 
 
 def _check_body(model: SmalModel, species: str | None) -> None:

@@ -107,6 +107,35 @@ def ranked_fits(
     return Ranking(state, score, chosen, best, local, choice_costs(body, problem, best))
 
 
+def refined_fits(
+    body: FitBody,
+    problem: FitProblem,
+    targets: Mapping[int, MaskTarget],
+    state: FitState,
+    *,
+    rounds: int,
+) -> FitState:
+    """States, one of each animal, after some more rounds of the last stage.
+
+    Args:
+        body: of all animals.
+        problem: of A animals.
+        targets: animal -> its mask, of those that have one.
+        state: of A hypotheses, in the animals' order.
+        rounds: how many.
+
+    """
+    masked = np.array(sorted(targets), dtype=np.intp)
+    plain = np.setdiff1d(np.arange(len(state)), masked)
+    if len(plain):
+        terms = _keypoint_terms(body, problem)
+        state = state.replaced(plain, descend_fit(terms, state[plain], rounds, body.sizes[0])[0])
+    if len(masked):
+        terms = _terms(body, problem, targets, weights=MaskWeights(*HEAVY_MASK))
+        state = state.replaced(masked, descend_fit(terms, state[masked], rounds, body.sizes[0])[0])
+    return state
+
+
 def _ranked(score: Array, state: FitState, animals: int) -> NDArray[np.intp]:
     """The order of all hypotheses of each animal: first those of the labeling of the least score.
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import as_numpy
+from animal3dbox.labels.calibration import ClassShape
 from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas, quadruped_names
 
@@ -23,6 +24,9 @@ KIND_SHARE = 0.3
 """Part of the variance between species that each has about itself where none is known."""
 KNOWN_SPECIES = 0.04
 """Part of the variance between species that remains where the species is known."""
+
+WITHIN_SHARE = 0.3
+"""Part of the variance of another model's shapes that remains where the species is known."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,32 @@ def shape_prior(model: SmalModel, species: str | None = None) -> ShapePrior:
     presets, between, within = _species()
     covariance = whitening @ (KIND_SHARE * between + within) @ whitening.T
     return ShapePrior(mean, directions, (presets - mean) @ whitening.T, np.linalg.inv(covariance))
+
+
+@lru_cache(maxsize=256)
+def class_prior(model: SmalModel, shape: ClassShape) -> ShapePrior:
+    """The prior of a class's shapes, about its learned mean."""
+    whole = shape_prior(model)
+    root = shape.scatter * _square_root(within_species(model))
+    count = len(root)
+    return ShapePrior(
+        mean=np.array(shape.betas),
+        directions=whole.directions @ root,
+        kinds=np.zeros((1, count)),
+        precision=np.eye(count),
+    )
+
+
+@lru_cache(maxsize=16)
+def within_species(model: SmalModel) -> Array:
+    """The covariance (S, S) of a known species' animals in shape_prior's coefficients."""
+    prior = shape_prior(model)
+    if model is not load_quadruped():
+        return WITHIN_SHARE * np.eye(prior.directions.shape[1])
+    _, between, within = _species()
+    whitening = np.linalg.pinv(prior.directions)
+    covariance: Array = whitening @ (KNOWN_SPECIES * between + within) @ whitening.T
+    return covariance
 
 
 def _quadruped_shapes(species: str | None) -> tuple[Array, Array]:

@@ -45,10 +45,30 @@ def up_cost(R_cam_box: Array, down_cam: Array | None, center_cam: Array) -> floa
         angle = math.degrees(math.atan2(sine, -float(up @ down_cam)))
         return min((angle / GRAVITY_SIGMA_DEG) ** 2 / 2, MOST_UP)
     elevation, roll = elevation_and_roll(R_cam_box, center_cam)
-    below = min(elevation - BELOW_DEG, 0.0) / BELOW_SIGMA_DEG
-    # The roll counts as far as the animal's up is seen at all.
-    rolled = math.hypot(up[0], up[1]) * roll / ROLL_SIGMA_DEG
-    return min((below**2 + rolled**2) / 2, MOST_UP)
+    shown = math.hypot(up[0], up[1])
+    below = (BELOW_DEG, BELOW_SIGMA_DEG)
+    return float(camera_costs(elevation, roll, shown=shown, below=below))
+
+
+def camera_costs(
+    elevation_deg: Array | float,
+    roll_deg: Array | float,
+    *,
+    shown: Array | float,
+    below: tuple[float, float],
+) -> Array:
+    """What cameras cost for standing below and for their roll, in halves of a squared deviation.
+
+    Args:
+        elevation_deg: (B,) of the camera over the animal's plane or the ground.
+        roll_deg: (B,) of the camera against that plane's normal.
+        shown: (B,) the part of the normal that the picture shows, by which the roll counts.
+        below: the elevation from which on a camera costs more, and by which standard deviation.
+
+    """
+    under = np.minimum(elevation_deg - below[0], 0.0) / below[1]
+    rolled = shown * roll_deg / ROLL_SIGMA_DEG
+    return np.minimum((under**2 + rolled**2) / 2, MOST_UP)
 
 
 def elevation_and_roll(R_cam_box: Array, center_cam: Array) -> tuple[float, float]:
@@ -103,8 +123,6 @@ def extra_costs(problem: PoseProblem, R: Array, t: Array, config: LabelConfig) -
         up = up_cost(R @ problem.R_box, problem.down_cam, t)
     n_hidden, count = 0, len(problem.points_world)
     if problem.vertices_world is not None:
-        hidden = hidden_landmarks(
-            problem.points_world, problem.vertices_world, problem.depths, R=R, t=t
-        )
+        hidden = hidden_landmarks(problem.points_world, problem.vertices_world, R=R, t=t)
         n_hidden = int(hidden.sum())
     return Extras(up, n_hidden / count, n_hidden)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.labels.fit.choice import EXCHANGED_COST, MOST_FOR_UP, choice_costs
+from animal3dbox.labels.fit.choice import EXCHANGED_COST, choice_costs
 from animal3dbox.labels.fit.descent import LocalFit, descend_fit, keypoint_terms
 from animal3dbox.labels.fit.fit_body import FitBody, fit_body
 from animal3dbox.labels.fit.mask_target import mask_target
@@ -14,6 +14,7 @@ from animal3dbox.labels.fit.mask_term import MaskWeights, mask_terms
 from animal3dbox.labels.fit.problem import FitProblem, FitState, frame_about
 from animal3dbox.labels.fit.surface import posed_surface, surface_of
 from animal3dbox.labels.fit.view_scan import EXCHANGED_STARTS, STARTS, even_views, scan_starts
+from animal3dbox.labels.pose.choice import MOST_UP
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
@@ -189,4 +190,4 @@ def test_a_camera_under_the_ground_and_a_rolled_one_cost_more() -> None:
     assert up(state_from(60, elevation_deg=-30)) > 1.5
     upright = state_from(60)
     rolled = replace(upright, R=np.diag([-1.0, -1.0, 1.0]) @ upright.R)
-    assert up(rolled) == MOST_FOR_UP
+    assert up(rolled) == MOST_UP

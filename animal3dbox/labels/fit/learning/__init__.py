@@ -1,0 +1,1 @@
+"""Learning keypoints' places and classes' shapes from the fits of a whole dataset."""

@@ -1,0 +1,170 @@
+"""calibrate --learn places,shapes: from photographs to a file, resumed and in any order."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from animal3dbox.cli.calibrate import run_calibrate, sections
+from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import CalibrateJob
+from animal3dbox.cli.main import main
+from animal3dbox.cli.options import BodyOptions, KeypointDatasetOptions
+from animal3dbox.datasets.format_datasets import AnnotatedDataset
+from animal3dbox.datasets.labelling import learned_bodies
+from animal3dbox.datasets.labelling.skipped import Skipped
+from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig, write_stanfordextra
+from animal3dbox.errors import ConfigError
+from animal3dbox.labels.calibration import load_calibration
+from animal3dbox.labels.fit.learning import rounds
+from animal3dbox.report.label_reading import read_labels_json
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+
+WORLD = WorldConfig(
+    image_hw=(120, 160),
+    vocabulary=VOCABULARIES["stanfordextra24"],
+    presets=("dog", "cat"),
+    animals=(1, 1),
+    occluded=0.0,
+    truncated=0.0,
+    fill=(0.6, 0.9),
+)
+
+
+@pytest.fixture(scope="module")
+def dogs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("dogs") / "dogs"
+    write_stanfordextra(SyntheticSet(0, 12, WORLD), root)
+    return root
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Learning from a handful of animals, in few rounds."""
+    for name, value in (("LEAST_TAUGHT", 6), ("LEAST_OF_CLASS", 5), ("SOLVE_ROUNDS", 1)):
+        monkeypatch.setattr(rounds, name, value)
+    for name, value in (("LEAST_TAUGHT", 6), ("LEAST_OF_CLASS", 5)):
+        monkeypatch.setattr(learned_bodies, name, value)
+
+
+def job(path: Path, out: Path, learn: str = "places,shapes") -> CalibrateJob:
+    return CalibrateJob(
+        path=path,
+        out=out,
+        learn=learn,
+        dataset=KeypointDatasetOptions(),
+        body=BodyOptions(),
+    )
+
+
+@pytest.fixture(scope="module")
+def file(dogs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("calibration") / "calibration.json"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rounds, "LEAST_TAUGHT", 6)
+        patch.setattr(rounds, "LEAST_OF_CLASS", 5)
+        patch.setattr(rounds, "SOLVE_ROUNDS", 1)
+        patch.setattr(learned_bodies, "LEAST_TAUGHT", 6)
+        assert run_calibrate(job(dogs, out)) == ExitCode.OK
+    return out
+
+
+def test_the_file_has_places_of_every_keypoint_and_shapes_of_classes(file: Path) -> None:
+    calibration = load_calibration(file)
+    (places,) = calibration.places
+    assert places.vocabulary == "stanfordextra24"
+    assert places.keypoints == VOCABULARIES["stanfordextra24"].keypoints
+    assert places.animals >= 6
+    assert any(value for offset in places.offsets for value in offset)
+    assert not file.with_name("calibration.json.fits").exists()
+
+
+def test_learning_that_was_interrupted_goes_on_to_the_same_file(
+    dogs: Path, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "calibration.json"
+    made: list[int] = []
+    fits_of_batch = rounds.fits_of_batch
+
+    def interrupted(*args: object) -> object:
+        if made:
+            raise KeyboardInterrupt
+        made.append(1)
+        return fits_of_batch(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(learned_bodies, "fits_of_batch", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_calibrate(job(dogs, out))
+    assert not out.exists()
+    (stored,) = (tmp_path / "calibration.json.fits").iterdir()
+
+    def counted(*args: object) -> object:
+        made.append(2)
+        return fits_of_batch(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(learned_bodies, "fits_of_batch", counted)
+    run_calibrate(job(dogs, out))
+    assert made == [1, 2]  # the first round's fits are read, the second's are made
+    assert out.read_bytes() == file.read_bytes()
+    assert not stored.parent.exists()
+
+
+def test_the_order_of_the_annotations_does_not_matter(
+    dogs: Path, file: Path, tmp_path: Path
+) -> None:
+    annotations = dogs / "annotations.json"
+    entries = json.loads(annotations.read_text())
+    other = tmp_path / "dogs"
+    other.mkdir()
+    for path in dogs.iterdir():
+        if path != annotations:
+            (other / path.name).symlink_to(path)
+    (other / annotations.name).write_text(json.dumps(entries[::-1]))
+    run_calibrate(job(other, tmp_path / "c.json"))
+    assert (tmp_path / "c.json").read_bytes() == file.read_bytes()
+
+
+def test_label_and_dataset_take_the_file_and_say_so(dogs: Path, file: Path, tmp_path: Path) -> None:
+    with pytest.raises(SystemExit):
+        main(["label", str(dogs), "--out", str(tmp_path / "out"), "--calibration", str(file)])
+    digest = load_calibration(file).digest
+    rows = read_labels_json(tmp_path / "out" / "labels.json").animals
+    fitted = [row for row in rows if row.quality["body"] == "fit"]
+    assert fitted
+    assert {row.quality["calibration"] for row in fitted} == {digest}
+    sample = AnnotatedDataset(dogs, calibration=file)[0]
+    assert not isinstance(sample, Skipped)
+    quality = sample[1]["meta"]["quality"][0]
+    assert quality["calibration"] == (digest if quality["body"] == "fit" else None)
+
+
+def test_it_says_in_words_what_it_learned(
+    dogs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_calibrate(job(dogs, tmp_path / "c.json"))
+    words = capsys.readouterr().out
+    assert "stanfordextra24: learned from" in words
+    assert "places of stanfordextra24, % of the trunk's length: " in words
+    assert "shape of dog" in words or "no shape of dog" in words
+
+
+def test_few_animals_are_told_with_their_number(
+    dogs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(learned_bodies, "LEAST_TAUGHT", 30)
+    with pytest.raises(ConfigError, match=r"too few animals .*\d+ of stanfordextra24"):
+        run_calibrate(job(dogs, tmp_path / "c.json"))
+
+
+def test_what_cannot_be_learned_is_refused(dogs: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--learn must be of placement, places, shapes"):
+        sections("places,sizes")
+    preset = CalibrateJob(
+        path=dogs,
+        out=tmp_path / "c.json",
+        learn="places",
+        dataset=KeypointDatasetOptions(),
+        body=BodyOptions(name="dog"),
+    )
+    with pytest.raises(ConfigError, match="give --body fit"):
+        run_calibrate(preset)
