@@ -70,7 +70,7 @@ def fitted_observations(
     """
     if not animals:
         return []
-    arguments = [_fit_arguments(animal) for animal in animals]
+    arguments = [_fit_arguments(animal, config) for animal in animals]
     fits = fit_many(arguments, config)
     if images is not None:
         fits = with_shared_focal_lengths(arguments, fits, images, config)
@@ -131,7 +131,12 @@ def rigid_stand_in(observation: Observation) -> Observation:
     )
 
 
-def _fit_arguments(animal: dict[str, Any]) -> dict[str, Any]:
+def _is_guessed(animal: dict[str, Any], config: LabelConfig) -> bool:
+    """Whether an animal's focal length is to stay at the guess."""
+    return animal.get("K") is None and config.focal == "guess"
+
+
+def _fit_arguments(animal: dict[str, Any], config: LabelConfig) -> dict[str, Any]:
     """fit_many's arguments of label_animal's."""
     if animal.get("keypoints_2d") is None:
         checks = ArgumentChecks(animal.get("sample_id"))
@@ -139,6 +144,10 @@ def _fit_arguments(animal: dict[str, Any]) -> dict[str, Any]:
     species, model = animal.get("species"), animal.get("template")
     is_preset = species in quadruped_names().presets and model is None
     arguments = {name: animal[name] for name in SHARED if name in animal}
+    if _is_guessed(animal, config):
+        checks = ArgumentChecks(animal.get("sample_id"))
+        size = checks.image_hw(animal["image_hw"])
+        arguments["K"] = checked_intrinsics(checks, None, size, config)
     return {
         **arguments,
         "species": species if is_preset else None,
@@ -157,7 +166,7 @@ def _observation(animal: dict[str, Any], fit: FittedBody, config: LabelConfig) -
     return replace(
         observation,
         pose=PoseEstimate(fit.R, fit.t, FITTED, _evidence(fit)),
-        K_source=fit.K_source,
+        K_source="guessed" if _is_guessed(animal, config) else fit.K_source,
         log_focal_sd=fit.log_focal_sd,
         warnings=(*observation.warnings, *_warnings(observation)),
         body_source=FITTED,

@@ -128,3 +128,13 @@ def test_fitted_animals_of_an_image_share_its_focal_length_with_each_other_and_r
     lonely = sample_of(records[:1], FittedBodies(load_quadruped()))
     apart = labelled([LabelRequest(lonely, 0, PhotoFacts())])[0]
     assert (apart.K.tolist() != together[0].K.tolist()) == (keypoints > 8)
+
+
+def test_a_guess_is_kept_by_fits_too(records: tuple[AnimalRecord, ...]) -> None:
+    sample = sample_of(records, FittedBodies(load_quadruped()))
+    requests = [LabelRequest(sample, place, PhotoFacts()) for place in range(2)]
+    for label in labelled(requests, replace(QUICK, focal="guess")):
+        assert label.quality.body == "fit"
+        assert label.quality.K_source == "guessed"
+        assert float(label.K[0, 0]) == 1.2 * 320
+        assert label.quality.log_focal_sd is None
