@@ -147,8 +147,8 @@ class SmalModel:
     def digest(self) -> str:
         """32 hexadecimal digits that name what poses vertices: all but landmarks and symmetry.
 
-        Numbers count to DIGEST_STEP: the last digits of the embedded quadruped's pose correctives
-        depend on how many threads made them.
+        Numbers count to DIGEST_STEP, for the embedded quadruped's pose correctives are computed as
+        it is loaded, and the last digits may differ from machine to machine.
         """
         names = f"{self.parents} {self.joint_names}"
         content = hashlib.blake2b(names.encode(), digest_size=16)

@@ -1,8 +1,5 @@
 """The parameters of a fit, kept in labels and files, pose the very same body again."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -122,18 +119,3 @@ def test_the_digest_is_of_what_poses_vertices() -> None:
         replace(model, faces=model.faces.flip(1)),
     )
     assert len({model.digest, *(one.digest for one in others)}) == 6
-
-
-def test_the_digest_is_the_same_on_any_number_of_threads() -> None:
-    """The quadruped's pose correctives are computed as it is loaded, and differ in last digits."""
-    code = "from animal3dbox.smal import load_quadruped; print(load_quadruped().digest)"
-    for count in ("1", "2"):
-        threads = {"OMP_NUM_THREADS": count, "OPENBLAS_NUM_THREADS": count}
-        printed = subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True,
-            text=True,
-            check=True,
-            env={**os.environ, **threads},
-        ).stdout
-        assert printed.strip() == load_quadruped().digest
