@@ -22,8 +22,8 @@ the own world there are no classes but the presets.
 import argparse
 import io
 import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -35,30 +35,27 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
 from animal3dbox.datasets.synthetic.foreign.config import ALONE, ForeignConfig
 from animal3dbox.datasets.synthetic.scenes import synthetic_animal
-from animal3dbox.evaluate.confidence_mix import preset_arguments
-from animal3dbox.geometry.box_overlap import box_iou
-from animal3dbox.geometry.box_visibility import face_normals, visible_faces
-from animal3dbox.geometry.cuboid import FACES, Cuboid
-from animal3dbox.geometry.rigid_transforms import rotation_angle
-from animal3dbox.labels.bounds import tight_cuboid
+from animal3dbox.evaluate.box_errors import BoxErrors, box_errors
+from animal3dbox.evaluate.fit_study import (
+    FIRST_SEED,
+    FOREIGN,
+    LARGE,
+    LEAST_KEYPOINTS,
+    OWN,
+    animals_of,
+    box_of_fit,
+    fit_arguments,
+    fitted_box,
+    labelled_box,
+)
+from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.labels.calibration import Calibration
-from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.fit.fit import fit_animal, fit_many
+from animal3dbox.labels.fit.fit import fit_many
 from animal3dbox.labels.fit.fitted_body import FittedBody
 from animal3dbox.labels.fit.learning.rounds import learn_bodies
-from animal3dbox.labels.label import label_animal
-from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.smal.keypoints.exchanges import exchange_order
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 
-QUICK = LabelConfig(surface_share=False, mask_iou=False)
-EDGE_ON_DEG, FLANK_DEG = 5.0, 20.0
-LEAST_KEYPOINTS = 10
-"""Animals with fewer are left out: the rigid preset is for them."""
-LARGE = replace(ALONE, fill=(0.35, 0.95))
-"""Animals as large in the picture as those that photographs are taken of."""
-OWN = ForeignConfig(world=LARGE, proportions=0.0, places=0.0, places_of_animal=0.0)
-FOREIGN = ForeignConfig(world=LARGE, places=0.03, places_of_animal=0.0, joints_deg=5.0)
 CONFIGS = {
     "own": OWN,
     "small": replace(OWN, world=ALONE),
@@ -84,117 +81,42 @@ LEARNING = {
 Method = Callable[[ForeignAnimal], Cuboid | None]
 
 
-def fitted(animal: ForeignAnimal, **changes: Any) -> Cuboid | None:
-    """The box of a fitted body, in the camera frame."""
-    arguments = {
-        "image_hw": animal.camera.image_hw,
-        "keypoints_2d": animal.keypoints_2d,
-        "K": animal.camera.K,
-        "mask": animal.mask,
-        "vocabulary": animal.vocabulary,
-        "sample_id": animal.sample_id,
-        **changes,
-    }
-    fit = fit_animal(**arguments)
-    return fitted_box(fit) if isinstance(fit, FittedBody) else None
-
-
 def exchanged(animal: ForeignAnimal) -> ForeignAnimal:
     """An animal all of whose left and right keypoints are exchanged."""
     order = list(exchange_order(animal.vocabulary, "all"))
     return replace(animal, keypoints_2d=animal.keypoints_2d[order])
 
 
-def labelled(animal: ForeignAnimal, preset: str | None) -> Cuboid | None:
-    """The box of a rigid preset, or of the animal's true body."""
-    arguments = animal.arguments(template=True)
-    if preset is not None:
-        arguments |= preset_arguments(preset, animal)
-    label = label_animal(**arguments, config=QUICK)
-    return label.cuboid if isinstance(label, CuboidLabel) else None
-
-
 SETTINGS: dict[str, tuple[str, Method]] = {
-    "own: rigid dog": ("own", lambda animal: labelled(animal, "dog")),
-    "own: rigid, species known": ("own", lambda animal: labelled(animal, animal.preset)),
-    "own: true body": ("own", lambda animal: labelled(animal, None)),
-    "own: fit": ("own", fitted),
-    "own: fit, species known": ("own", lambda animal: fitted(animal, species=animal.preset)),
-    "own: fit, no mask": ("own", lambda animal: fitted(animal, mask=None)),
-    "own: fit, focal unknown": ("own", lambda animal: fitted(animal, K=None)),
-    "own: fit, exchanged": ("own", lambda animal: fitted(exchanged(animal))),
-    "small: fit": ("small", fitted),
-    "4 px: fit": ("4 px", fitted),
-    "30 % missing: fit": ("30 % missing", fitted),
-    "10 % outliers: fit": ("10 % outliers", fitted),
-    "ap10k17: fit": ("ap10k17", fitted),
-    "foreign: rigid dog": ("foreign", lambda animal: labelled(animal, "dog")),
-    "foreign: fit": ("foreign", fitted),
-    "foreign: fit, no mask": ("foreign", lambda animal: fitted(animal, mask=None)),
-    "foreign: fit, species known": ("foreign", lambda a: fitted(a, species=a.preset)),
-    "photo noise: fit": ("photo noise", fitted),
-    "photo noise: fit, no mask": ("photo noise", lambda animal: fitted(animal, mask=None)),
-    "occluded: fit": ("occluded", fitted),
-    "occluded: fit, no mask": ("occluded", lambda animal: fitted(animal, mask=None)),
-    "other topology: rigid dog": ("other topology", lambda animal: labelled(animal, "dog")),
-    "other topology: fit": ("other topology", fitted),
-    "other topology: fit, no mask": ("other topology", lambda a: fitted(a, mask=None)),
+    "own: rigid dog": ("own", lambda animal: labelled_box(animal, "dog")),
+    "own: rigid, species known": ("own", lambda animal: labelled_box(animal, animal.preset)),
+    "own: true body": ("own", lambda animal: labelled_box(animal, None)),
+    "own: fit": ("own", fitted_box),
+    "own: fit, species known": ("own", lambda animal: fitted_box(animal, species=animal.preset)),
+    "own: fit, no mask": ("own", lambda animal: fitted_box(animal, mask=None)),
+    "own: fit, focal unknown": ("own", lambda animal: fitted_box(animal, K=None)),
+    "own: fit, exchanged": ("own", lambda animal: fitted_box(exchanged(animal))),
+    "small: fit": ("small", fitted_box),
+    "4 px: fit": ("4 px", fitted_box),
+    "30 % missing: fit": ("30 % missing", fitted_box),
+    "10 % outliers: fit": ("10 % outliers", fitted_box),
+    "ap10k17: fit": ("ap10k17", fitted_box),
+    "foreign: rigid dog": ("foreign", lambda animal: labelled_box(animal, "dog")),
+    "foreign: fit": ("foreign", fitted_box),
+    "foreign: fit, no mask": ("foreign", lambda animal: fitted_box(animal, mask=None)),
+    "foreign: fit, species known": ("foreign", lambda a: fitted_box(a, species=a.preset)),
+    "photo noise: fit": ("photo noise", fitted_box),
+    "photo noise: fit, no mask": ("photo noise", lambda animal: fitted_box(animal, mask=None)),
+    "occluded: fit": ("occluded", fitted_box),
+    "occluded: fit, no mask": ("occluded", lambda animal: fitted_box(animal, mask=None)),
+    "other topology: rigid dog": ("other topology", lambda animal: labelled_box(animal, "dog")),
+    "other topology: fit": ("other topology", fitted_box),
+    "other topology: fit, no mask": ("other topology", lambda a: fitted_box(a, mask=None)),
 }
 """Name of a setting -> its world and its method."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """One animal's box beside the truth.
-
-    Attributes:
-        deg: of the rotation.
-        iou: aligned.
-        corners: mean distance of the aligned corners, by the diagonal.
-        faces: whether the faces seen are exactly right; None if one is nearly edge-on.
-        flank: whether the flank shown is right; None if none is.
-    """
-
-    deg: float
-    iou: float
-    corners: float
-    faces: bool | None
-    flank: bool | None
-
-
-def row_of(box: Cuboid, truth: Cuboid) -> Row:
-    """A box beside the true one, both in the camera frame."""
-    corners = truth.corners()
-    distance = torch.linalg.vector_norm(truth.center) / torch.linalg.vector_norm(box.center)
-    aligned = replace(
-        box, center=box.center * distance, size=box.size * (truth.diagonal / box.diagonal)
-    )
-    apart = torch.linalg.vector_norm(aligned.corners() - corners, dim=-1).mean()
-    origin = torch.zeros(3, dtype=torch.float64)
-    middles = corners[torch.tensor(list(FACES.values()))].mean(1)
-    sight = middles / torch.linalg.vector_norm(middles, dim=-1, keepdim=True)
-    edge_on = torch.rad2deg(torch.asin((face_normals(corners) * sight).sum(-1))).abs()
-    same = torch.equal(visible_faces(box.corners(), origin), visible_faces(corners, origin))
-    side, own_side = (float((-one.rotation.mT @ one.center)[1]) for one in (truth, box))
-    lateral = np.degrees(np.arcsin(abs(side) / float(torch.linalg.vector_norm(truth.center))))
-    return Row(
-        deg=float(torch.rad2deg(rotation_angle(box.rotation, truth.rotation))),
-        iou=float(box_iou(aligned, truth)),
-        corners=float(apart / truth.diagonal),
-        faces=same if float(edge_on.min()) >= EDGE_ON_DEG else None,
-        flank=side * own_side > 0 if lateral > FLANK_DEG else None,
-    )
-
-
-def animals_of(world: str, seed: int, count: int) -> Iterator[ForeignAnimal]:
-    """The animals of a world, those with too few keypoints left out."""
-    for index in range(count):
-        animal = foreign_animal(seed + index % 50, index, CONFIGS[world], dataset=0)
-        if int((animal.keypoints_2d[:, 2] > 0).sum()) >= LEAST_KEYPOINTS:
-            yield animal
-
-
-def report(name: str, rows: list[Row], missing: int) -> None:
+def report(name: str, rows: list[BoxErrors], missing: int) -> None:
     """Print the line of a setting."""
     degrees = [row.deg for row in rows]
     corners = [100 * row.corners for row in rows]
@@ -217,23 +139,23 @@ def compare(only: str, seed: int, count: int) -> None:
         if only not in name:
             continue
         if world not in known:
-            known = {world: list(animals_of(world, seed, count))}
+            known = {world: list(animals_of(CONFIGS[world], range(count), seed))}
         boxes = [(method(animal), animal.cuboid) for animal in known[world]]
-        rows = [row_of(box, truth) for box, truth in boxes if box is not None]
+        rows = [box_errors(box, truth) for box, truth in boxes if box is not None]
         report(name, rows, len(boxes) - len(rows))
 
 
 def learn(seed: int, count: int) -> None:
     """Print the lines before and after learning, of LEARNED datasets together."""
     for world, (config, lessons) in LEARNING.items():
-        rows: dict[str, list[Row]] = {}
+        rows: dict[str, list[BoxErrors]] = {}
         for dataset in range(seed, seed + LEARNED):
             taught = some_animals(config, dataset, range(FIRST_TAUGHT, FIRST_TAUGHT + TAUGHT))
             judged = some_animals(config, dataset, range(count // LEARNED))
             rows.setdefault("before", []).extend(judged_rows(judged, None))
             for wanted in lessons:
                 calibration = learn_bodies(
-                    [fit_arguments(animal) for animal in taught],
+                    [class_arguments(animal) for animal in taught],
                     places="places" in wanted,
                     shapes="shapes" in wanted,
                 )
@@ -249,37 +171,24 @@ def some_animals(config: ForeignConfig, seed: int, numbers: Iterable[int]) -> li
     return [one for one in animals if int((one.keypoints_2d[:, 2] > 0).sum()) >= LEAST_KEYPOINTS]
 
 
-def fit_arguments(animal: ForeignAnimal) -> dict[str, Any]:
+def class_arguments(animal: ForeignAnimal) -> dict[str, Any]:
     """fit_animal's arguments, the species by a name that tells nothing."""
-    return {
-        "image_hw": animal.camera.image_hw,
-        "keypoints_2d": animal.keypoints_2d,
-        "K": animal.camera.K,
-        "mask": animal.mask,
-        "vocabulary": animal.vocabulary,
-        "sample_id": animal.sample_id,
-        "category": f"class {animal.preset}",
-    }
+    return {**fit_arguments(animal), "category": f"class {animal.preset}"}
 
 
-def judged_rows(animals: list[ForeignAnimal], calibration: Calibration | None) -> list[Row]:
+def judged_rows(animals: list[ForeignAnimal], calibration: Calibration | None) -> list[BoxErrors]:
     """The rows of animals whose bodies are fitted with what was learned."""
-    fits = fit_many([{**fit_arguments(one), "calibration": calibration} for one in animals])
+    fits = fit_many([{**class_arguments(one), "calibration": calibration} for one in animals])
     return [
-        row_of(fitted_box(fit), animal.cuboid)
+        box_errors(box_of_fit(fit), animal.cuboid)
         for fit, animal in zip(fits, animals, strict=True)
         if isinstance(fit, FittedBody)
     ]
 
 
-def fitted_box(fit: FittedBody) -> Cuboid:
-    """The box of a fitted body, in the camera frame."""
-    return tight_cuboid(torch.from_numpy(fit.vertices_cam), torch.from_numpy(fit.rotation))
-
-
 def cost(seed: int) -> None:
     """Print what a fit costs, in JPEG decodes of 640 x 480, by processor time."""
-    animals = list(animals_of("own", seed, 24))[:16]
+    animals = list(animals_of(OWN, range(24), seed))[:16]
     picture = synthetic_animal(seed, 0).image
     file = io.BytesIO()
     Image.fromarray(picture.numpy()).save(file, "JPEG", quality=95)
@@ -318,7 +227,7 @@ def main() -> None:
     """Compare, and print what a fit costs."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--n", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=FIRST_SEED)
     parser.add_argument("--only", default="", help="words of settings, or learn, or cost")
     options = parser.parse_args()
     torch.set_num_threads(1)

@@ -4,8 +4,9 @@
 
 The stand-in (tests/support/smal_stand_in.py) is the quadruped in another rest pose and shape basis,
 written as a SMAL pickle and converted. Animals and columns are those of fit_bodies.py, own world,
-species unknown. "quadruped, one Gaussian" has the shape prior that a user's model has. The last
-line poses the stand-in by the quadruped's own angles, which its rest pose makes another posture.
+species unknown. "quadruped, one Gaussian" has the shape prior that a user's model has; "rest pose
+ignored" poses the stand-in by the quadruped's own angles, which make another posture of it; "SMAL's
+mesh" has SMAL's 3889 vertices with its landmark ids, the shoulders higher than the quadruped's.
 """
 
 import argparse
@@ -17,11 +18,12 @@ from unittest.mock import patch
 
 import numpy as np
 import torch
-from fit_bodies import animals_of, report, row_of
+from fit_bodies import report
 
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal
+from animal3dbox.evaluate.box_errors import box_errors
+from animal3dbox.evaluate.fit_study import OWN, animals_of, box_of_fit, fit_arguments
 from animal3dbox.geometry.rigid_transforms import rotation_angle
-from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.fit import fit_body
 from animal3dbox.labels.fit.fit import fit_many
 from animal3dbox.labels.fit.fitted_body import FittedBody
@@ -40,17 +42,7 @@ def one_gaussian(model: SmalModel, species: str | None = None) -> ShapePrior:
 
 def fits(animals: Sequence[ForeignAnimal], model: SmalModel | None) -> list[FittedBody]:
     """The fits of a model, or of the quadruped, to all animals."""
-    outcomes = fit_many(
-        {
-            "image_hw": animal.camera.image_hw,
-            "keypoints_2d": animal.keypoints_2d,
-            "K": animal.camera.K,
-            "mask": animal.mask,
-            "vocabulary": animal.vocabulary,
-            "model": model,
-        }
-        for animal in animals
-    )
+    outcomes = fit_many({**fit_arguments(animal), "model": model} for animal in animals)
     return [fit for fit in outcomes if isinstance(fit, FittedBody)]
 
 
@@ -86,7 +78,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=5000)
     options = parser.parse_args()
     torch.set_num_threads(1)
-    animals, model = list(animals_of("own", options.seed, options.n)), converted_stand_in()
+    animals, model = list(animals_of(OWN, range(options.n), options.seed)), converted_stand_in()
     bodies = {
         "quadruped": fits(animals, None),
         "quadruped, one Gaussian": fits_otherwise(animals, None, shape_prior=one_gaussian),
@@ -98,9 +90,15 @@ def main() -> None:
     for name, some in bodies.items():
         rows = []
         for fit, animal in zip(some, animals, strict=True):
-            vertices, rotation = (torch.from_numpy(x) for x in (fit.vertices_cam, fit.rotation))
-            rows.append(row_of(tight_cuboid(vertices, rotation), animal.cuboid))
+            rows.append(box_errors(box_of_fit(fit), animal.cuboid))
         report(name, rows, 0)
+    smals = fits(animals, converted_stand_in(smal_mesh=True))
+    pairs = zip(smals, animals, strict=True)
+    report(
+        "stand-in, SMAL's mesh",
+        [box_errors(box_of_fit(fit), animal.cuboid) for fit, animal in pairs],
+        0,
+    )
     for name in list(bodies)[1:]:
         print(f"quadruped beside {name}: {differences(bodies['quadruped'], bodies[name])}")
     pair = differences(bodies["quadruped, one Gaussian"], bodies["stand-in"])

@@ -118,7 +118,7 @@ def _refuse_model(options: ReadOptions, name: str) -> None:
     if options.model is not None:
         raise ConfigError(
             f"--model {options.model} is for parameters that a dataset comes with, and {name} has"
-            " none: give it as --body"
+            " none: give it as --body, or fit it with --body fit"
         )
 
 

@@ -38,6 +38,8 @@ PROCESS = frozenset(
         "datasets/test_loading.py",
         "smal/files/test_pickle_writer.py"
         "::test_pythons_own_unpickler_needs_nothing_but_chumpy_for_it",
+        "smal/quadruped/test_quadruped.py"
+        "::test_the_body_is_the_same_to_the_bit_on_any_number_of_threads",
         "smal/safe_pickle/test_pickle_reader.py"
         "::test_calls_under_keys_that_nobody_needs_are_not_made_either",
         "smal/safe_pickle/test_pickle_reader.py"

@@ -35,7 +35,7 @@ def run_calibrate(job: CalibrateJob) -> ExitCode:
     """
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     wanted = sections(job.learn)
-    dataset = read_dataset(job.path, job.dataset.format, job.dataset.read_options())
+    dataset = read_dataset(job.path, job.dataset.format, job.body.read_options(job.dataset))
     bodies = bodies_for(dataset, job.body.source(job.dataset.model))
     placement = _placement(job, dataset, bodies) if PLACEMENT in wanted else None
     of_fits = tuple(name for name in OF_FITS if name in wanted)

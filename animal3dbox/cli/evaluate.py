@@ -35,6 +35,8 @@ def run_evaluate(job: EvaluateJob) -> ExitCode:
         raise ConfigError(
             "--model, --body, --landmarks and --images belong to a dataset: give its PATH"
         )
+    if job.path is not None and job.fits:
+        raise ConfigError("--fits is for our world, whose bodies are known: leave out the PATH")
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     evaluation = _world(job) if job.path is None else _dataset(job, job.path)
     write_json(job.out / "evaluation.json", evaluation)
@@ -49,7 +51,7 @@ def run_evaluate(job: EvaluateJob) -> ExitCode:
 
 
 def _world(job: EvaluateJob) -> Evaluation:
-    config = EvaluateConfig(animals=job.n, seed=job.seed)
+    config = EvaluateConfig(animals=job.n, seed=job.seed, fits=job.fits)
     rows = evaluate_world(
         config,
         job.workers,
@@ -59,6 +61,7 @@ def _world(job: EvaluateJob) -> Evaluation:
         "animals": config.animals,
         "seed": config.seed,
         "every": config.every,
+        **({"fits": config.fits} if config.fits else {}),
         "image_hw": list(config.world.image_hw),
     }
     return Evaluation(

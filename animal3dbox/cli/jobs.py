@@ -132,6 +132,8 @@ class EvaluateJob:
     """animals of our world"""
     seed: int = 0
     """another seed gives another world"""
+    fits: int = 0
+    """of our world: so many animals are also fitted, beside rigid and true bodies, some 2 s each"""
     workers: int = 2
     """processes; the results are the same"""
     pictures: bool = True
@@ -242,6 +244,8 @@ class ConvertModelJob:
     """a SMAL model, .pkl or .safetensors"""
     target: Annotated[Positional[Path], arg(metavar="OUT")]
     """the .safetensors file to write"""
+    landmarks: Path | None = None
+    """JSON with the vertices of the landmarks of a pickle whose mesh is not SMAL's"""
 
 
 Job = (

@@ -54,7 +54,7 @@ def run_job(job: Job) -> ExitCode:
         case ConvertModelJob():
             from animal3dbox.cli.convert import convert_model
 
-            return convert_model(job.source, job.target)
+            return convert_model(job.source, job.target, job.landmarks)
         case CalibrateJob():
             from animal3dbox.cli.calibrate import run_calibrate
 

@@ -35,6 +35,7 @@ class EvaluateConfig:
         every: each so many-th animal goes through the costly parts too: the whole dial of faults,
             and noise through the whole pipeline.
         world: what the scenes are like.
+        fits: so many of the first animals are also fitted, on worlds of their own; costly.
 
     Example:
         >>> config = EvaluateConfig(animals=20)
@@ -46,10 +47,15 @@ class EvaluateConfig:
     seed: int = 0
     every: int = 10
     world: WorldConfig = field(default_factory=WorldConfig)
+    fits: int = 0
 
     def __post_init__(self) -> None:
         if self.animals < 1 or self.every < 1 or self.seed < 0:
             raise ConfigError(
                 f"animals and every must be at least 1 and seed not negative, got {self.animals},"
                 f" {self.every} and {self.seed}"
+            )
+        if not 0 <= self.fits <= self.animals:
+            raise ConfigError(
+                f"fits must be 0 to {self.animals}, which is the number of animals, got {self.fits}"
             )

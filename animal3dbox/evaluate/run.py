@@ -11,6 +11,7 @@ from animal3dbox.evaluate.accuracy import AccuracyRow, accuracy_rows, accuracy_t
 from animal3dbox.evaluate.confidence_mix import judged_cases
 from animal3dbox.evaluate.config import EvaluateConfig
 from animal3dbox.evaluate.face_study import FaceRow, face_rows, face_table
+from animal3dbox.evaluate.fit_study import FitRow, fit_rows, fit_table
 from animal3dbox.evaluate.foreign_study import ForeignRow, foreign_rows, foreign_table
 from animal3dbox.evaluate.orientation import StabilityRow, stability_rows, stability_table
 from animal3dbox.evaluate.pose_study import DIAL, EVERYWHERE, PoseRow, pose_rows, pose_table
@@ -32,6 +33,7 @@ class StudyRows:
         faces: against ray-casting.
         foreign: camera poses on a foreign world.
         judged: confidences beside the truth.
+        fits: fitted, rigid and true bodies.
 
     Example:
         >>> StudyRows(stability=(), accuracy=(), pose=(), reproduction=(), faces=()).pose
@@ -45,6 +47,7 @@ class StudyRows:
     faces: tuple[FaceRow, ...]
     foreign: tuple[ForeignRow, ...] = ()
     judged: tuple[Judged, ...] = ()
+    fits: tuple[FitRow, ...] = ()
 
 
 def animal_rows(config: EvaluateConfig, index: int) -> StudyRows:
@@ -59,6 +62,7 @@ def animal_rows(config: EvaluateConfig, index: int) -> StudyRows:
         faces=tuple(face_rows(who)),
         foreign=tuple(foreign_rows(index)) if in_full else (),
         judged=tuple(judged_cases(range(index, index + 1))),
+        fits=tuple(fit_rows(index)) if index < config.fits else (),
     )
 
 
@@ -91,11 +95,12 @@ def evaluate_world(
         faces=tuple(row for rows in animals for row in rows.faces),
         foreign=tuple(row for rows in animals for row in rows.foreign),
         judged=tuple(row for rows in animals for row in rows.judged),
+        fits=tuple(row for rows in animals for row in rows.fits),
     )
 
 
 def world_tables(rows: StudyRows) -> tuple[Table, ...]:
-    """The tables of an evaluation, beside the paper's figures.
+    """The tables of an evaluation, beside the paper's figures; that of fits if there are any.
 
     Example:
         >>> tables = world_tables(StudyRows((), (), (), (), ()))
@@ -111,6 +116,7 @@ def world_tables(rows: StudyRows) -> tuple[Table, ...]:
         foreign_table(rows.foreign),
         reliability_table(rows.judged),
         curve_table(rows.judged),
+        *((fit_table(rows.fits),) if rows.fits else ()),
     )
 
 

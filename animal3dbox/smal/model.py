@@ -36,6 +36,8 @@ SPINE_JOINTS = tuple(range(7))
 _TAIL_PREFIX = "Tail"
 _TORSO_WEIGHT = 0.9
 _TAIL_WEIGHT = 0.5
+DIGEST_STEP = 1e-6
+"""Of a model's numbers, in its template's unit: smaller differences do not make another body."""
 _CONSTANTS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
 
 
@@ -143,17 +145,19 @@ class SmalModel:
 
     @cached_property
     def digest(self) -> str:
-        """32 hexadecimal digits that name the model's content: its numbers, names and landmarks."""
-        content = hashlib.blake2b(digest_size=16)
-        for one in fields(self):
-            value = getattr(self, one.name)
-            if isinstance(value, Tensor):
-                array = np.ascontiguousarray(as_numpy(value.detach().cpu()))
-                content.update(f"{one.name} {array.dtype.str} {array.shape}".encode())
-                content.update(array.data)
-            else:
-                named = list(value.items()) if isinstance(value, Mapping) else value
-                content.update(f"{one.name} {named!r}".encode())
+        """32 hexadecimal digits that name what poses vertices: all but landmarks and symmetry.
+
+        Numbers count to DIGEST_STEP, for the embedded quadruped's pose correctives are computed as
+        it is loaded, and the last digits may differ from machine to machine.
+        """
+        names = f"{self.parents} {self.joint_names}"
+        content = hashlib.blake2b(names.encode(), digest_size=16)
+        for name in (*_CONSTANTS, "faces"):
+            array = as_numpy(getattr(self, name).detach().cpu())
+            if name in _CONSTANTS:
+                array = np.rint(array.astype(np.float64) / DIGEST_STEP)
+            content.update(f"{name} {array.shape}".encode())
+            content.update(np.ascontiguousarray(array, dtype=np.int64).data)
         return content.hexdigest()
 
     def to(self, dtype: torch.dtype, device: torch.device | str | None = None) -> "SmalModel":

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from animal3dbox.datasets.bodies.sources import ModelBody, preset_body
+from animal3dbox.datasets.bodies.sources import ModelBody, model_digest, preset_body
 from animal3dbox.datasets.bodies.species import (
     AUTO,
     UNKNOWN,
@@ -64,7 +64,7 @@ class FittedBodies:
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model, and that it is fitted."""
-        return digest(self.model.digest.encode(), FIT.encode(), self.species.encode())
+        return digest(model_digest(self.model), FIT.encode(), self.species.encode())
 
     @property
     def lasting(self) -> bool:

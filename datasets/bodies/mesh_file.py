@@ -143,6 +143,22 @@ def read_landmarks(path: Path) -> dict[str, Place]:
     return places
 
 
+def landmark_ids(path: Path) -> dict[str, tuple[int, ...]]:
+    """A landmarks file of a model: landmark name -> vertex ids.
+
+    Raises:
+        DatasetFormatError: a name is no landmark's.
+        ConfigError: a place is a point, which does not move with the model.
+
+    """
+    places = read_landmarks(path)
+    ids = {name: tuple(place) for name, place in places.items() if not isinstance(place, dict)}
+    if len(ids) < len(places):
+        name = next(name for name in places if name not in ids)
+        raise ConfigError(f"{path}: {name} must be vertex ids: a model's landmarks move with it")
+    return ids
+
+
 @cache
 def _landmark_names() -> tuple[str, ...]:
     """Every name by which a landmark of a mesh can be used, in the order of the alphabet."""

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from animal3dbox.datasets.bodies.mesh_file import Place, keypoints_of
 from animal3dbox.datasets.bodies.mesh_formats import read_mesh, read_npz
+from animal3dbox.datasets.bodies.sources import model_digest
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.storage.packed import PackedMapping
@@ -71,8 +72,7 @@ class MeshFolderBodies:
     def fingerprint(self) -> bytes:
         """Digest of the landmarks and the model, which all meshes share."""
         return digest(
-            content_digest(self.landmarks),
-            b"" if self.model is None else self.model.digest.encode(),
+            content_digest(self.landmarks), b"" if self.model is None else model_digest(self.model)
         )
 
     def packed(self) -> "MeshFolderBodies":

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from animal3dbox.datasets.bodies.fitted import FIT, STAND_IN, FittedBodies
-from animal3dbox.datasets.bodies.mesh_file import load_mesh_body, read_landmarks
+from animal3dbox.datasets.bodies.mesh_file import landmark_ids, load_mesh_body
 from animal3dbox.datasets.bodies.sources import BodySource, ModelBody, preset_body
 from animal3dbox.datasets.bodies.species import AUTO
 from animal3dbox.errors import ConfigError
@@ -60,14 +60,8 @@ def body_source(
 
 def _fitted_model(path: Path | None, landmarks: Path | None) -> SmalModel:
     """The model that is fitted, with the landmarks of a file where it has none of its own."""
-    if path is None:
-        if landmarks is not None:
-            raise ConfigError("the embedded quadruped has landmarks of its own: give a --model too")
-        return load_quadruped()
-    if landmarks is None:
-        return load_model(path)
-    places = read_landmarks(landmarks)
-    ids = {name: tuple(place) for name, place in places.items() if not isinstance(place, dict)}
-    if len(ids) < len(places):
-        raise ConfigError(f"{landmarks} must name vertex ids: a model's landmarks move with it")
-    return load_model(path, ids)
+    if path is not None:
+        return load_model(path, None if landmarks is None else landmark_ids(landmarks))
+    if landmarks is not None:
+        raise ConfigError("the embedded quadruped has landmarks of its own: give a --model too")
+    return load_quadruped()

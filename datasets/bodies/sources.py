@@ -96,13 +96,13 @@ class ModelBody:
         if not self.model.landmarks:
             raise ConfigError(
                 f"{self.name} has no landmarks, so no keypoint has a place on it: give them to"
-                " load_model and convert it again, or name them with --landmarks if it is fitted"
+                " load_model, or convert it again with convert-model --landmarks"
             )
 
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model and its shape."""
-        return digest(self.model.digest.encode(), content_digest(self.betas))
+        return digest(model_digest(self.model), content_digest(self.betas))
 
     @property
     def lasting(self) -> bool:
@@ -143,6 +143,12 @@ def preset_body(preset: str) -> ModelBody:
 
     """
     return ModelBody(load_quadruped(), f"quadruped:{preset}", tuple(preset_betas(preset).tolist()))
+
+
+@lru_cache(maxsize=16)
+def model_digest(model: SmalModel) -> bytes:
+    """Digest of a model's content with its landmarks, computed once a model."""
+    return content_digest(model)
 
 
 @lru_cache(maxsize=16)
@@ -239,7 +245,7 @@ class ParametersBody:
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model and of the type in which it is posed."""
-        return digest(self.model.digest.encode(), str(self.vertices_in).encode())
+        return digest(model_digest(self.model), str(self.vertices_in).encode())
 
     @property
     def lasting(self) -> bool:

@@ -27,7 +27,7 @@ ANIMALS = 200
 """Number of animals that are compared."""
 TURNED_DEG = 30.0
 """Turn between two trunks from which they differ."""
-WORSE, LEAST_PERCENT = 2.0, 3.0
+WORSE, LEAST_PERCENT = 2.0, 5.0
 """A stored body's keypoints are worse if they are off by so many times the fit's, and by more than
 so many percent of the keypoints' extent."""
 UNSURE_DEG, CLOSE_CALL = 15.0, 2.0

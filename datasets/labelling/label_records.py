@@ -116,21 +116,12 @@ def _with_siblings(requests: Sequence[LabelRequest], config: LabelConfig) -> Seq
     for request in {id(one.sample): one for one in requests}.values():
         if len(request.sample.animals) < 2 or not _lacks_camera(request):
             continue
-        others = (
+        siblings += [
             LabelRequest(request.sample, place, request.facts)
             for place in range(len(request.sample.animals))
             if (id(request.sample), place) not in asked
-        )
-        siblings += [other for other in others if not _is_fitted(other)]
+        ]
     return [*requests, *siblings]
-
-
-def _is_fitted(request: LabelRequest) -> bool:
-    """Whether an animal gets a fitted body, and with it a focal length of its own."""
-    record, source = request.record, request.bodies
-    if not isinstance(source, FittedBodies) or not isinstance(record, AnimalRecord):
-        return False
-    return source.can_fit(record)
 
 
 def estimates_focal_lengths(config: LabelConfig) -> bool:
@@ -244,15 +235,42 @@ def _fitted(
         for request, record, fits in zip(requests, records, can_fit, strict=True)
         if fits
     ]
-    fitted = iter(fitted_observations(animals, config))
+    images = [id(request.sample) for request, fits in zip(requests, can_fit, strict=True) if fits]
+    shared = images if estimates_focal_lengths(config) else None
+    fitted = fitted_observations(animals, config, shared)
+    cameras = _estimated_cameras(fitted, images) if shared is not None else {}
+    remaining = iter(fitted)
     return [
-        next(fitted)
+        next(remaining)
         if fits
-        else rigid_stand_in(
-            _observation(request, record, source.body(record), config, calibration=calibration)
+        else _with_camera_of_fits(
+            rigid_stand_in(
+                _observation(request, record, source.body(record), config, calibration=calibration)
+            ),
+            cameras.get(id(request.sample)),
         )
         for request, record, fits in zip(requests, records, can_fit, strict=True)
     ]
+
+
+def _estimated_cameras(
+    fitted: Sequence[Observation | Rejection], images: Sequence[int]
+) -> dict[int, Observation]:
+    """An animal of each image whose focal length was estimated with fits."""
+    return {
+        image: one
+        for image, one in zip(images, fitted, strict=True)
+        if isinstance(one, Observation) and one.K_source == "estimated"
+    }
+
+
+def _with_camera_of_fits(observation: Observation, fitted: Observation | None) -> Observation:
+    """A rigid body's animal with the focal length of the fitted ones of its image, if unknown."""
+    if fitted is None or observation.K_source != "guessed" or observation.distortion is not None:
+        return observation
+    return replace(
+        observation, K=fitted.K, K_source=fitted.K_source, log_focal_sd=fitted.log_focal_sd
+    )
 
 
 def fit_arguments(

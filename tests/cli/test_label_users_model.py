@@ -45,6 +45,19 @@ def test_a_users_model_is_fitted_from_the_command_line(home: Path) -> None:
     assert all(isinstance(fit, FitRow) and fit.body == "model" for fit in fits)
 
 
+def test_a_model_with_smals_mesh_needs_no_landmarks(home: Path) -> None:
+    write_smal_pickle(stand_in(smal_mesh=True), home / "mesh.pkl")
+    code, printed = ran("convert-model", home / "mesh.pkl", home / "mesh.safetensors")
+    assert (code, "3889 vertices" in printed) == (0, True)
+    code, printed = ran(
+        "label", home / "photos", "--body", "fit", "--model", home / "mesh.safetensors",
+        "--out", home / "mesh",
+    )  # fmt: skip
+    assert code == 0, printed
+    fits = [row.fit for row in read_labels_json(home / "mesh" / "labels.json").animals]
+    assert any(isinstance(fit, FitRow) and fit.body == "model" for fit in fits)
+
+
 def test_a_model_without_landmarks_is_refused_with_the_remedy(home: Path) -> None:
     code, printed = ran(
         "label", home / "photos", "--body", "fit", "--model", home / "smal.pkl", "--out", home / "x"
@@ -52,6 +65,21 @@ def test_a_model_without_landmarks_is_refused_with_the_remedy(home: Path) -> Non
     assert code == 2
     assert "has no landmarks" in printed
     assert "--landmarks" in printed
+
+
+def test_a_model_is_converted_with_its_landmarks_once_for_all(home: Path) -> None:
+    converted = home / "converted.safetensors"
+    code, printed = ran(
+        "convert-model", home / "smal.pkl", converted, "--landmarks", home / "landmarks.json"
+    )
+    assert code == 0, printed
+    assert load_model(converted).landmarks == LANDMARKS
+    (home / "point.json").write_text('{"nose": {"point": [0.0, 0.0, 0.0]}}')
+    code, printed = ran(
+        "convert-model", home / "smal.pkl", converted, "--landmarks", home / "point.json"
+    )
+    assert code == 2
+    assert "nose must be vertex ids" in printed
 
 
 def test_a_dataset_fits_the_model_that_it_is_given(home: Path) -> None:

@@ -28,12 +28,12 @@ def smal_like_mesh(preset: str = "dog", pose: str = "stand") -> tuple[Tensor, Te
     body = load_quadruped().posed(
         preset_betas(preset)[None], named_pose(pose)[None], torch.zeros(1, 3, dtype=torch.float64)
     )
-    order, faces = _order_and_faces()
+    order, faces = order_and_faces()
     return body.vertices[0][torch.from_numpy(order)], torch.from_numpy(faces)
 
 
 @cache
-def _order_and_faces() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def order_and_faces() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The quadruped's vertex that each of SMAL's is, (3889,), and the faces (7774, 3)."""
     model = load_quadruped()
     template = model.v_template.numpy()

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from smal_like import order_and_faces
 
 from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.labels.fit.shape_prior import _quadruped_shapes, _square_root
@@ -60,8 +61,14 @@ def posed(betas: Array, pose: Array) -> Array:
     return np.concatenate((as_numpy(body.vertices), as_numpy(body.joints)), axis=1)
 
 
-def stand_in() -> SmalModel:
-    """The model, made in memory."""
+def stand_in(smal_mesh: bool = False) -> SmalModel:
+    """The model, made in memory.
+
+    Args:
+        smal_mesh: whether it has SMAL's 3889 vertices, in an order in which SMAL's landmark ids are
+            at the landmarks of their names.
+
+    """
     model = load_quadruped()
     mean, covariance = _quadruped_shapes(None)
     mixed = np.linalg.qr(np.random.default_rng(4).standard_normal(covariance.shape))[0]
@@ -69,28 +76,32 @@ def stand_in() -> SmalModel:
     base = posed(mean[None], rest_pose())[0]
     columns = posed(mean + basis.T, rest_pose()) - base  # skinning is linear in the shape
     count = model.vertex_count
+    order, faces = np.arange(count), model.faces
+    if smal_mesh:
+        order, few = order_and_faces()
+        faces = torch.from_numpy(few)
     # Joints of every shape, by the vertices' least weights
     known = np.concatenate((base[None], columns)).transpose(1, 0, 2).reshape(len(base), -1)
     known = np.concatenate((known, np.ones((len(base), 1))), axis=1)
-    regressor = np.linalg.lstsq(known[:count].T, known[count:].T, rcond=None)[0].T
+    regressor = np.linalg.lstsq(known[order].T, known[count:].T, rcond=None)[0].T
     return SmalModel(
-        v_template=torch.from_numpy(base[:count].copy()),
-        faces=model.faces,
-        shapedirs=torch.from_numpy(columns[:, :count].transpose(1, 2, 0).copy()),
-        posedirs=torch.zeros_like(model.posedirs),
+        v_template=torch.from_numpy(base[order]),
+        faces=faces,
+        shapedirs=torch.from_numpy(columns[:, order].transpose(1, 2, 0).copy()),
+        posedirs=torch.zeros_like(model.posedirs[order]),
         J_regressor=torch.from_numpy(regressor),
-        weights=model.weights,
+        weights=model.weights[order],
         parents=model.parents,
         joint_names=model.joint_names,
-        landmarks=LANDMARKS,
+        landmarks={} if smal_mesh else LANDMARKS,
     )
 
 
 @cache
-def converted_stand_in() -> SmalModel:
+def converted_stand_in(smal_mesh: bool = False) -> SmalModel:
     """The model as a SMAL pickle that went through the converter."""
     with TemporaryDirectory() as folder:
         pickle, converted = Path(folder, "smal.pkl"), Path(folder, "smal.safetensors")
-        write_smal_pickle(stand_in(), pickle)
-        save_safetensors(load_model(pickle, LANDMARKS), converted)
+        write_smal_pickle(stand_in(smal_mesh), pickle)
+        save_safetensors(load_model(pickle, None if smal_mesh else LANDMARKS), converted)
         return load_model(converted)

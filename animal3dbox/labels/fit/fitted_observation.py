@@ -1,6 +1,7 @@
 """From a fitted body to a checked animal, which is labelled like any other."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
@@ -9,7 +10,8 @@ from animal3dbox.labels.body import Body
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.fit.fit import fit_many
 from animal3dbox.labels.fit.fitted_body import FittedBody
-from animal3dbox.labels.observation import Observation, observe
+from animal3dbox.labels.observation import Observation, checked_intrinsics, observe
+from animal3dbox.labels.pose.focal_length import Zoom, common_zoom
 from animal3dbox.labels.pose.problem import PoseEstimate, PoseEvidence
 from animal3dbox.labels.types import Rejection
 from animal3dbox.smal.quadruped.preset_bodies import quadruped_names
@@ -52,7 +54,9 @@ def checked_choice(arguments: dict[str, Any]) -> BodyChoice:
 
 
 def fitted_observations(
-    animals: Sequence[dict[str, Any]], config: LabelConfig
+    animals: Sequence[dict[str, Any]],
+    config: LabelConfig,
+    images: Sequence[Hashable] | None = None,
 ) -> list[Observation | Rejection]:
     """Animals with the bodies that were fitted to them, their cameras told with how sure they are.
 
@@ -60,15 +64,61 @@ def fitted_observations(
         animals: label_animal's arguments, see checked_choice; and `category`, the dataset's name of
             the animal's class, where the species is a preset that stands for it.
         config: the method.
+        images: what names each animal's picture: those of one share a focal length that nothing
+            tells; None: each is alone in one.
 
     """
     if not animals:
         return []
-    fits = fit_many([_fit_arguments(animal) for animal in animals], config)
+    arguments = [_fit_arguments(animal, config) for animal in animals]
+    fits = fit_many(arguments, config)
+    if images is not None:
+        fits = with_shared_focal_lengths(arguments, fits, images, config)
     return [
         fit if isinstance(fit, Rejection) else _observation(animal, fit, config)
         for animal, fit in zip(animals, fits, strict=True)
     ]
+
+
+def with_shared_focal_lengths(
+    arguments: Sequence[dict[str, Any]],
+    fits: Sequence[FittedBody | Rejection],
+    images: Sequence[Hashable],
+    config: LabelConfig,
+) -> list[FittedBody | Rejection]:
+    """Fits whose animals of one image share the focal length that all of them together tell.
+
+    Each fit found one of its own; the animals are fitted again with their mean by their variances.
+
+    Args:
+        arguments: fit_animal's, of each animal.
+        fits: of each.
+        images: what names each animal's picture.
+        config: the method.
+
+    """
+    members: dict[Hashable, dict[int, Zoom]] = {}
+    for i, fit in enumerate(fits):
+        if isinstance(fit, FittedBody) and fit.log_focal_sd is not None:
+            members.setdefault(images[i], {})[i] = Zoom(fit.log_focal, fit.log_focal_sd)
+    zooms: dict[int, Zoom] = {}
+    for own in members.values():
+        if len(own) > 1:
+            zooms |= dict.fromkeys(own, common_zoom(list(own.values())))
+    known = []
+    for i, zoom in zooms.items():
+        size = arguments[i]["image_hw"]
+        K = checked_intrinsics(ArgumentChecks(None), None, size, config).copy()
+        K[:2, :2] *= math.exp(zoom.log)
+        known.append({**arguments[i], "K": K})
+    finished = list(fits)
+    for (i, zoom), fit in zip(zooms.items(), fit_many(known, config), strict=True):
+        finished[i] = fit
+        if isinstance(fit, FittedBody):
+            finished[i] = replace(
+                fit, K_source="estimated", log_focal=zoom.log, log_focal_sd=zoom.sd
+            )
+    return finished
 
 
 def rigid_stand_in(observation: Observation) -> Observation:
@@ -81,7 +131,12 @@ def rigid_stand_in(observation: Observation) -> Observation:
     )
 
 
-def _fit_arguments(animal: dict[str, Any]) -> dict[str, Any]:
+def _is_guessed(animal: dict[str, Any], config: LabelConfig) -> bool:
+    """Whether an animal's focal length is to stay at the guess."""
+    return animal.get("K") is None and config.focal == "guess"
+
+
+def _fit_arguments(animal: dict[str, Any], config: LabelConfig) -> dict[str, Any]:
     """fit_many's arguments of label_animal's."""
     if animal.get("keypoints_2d") is None:
         checks = ArgumentChecks(animal.get("sample_id"))
@@ -89,6 +144,10 @@ def _fit_arguments(animal: dict[str, Any]) -> dict[str, Any]:
     species, model = animal.get("species"), animal.get("template")
     is_preset = species in quadruped_names().presets and model is None
     arguments = {name: animal[name] for name in SHARED if name in animal}
+    if _is_guessed(animal, config):
+        checks = ArgumentChecks(animal.get("sample_id"))
+        size = checks.image_hw(animal["image_hw"])
+        arguments["K"] = checked_intrinsics(checks, None, size, config)
     return {
         **arguments,
         "species": species if is_preset else None,
@@ -107,7 +166,7 @@ def _observation(animal: dict[str, Any], fit: FittedBody, config: LabelConfig) -
     return replace(
         observation,
         pose=PoseEstimate(fit.R, fit.t, FITTED, _evidence(fit)),
-        K_source=fit.K_source,
+        K_source="guessed" if _is_guessed(animal, config) else fit.K_source,
         log_focal_sd=fit.log_focal_sd,
         warnings=(*observation.warnings, *_warnings(observation)),
         body_source=FITTED,

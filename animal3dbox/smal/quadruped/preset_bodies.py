@@ -67,14 +67,14 @@ def load_quadruped() -> SmalModel:
     columns = _float64(arrays, "columns").transpose(2, 1, 0) * _float64(arrays, "columns_scale")
     v_template = torch.from_numpy(_whole(half, seam))
     joints = torch.from_numpy(regressor / regressor.sum(axis=1, keepdims=True))
+    # Not a BLAS product, whose last digits depend on the threads: caches are named by these numbers
+    places = torch.from_numpy(np.einsum("jv,vc->jc", joints.numpy(), v_template.numpy()))
     parents = tuple(int(p) for p in arrays["parents"])
     return SmalModel(
         v_template=v_template,
         faces=torch.from_numpy(_whole_faces(arrays["faces"].astype(np.int64), symmetry)),
         shapedirs=torch.from_numpy(_whole(columns, seam)),
-        posedirs=_volume_keeping(
-            v_template, joints @ v_template, torch.from_numpy(weights), parents
-        ),
+        posedirs=_volume_keeping(v_template, places, torch.from_numpy(weights), parents),
         J_regressor=joints,
         weights=torch.from_numpy(weights),
         parents=parents,

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from animal3dbox.datasets.bodies.sources import ModelBody, preset_body
+from animal3dbox.datasets.bodies.fitted import FittedBodies
+from animal3dbox.datasets.bodies.sources import BodySource, preset_body
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.image_index import entry_of
 from animal3dbox.datasets.labelling.image_samples import ImageSample
@@ -18,6 +19,7 @@ from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
 from animal3dbox.datasets.synthetic.world.config import CLEAR
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 QUICK = LabelConfig(surface_share=False, mask_iou=False)
 
@@ -32,7 +34,7 @@ def records() -> tuple[AnimalRecord, ...]:
     )
 
 
-def sample_of(records: tuple[AnimalRecord, ...], bodies: ModelBody) -> ImageSample:
+def sample_of(records: tuple[AnimalRecord, ...], bodies: BodySource) -> ImageSample:
     entries = tuple(entry_of(one, np.asarray(one.keypoints_2d).tobytes()) for one in records)
     return ImageSample("both", "", False, entries, lambda: records, bodies)
 
@@ -98,3 +100,41 @@ def test_an_unusable_animal_does_not_change_the_others_focal_length(
     for outcome, label in zip(outcomes[:2], both, strict=True):
         assert isinstance(outcome, CuboidLabel)
         assert outcome.row.tobytes() == label.row.tobytes()
+
+
+def few(record: AnimalRecord, count: int) -> AnimalRecord:
+    """The record with so many keypoints."""
+    keypoints = record.keypoints_2d.copy()
+    keypoints[np.flatnonzero(keypoints[:, 2])[count:]] = 0.0
+    return replace(record, keypoints_2d=keypoints)
+
+
+@pytest.mark.parametrize("keypoints", [26, 8])
+def test_fitted_animals_of_an_image_share_its_focal_length_with_each_other_and_rigid_ones(
+    records: tuple[AnimalRecord, ...], keypoints: int
+) -> None:
+    sample = sample_of((records[0], few(records[1], keypoints)), FittedBodies(load_quadruped()))
+    requests = [LabelRequest(sample, place, PhotoFacts()) for place in range(2)]
+    together = labelled(requests)
+    assert [one.quality.body for one in together] == ["fit", "fit" if keypoints > 8 else "preset"]
+    assert together[0].K.tolist() == together[1].K.tolist()
+    assert {one.quality.K_source for one in together} == {"estimated"}
+    sd = {one.quality.log_focal_sd for one in together}
+    assert len(sd) == 1
+    assert None not in sd
+    for place, request in enumerate(requests):
+        (alone,) = labelled([request])
+        assert alone.row.tobytes() == together[place].row.tobytes()
+    lonely = sample_of(records[:1], FittedBodies(load_quadruped()))
+    apart = labelled([LabelRequest(lonely, 0, PhotoFacts())])[0]
+    assert (apart.K.tolist() != together[0].K.tolist()) == (keypoints > 8)
+
+
+def test_a_guess_is_kept_by_fits_too(records: tuple[AnimalRecord, ...]) -> None:
+    sample = sample_of(records, FittedBodies(load_quadruped()))
+    requests = [LabelRequest(sample, place, PhotoFacts()) for place in range(2)]
+    for label in labelled(requests, replace(QUICK, focal="guess")):
+        assert label.quality.body == "fit"
+        assert label.quality.K_source == "guessed"
+        assert float(label.K[0, 0]) == 1.2 * 320
+        assert label.quality.log_focal_sd is None

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from animal3dbox import CuboidLabel, label_animal
 from animal3dbox.datasets.labelling.label_codec import packed_outcome, unpacked_outcome
@@ -103,10 +104,18 @@ def test_parameters_of_another_body_are_refused(body: str, remedy: str) -> None:
         fitted_vertices(other)
 
 
-def test_the_digest_is_the_contents() -> None:
+def test_the_digest_is_of_what_poses_vertices() -> None:
     model = load_quadruped()
-    same = replace(model, v_template=model.v_template.clone())
-    moved = replace(model, v_template=model.v_template + 1e-9)
-    renamed = replace(model, landmarks=dict(reversed(list(model.landmarks.items()))))
-    assert same.digest == model.digest
-    assert len({model.digest, moved.digest, renamed.digest}) == 3
+    same = (
+        replace(model, landmarks={}, extra_landmarks={}, symmetry=None),
+        replace(model, posedirs=model.posedirs * (1 + 1e-15)),
+    )
+    assert {one.digest for one in same} == {model.digest}
+    others = (
+        replace(model, v_template=model.v_template + 1e-5),
+        replace(model, shapedirs=model.shapedirs[:, :, :40]),
+        replace(model, posedirs=torch.zeros_like(model.posedirs)),
+        replace(model, joint_names=tuple(reversed(model.joint_names))),
+        replace(model, faces=model.faces.flip(1)),
+    )
+    assert len({model.digest, *(one.digest for one in others)}) == 6

@@ -1,6 +1,9 @@
 """The embedded quadruped, from its asset."""
 
 import io
+import os
+import subprocess
+import sys
 from importlib import resources
 from pathlib import Path
 
@@ -408,3 +411,24 @@ def test_the_asset_is_what_the_tables_give(tmp_path: Path) -> None:
                     atol=steps,
                     err_msg=key,
                 )
+
+
+def test_the_body_is_the_same_to_the_bit_on_any_number_of_threads() -> None:
+    """Label caches are named by its numbers: one that is filled elsewhere must be found."""
+    code = (
+        "from animal3dbox.datasets.storage.fingerprint import content_digest;"
+        "from animal3dbox.smal import load_quadruped;"
+        "print(content_digest(load_quadruped()).hex())"
+    )
+    digests = set()
+    for count in ("1", "2", "3"):
+        threads = {"OMP_NUM_THREADS": count, "OPENBLAS_NUM_THREADS": count}
+        process = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, **threads},
+        )
+        digests.add(process.stdout)
+    assert len(digests) == 1
