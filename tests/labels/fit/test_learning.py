@@ -255,6 +255,21 @@ def test_a_label_by_what_was_learned_is_the_fits_and_says_so(
     assert np.array_equal(other.R.numpy(), plain.R.numpy())
 
 
+def test_fits_by_what_was_learned_are_the_same_alone_and_among_others(
+    animals: list[dict[str, Any]], lessons: Lessons
+) -> None:
+    some = [
+        {**animal, "calibration": lessons.calibration, "category": category}
+        for animal, category in zip(animals[:3], ("pony", "okapi", "pony"), strict=True)
+    ]
+    for one, among_others in zip(some, fit_many(some), strict=True):
+        alone = fit_many([one])[0]
+        assert isinstance(alone, FittedBody)
+        assert isinstance(among_others, FittedBody)
+        assert np.array_equal(alone.vertices, among_others.vertices)
+        assert np.array_equal(alone.landmarks, among_others.landmarks, equal_nan=True)
+
+
 def test_what_was_learned_with_another_body_or_other_keypoints_is_refused(
     animals: list[dict[str, Any]], lessons: Lessons
 ) -> None:
