@@ -199,6 +199,23 @@ def test_fits_with_what_was_learned_lie_nearer_to_their_keypoints(
     assert np.mean(after) < 0.8 * np.mean(before)
 
 
+def test_a_class_without_scatter_has_its_shape_and_other_classes_do_not(
+    animals: list[dict[str, Any]], lessons: Lessons
+) -> None:
+    stiff = Calibration(shapes=(replace(lessons.shapes["pony"], scatter=1e-4),))
+    pony, okapi = fit_many(
+        [
+            {**animals[0], "calibration": stiff, "category": category}
+            for category in ("pony", "okapi")
+        ]
+    )
+    assert isinstance(pony, FittedBody)
+    assert isinstance(okapi, FittedBody)
+    betas = np.array(stiff.shapes[0].betas)
+    assert np.abs(pony.betas - betas).max() < 1e-3
+    assert np.abs(okapi.betas - betas).max() > 0.05
+
+
 def test_doubtful_fits_count_for_nothing(animals: list[dict[str, Any]], lessons: Lessons) -> None:
     some = animals[:2]
     body, state = at_rest(some, lessons)
