@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
@@ -300,6 +301,25 @@ def test_what_was_learned_with_another_body_or_other_keypoints_is_refused(
         fit_animal(
             **{**animals[0], "calibration": Calibration(places=(replace(places, keypoints=names),))}
         )
+
+
+def test_another_model_is_learned_from_and_its_calibration_is_not_the_quadrupeds(
+    animals: list[dict[str, Any]],
+) -> None:
+    own = load_quadruped()
+    mixed = np.linalg.qr(np.random.default_rng(3).standard_normal((41, 25)))[0]
+    model = replace(own, shapedirs=own.shapedirs @ torch.from_numpy(mixed))
+    some = [{**animal, "model": model} for animal in animals[:4]]
+    first = first_lessons(
+        model, AP10K, places=True, presets={"pony": None}, animals={"pony": len(some)}
+    )
+    fits = found_fits([fit for fit in fit_many(some) if isinstance(fit, FittedBody)])
+    lessons, _ = solve_from_fits(with_means_of(first, some, fits), some, fits, LabelConfig())
+    calibration = lessons.calibration
+    assert len(calibration.shapes[0].betas) == model.beta_count
+    assert isinstance(fit_animal(**{**some[0], "calibration": calibration}), FittedBody)
+    with pytest.raises(ConfigError, match="were learned with another body"):
+        fit_animal(**{**animals[0], "calibration": calibration})
 
 
 def test_few_animals_or_nothing_to_learn_are_refused(animals: list[dict[str, Any]]) -> None:
