@@ -68,6 +68,9 @@ CONFIGS = {
     "10 % outliers": replace(OWN, faults=FaultConfig(noise_px=2.0, outliers=0.1)),
     "ap10k17": replace(OWN, world=replace(LARGE, vocabulary=VOCABULARIES["ap10k17"])),
     "foreign": FOREIGN,
+    "photo noise": replace(FOREIGN, faults=FaultConfig(noise_px=1.0, noise_extent=0.016)),
+    "occluded": replace(FOREIGN, occluded=1.0),
+    "other topology": replace(FOREIGN, surface="parts"),
 }
 LEARNED, FIRST_TAUGHT = 3, 1000
 """Datasets that are learned from, and the number of the first animal of each."""
@@ -131,6 +134,13 @@ SETTINGS: dict[str, tuple[str, Method]] = {
     "foreign: fit": ("foreign", fitted),
     "foreign: fit, no mask": ("foreign", lambda animal: fitted(animal, mask=None)),
     "foreign: fit, species known": ("foreign", lambda a: fitted(a, species=a.preset)),
+    "photo noise: fit": ("photo noise", fitted),
+    "photo noise: fit, no mask": ("photo noise", lambda animal: fitted(animal, mask=None)),
+    "occluded: fit": ("occluded", fitted),
+    "occluded: fit, no mask": ("occluded", lambda animal: fitted(animal, mask=None)),
+    "other topology: rigid dog": ("other topology", lambda animal: labelled(animal, "dog")),
+    "other topology: fit": ("other topology", fitted),
+    "other topology: fit, no mask": ("other topology", lambda a: fitted(a, mask=None)),
 }
 """Name of a setting -> its world and its method."""
 

@@ -27,9 +27,15 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.bodies.sources import ModelBody as ModelBody
     from animal3dbox.datasets.bodies.sources import ParametersBody as ParametersBody
     from animal3dbox.datasets.bodies.sources import preset_body as preset_body
+    from animal3dbox.datasets.exchange.animal3d_writer import (
+        write_animal3d_fits as write_animal3d_fits,
+    )
     from animal3dbox.datasets.exchange.coco_writer import write_coco as write_coco
+    from animal3dbox.datasets.exchange.fitted_animals import FittedAnimal as FittedAnimal
     from animal3dbox.datasets.exchange.kitti_writer import write_kitti as write_kitti
     from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d as write_omni3d
+    from animal3dbox.datasets.exchange.quadruped_file import read_quadruped as read_quadruped
+    from animal3dbox.datasets.exchange.quadruped_file import write_quadruped as write_quadruped
     from animal3dbox.datasets.format_datasets import Animal3DDataset as Animal3DDataset
     from animal3dbox.datasets.format_datasets import AnnotatedDataset as AnnotatedDataset
     from animal3dbox.datasets.format_datasets import CocoKeypointsDataset as CocoKeypointsDataset
@@ -73,9 +79,12 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "ParametersBody",
             "preset_body",
         ),
+        "exchange.animal3d_writer": ("write_animal3d_fits",),
         "exchange.coco_writer": ("write_coco",),
+        "exchange.fitted_animals": ("FittedAnimal",),
         "exchange.kitti_writer": ("write_kitti",),
         "exchange.omni3d_writer": ("write_omni3d",),
+        "exchange.quadruped_file": ("read_quadruped", "write_quadruped"),
         "format_datasets": (
             "Animal3DDataset",
             "AnnotatedDataset",

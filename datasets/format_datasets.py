@@ -6,6 +6,7 @@ Each reads its annotations and leaves the rest to LabelDataset.
 from pathlib import Path
 from typing import ClassVar, Literal, Unpack, get_args
 
+from animal3dbox.datasets.bodies.fitted import FIT
 from animal3dbox.datasets.bodies.mesh_folder import MeshFolderBodies
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.bodies.sources import BodySource, ParametersBody
@@ -34,7 +35,8 @@ class AnnotatedDataset(LabelDataset):
         format: of datasets.formats.FORMATS, or "auto".
         split: "train", "test" or "all" of a format whose folder holds its splits (Animal3D).
         images: the folder that image paths are relative to, if not the usual one.
-        model: the SMAL file of the dataset's own parameters or meshes.
+        model: the SMAL file of the dataset's own parameters or meshes; with body="fit" the model
+            that is fitted.
         vocabulary: what the keypoints are, if their names do not tell: a vocabulary, its name, or a
             TOML file.
         body: one body for all animals, a preset's name, a model's file or a source; None: the
@@ -76,13 +78,14 @@ class AnnotatedDataset(LabelDataset):
         folder, file = (None if p is None else Path(p) for p in (images, model))
         if isinstance(vocabulary, str):
             vocabulary = vocabulary_of_option(vocabulary)
+        fitted = file if body == FIT else None
         self.root, self.split = Path(root), split
         dataset = read_dataset(
             _split_file(self.root, format, split),
             format,
-            ReadOptions(folder, file, vocabulary, focal_px),
+            ReadOptions(folder, None if fitted is not None else file, vocabulary, focal_px),
         )
-        own_body = body_source(body) if isinstance(body, str) else body
+        own_body = body_source(body, model=fitted) if isinstance(body, str) else body
         bodies = bodies_for(dataset, own_body)
         if isinstance(bodies, ParametersBody | MeshFolderBodies):
             bodies = bodies.packed()

@@ -26,6 +26,7 @@ from animal3dbox.datasets.labelling.image_targets import (
     image_target,
     partial_case,
 )
+from animal3dbox.datasets.labelling.keypoint_places import Misplaced
 from animal3dbox.datasets.labelling.label_records import CameraPolicy, Outcome, check_camera_policy
 from animal3dbox.datasets.labelling.label_store import LabelStore, fault_case
 from animal3dbox.datasets.labelling.load_report import Case, CaseFile, LoadReport
@@ -71,6 +72,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         stored_cameras: whether a camera that a dataset stores for its bodies is one "hypothesis"
             among others, or "exact"; animals without a stored one get theirs estimated all the
             same, and ``quality`` says so.
+        misplaced: whether keypoints beside the frame, or beside the animal's own box or mask, are a
+            "fault", or a "flag" of its label.
         cache: folder of the label cache; None: none.
         masks: whether targets hold masks, of images whose every animal has one.
         report_to: file that cases are appended to; None: a temporary one.
@@ -109,6 +112,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         transform: TransformCall | None = None,
         scale: ScaleSource | None = None,
         stored_cameras: CameraPolicy = "hypothesis",
+        misplaced: Misplaced = "fault",
         cache: Path | str | None = None,
         masks: bool = True,
         report_to: Path | str | None = None,
@@ -140,6 +144,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             config,
             scale=scale,
             stored_cameras=stored_cameras,
+            misplaced=misplaced,
             cache=cache,
             reuse=reuse,
             calibration=learned,

@@ -68,7 +68,7 @@ def _world(job: EvaluateJob) -> Evaluation:
 
 def _dataset(job: EvaluateJob, path: Path) -> Evaluation:
     own_body = job.body.source(job.dataset.model)
-    dataset = read_dataset(path, job.dataset.format, job.dataset.read_options())
+    dataset = read_dataset(path, job.dataset.format, job.body.read_options(job.dataset))
     bodies = bodies_for(dataset, own_body)
     for note in dataset.records.notes:
         print(note, file=sys.stderr)

@@ -5,19 +5,25 @@ from pathlib import Path
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import ExportJob
+from animal3dbox.datasets.exchange.animal3d_writer import check_fits_of_model, write_animal3d_fits
 from animal3dbox.datasets.exchange.coco_writer import write_coco
 from animal3dbox.datasets.exchange.export import ExportSummary, in_metres
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
+from animal3dbox.datasets.exchange.quadruped_file import write_quadruped
 from animal3dbox.datasets.formats import path_summary
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.report.label_cuboids import read_label_cuboids
 from animal3dbox.report.label_files import labels_file
+from animal3dbox.report.label_fits import read_label_fits
+from animal3dbox.smal.files.model_files import load_model
 
 FILE_NAME = "annotations.json"
-"""Name of the JSON if --out is a folder."""
+"""Name of the JSON of cuboids if --out is a folder."""
+FITS = ("animal3d", "quadruped")
+"""Formats of fitted bodies' parameters; the others are of cuboids."""
 
 
 def run_export(job: ExportJob) -> ExitCode:
@@ -26,6 +32,10 @@ def run_export(job: ExportJob) -> ExitCode:
         raise ConfigError(
             "--metres-per-unit says the scale, --scale-free that there is none: give one of them"
         )
+    if job.to in FITS:
+        return _export_fits(job)
+    if job.model is not None:
+        raise ConfigError("--model is for --to animal3d, which poses the fits of a SMAL model")
     cuboids = read_cuboids(job.path, job.images)
     if not cuboids.records and not cuboids.images:
         raise DatasetFormatError(
@@ -46,6 +56,40 @@ def run_export(job: ExportJob) -> ExitCode:
     for fault in faults:
         print(f"  faulty: {fault}", file=sys.stderr)
     return ExitCode.FAULTY if faults else ExitCode.OK
+
+
+def _export_fits(job: ExportJob) -> ExitCode:
+    """Write the parameters of fitted bodies, and say what has none."""
+    for name, value in (
+        ("--images", job.images),
+        ("--metres-per-unit", job.metres_per_unit),
+        ("--scale-free", job.scale_free or None),
+    ):
+        if value is not None:
+            raise ConfigError(f"{name} is for cuboids: fits are written in their body's unit")
+    if not is_labels(job.path):
+        raise ConfigError(f"--to {job.to} writes the fits of labels, and {job.path} is none")
+    if job.to == "quadruped" and job.model is not None:
+        raise ConfigError("--model is for --to animal3d: fits of the quadruped need none")
+    animals, faults, without = read_label_fits(job.path)
+    if job.to == "quadruped":
+        exported = write_quadruped(animals, _json_path(job, "fits.json"))
+    elif job.model is None:
+        check_fits_of_model(animals)
+        raise ConfigError("--to animal3d needs --model, the SMAL model that was fitted")
+    else:
+        path = _json_path(job, "train.json")
+        exported = write_animal3d_fits(animals, path, load_model(job.model))
+    print(
+        f"{exported.boxes} fitted bodies in {exported.images} images written as {job.to}:"
+        f" {exported.files[0]}"
+    )
+    notes = [f"{without} animals have labels of other bodies, which are not written"]
+    for note in (*exported.notes, *(notes if without else ())):
+        print(f"warning: {note}", file=sys.stderr)
+    for fault in (*faults, *exported.faults):
+        print(f"  faulty: {fault}", file=sys.stderr)
+    return ExitCode.FAULTY if faults or exported.faults else ExitCode.OK
 
 
 def read_cuboids(path: Path, images: Path | None = None) -> CuboidSet:
@@ -96,11 +140,13 @@ def _written(cuboids: CuboidSet, job: ExportJob) -> ExportSummary:
         if job.out.is_file():
             raise ConfigError(f"--out {job.out} is a file: KITTI is a folder")
         return write_kitti(cuboids, job.out, scale_free=job.scale_free)
-    path = (
-        job.out
-        if job.out.suffix.lower() == ".json" and not job.out.is_dir()
-        else job.out / FILE_NAME
-    )
+    path = _json_path(job, FILE_NAME)
     if job.to == "coco":
         return write_coco(cuboids, path)
     return write_omni3d(cuboids, path, scale_free=job.scale_free)
+
+
+def _json_path(job: ExportJob, name: str) -> Path:
+    """The JSON file that --out names, or one of a name in that folder."""
+    is_file = job.out.suffix.lower() == ".json" and not job.out.is_dir()
+    return job.out if is_file else job.out / name

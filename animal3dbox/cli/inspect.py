@@ -9,12 +9,19 @@ from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import InspectJob
 from animal3dbox.datasets.inspection.inspect import inspect_dataset
 from animal3dbox.datasets.inspection.text import as_text
+from animal3dbox.errors import ConfigError
 
 
 def run_inspect(job: InspectJob) -> ExitCode:
     """Print what a copy of a dataset holds, in words or as JSON."""
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
-    inspection = inspect_dataset(job.path, job.dataset.format, job.dataset.read_options())
+    if job.fits and job.dataset.model is None:
+        raise ConfigError(
+            "--fits compares stored parameters with fits: give --model, whose they are"
+        )
+    inspection = inspect_dataset(
+        job.path, job.dataset.format, job.dataset.read_options(), fits=job.fits
+    )
     text = msgspec.json.encode(inspection).decode() + "\n" if job.json else as_text(inspection)
     sys.stdout.write(text)
     return ExitCode.FAULTY if inspection.faults.count else ExitCode.OK

@@ -71,6 +71,10 @@ class LabelJob:
     cache: CacheOptions
     calibration: Path | None = None
     """what `animal3dbox calibrate` learned of this dataset; for bodies without a template"""
+    misplaced: Literal["fault", "flag"] = "fault"
+    """keypoints beside the frame, or the animal's own box or mask: an error, or a flag"""
+    outline: bool = True
+    """draw the outlines of fitted bodies into the pictures"""
     json: bool = False
     """print report.json instead of words; no progress bar"""
 
@@ -140,15 +144,19 @@ class EvaluateJob:
 class ExportJob:
     """Write cuboids for other tools: Omni3D json, COCO keypoints or KITTI text files.
 
+    Or the parameters of fitted bodies: Animal3D json of a SMAL model's, our own of the quadruped's.
+
     Example: animal3dbox export labels --to omni3d --out omni3d.json
     """
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
     """labels.json, the folder that label wrote, or a JSON in Omni3D's format"""
-    to: Literal["omni3d", "coco", "kitti"]
+    to: Literal["omni3d", "coco", "kitti", "animal3d", "quadruped"]
     """the format to write"""
     out: Path
-    """folder, or for omni3d and coco a .json file"""
+    """folder, or but for kitti a .json file"""
+    model: Path | None = None
+    """for animal3d: the SMAL model that was fitted (.pkl, .safetensors)"""
     images: Path | None = None
     """folder that an Omni3D file's image paths are relative to"""
     metres_per_unit: float | None = None
@@ -193,6 +201,8 @@ class InspectJob:
     path: Annotated[Positional[Path], arg(metavar="PATH")]
     """a dataset's folder or its annotation file"""
     dataset: KeypointDatasetOptions
+    fits: bool = False
+    """with --model: compare stored parameters with bodies fitted here, of 200 animals at most"""
     json: bool = False
     """print JSON (docs/formats.md) instead of words"""
 

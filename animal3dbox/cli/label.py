@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import LabelJob
+from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.images.photos import Photo, read_photo
@@ -28,6 +29,43 @@ AT_ONCE = 16
 
 def run_label(job: LabelJob) -> ExitCode:
     """Label the animals of a dataset and write labels, pictures and a report."""
+    out = _checked_folder(job)
+    torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
+    calibration = calibration_of(job.calibration)
+    own_body = job.body.source(job.dataset.model)
+    options = job.body.read_options(job.dataset, job.camera.focal_px)
+    dataset = read_dataset(job.path, job.dataset.format, options)
+    bodies, records = bodies_for(dataset, own_body), dataset.records
+    for note in records.notes:
+        print(note, file=sys.stderr)
+    check_camera_policy(
+        job.camera.stored_camera,
+        any(has_camera(record) for record in records.records),
+        records.notes,
+    )
+    writer = RunWriter(
+        out,
+        source=str(job.path),
+        body=bodies.name,
+        config=job.config,
+        fitted=bodies.model if job.outline and isinstance(bodies, FittedBodies) else None,
+    )
+    writer.add(records.faults)
+    progress = tqdm(
+        total=len(records.records), desc="labelling", unit="animal", disable=job.json or None
+    )
+    for first in range(0, len(records.records), AT_ONCE):
+        batch = records.records[first : first + AT_ONCE]
+        writer.add(_labelled(batch, bodies, job, calibration))
+        progress.update(len(batch))
+    progress.close()
+    summary = writer.finish()
+    _print(summary, job, out)
+    return ExitCode.FAULTY if summary.faulty else ExitCode.OK
+
+
+def _checked_folder(job: LabelJob) -> Path:
+    """The folder that is written to; raises a ConfigError for options that are for a cache."""
     if job.out is None:
         raise ConfigError(
             "give --out for labels, pictures and a report, or --cache to fill a Dataset's label"
@@ -40,34 +78,9 @@ def run_label(job: LabelJob) -> ExitCode:
     ):
         if value:
             raise ConfigError(f"{name} is for filling a label cache: give --cache, or leave it out")
-    torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
-    calibration = calibration_of(job.calibration)
-    own_body = job.body.source(job.dataset.model)
-    options = job.dataset.read_options(job.camera.focal_px)
-    dataset = read_dataset(job.path, job.dataset.format, options)
-    bodies, records = bodies_for(dataset, own_body), dataset.records
-    for note in records.notes:
-        print(note, file=sys.stderr)
-    check_camera_policy(
-        job.camera.stored_camera,
-        any(has_camera(record) for record in records.records),
-        records.notes,
-    )
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
-    writer = RunWriter(job.out, source=str(job.path), body=bodies.name, config=job.config)
-    writer.add(records.faults)
-    progress = tqdm(
-        total=len(records.records), desc="labelling", unit="animal", disable=job.json or None
-    )
-    for first in range(0, len(records.records), AT_ONCE):
-        batch = records.records[first : first + AT_ONCE]
-        writer.add(_labelled(batch, bodies, job, calibration))
-        progress.update(len(batch))
-    progress.close()
-    summary = writer.finish()
-    _print(summary, job, job.out)
-    return ExitCode.FAULTY if summary.faulty else ExitCode.OK
+    return job.out
 
 
 def _labelled(
@@ -92,6 +105,7 @@ def _labelled(
         scale=job.scale_source,
         stored_cameras=job.camera.stored_camera,
         calibration=calibration,
+        misplaced=job.misplaced,
     )
     for place, outcome in zip(requests, outcomes, strict=True):
         if isinstance(outcome, SampleError):

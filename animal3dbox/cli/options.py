@@ -48,7 +48,8 @@ class DatasetOptions:
     images: Path | None = None
     """folder that the image paths are relative to"""
     model: Path | None = None
-    """the SMAL model (.pkl, .safetensors) of the dataset's own parameters or meshes"""
+    """the SMAL model (.pkl, .safetensors) of the dataset's own parameters or meshes; with
+    --body fit the model that is fitted"""
 
     def read_options(self, focal_px: float | None = None) -> "ReadOptions":
         """The options as `read_dataset` takes them.
@@ -99,7 +100,8 @@ class BodyOptions:
     a mesh file; or "fit", a body fitted to each animal's keypoints and mask, which is the default
     without --model"""
     landmarks: Path | None = None
-    """JSON with the mesh file's landmarks (docs/formats.md)"""
+    """JSON with the landmarks of the mesh file, or of a fitted model that is not SMAL's mesh
+    (docs/formats.md)"""
     species: str = "auto"
     """of fitted animals: a preset of the quadruped, by each one's category, or unknown"""
 
@@ -107,24 +109,44 @@ class BodyOptions:
         """The one body of all animals, or None where the options name none.
 
         Args:
-            model: the dataset's own model, which excludes one body for all.
+            model: --model: with "fit" the model that is fitted, else the dataset's own, which
+                excludes one body for all.
 
         Raises:
             ConfigError: an unknown body, or a body and a model.
-            ModelFileError: the body's file is refused.
+            ModelFileError: the body's or the model's file is refused.
 
         """
         from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 
         if self.name is None and self.landmarks is None and self.species == "auto":
             return None
-        source = body_source(self.name or DEFAULT_BODY, self.landmarks, species=self.species)
-        if model is not None:
+        name = self.name or DEFAULT_BODY
+        source = body_source(
+            name, self.landmarks, species=self.species, model=model if self.fits else None
+        )
+        if model is not None and not self.fits:
             raise ConfigError(
                 "--model takes each animal's own body from the dataset's parameters, --body one"
-                " for all: give one of them"
+                " for all: give one of them, or --body fit, which fits the model"
             )
         return source
+
+    @property
+    def fits(self) -> bool:
+        """Whether the options ask for fitted bodies in so many words."""
+        return self.name == "fit"
+
+    def read_options(self, dataset: DatasetOptions, focal_px: float | None = None) -> "ReadOptions":
+        """How the dataset is read beside these bodies: without the model if that is fitted.
+
+        Args:
+            dataset: its options.
+            focal_px: of every image without a camera of its own.
+
+        """
+        options = dataset.read_options(focal_px)
+        return replace(options, model=None) if self.fits else options
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from animal3dbox.labels.fit.fitted_body import FitHypothesis as FitHypothesis
     from animal3dbox.labels.fit.fitted_body import FittedBody as FittedBody
     from animal3dbox.labels.fit.learning.rounds import learn_bodies as learn_bodies
+    from animal3dbox.labels.fit_parameters import FitParameters as FitParameters
+    from animal3dbox.labels.fit_parameters import fitted_vertices as fitted_vertices
     from animal3dbox.labels.label import label_animal as label_animal
     from animal3dbox.labels.label import label_many as label_many
     from animal3dbox.labels.pose.estimate import estimate_pose as estimate_pose
@@ -75,6 +77,10 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "fit.fitted_body": (
             "FitHypothesis",
             "FittedBody",
+        ),
+        "fit_parameters": (
+            "FitParameters",
+            "fitted_vertices",
         ),
         "fit.learning.rounds": ("learn_bodies",),
         "label": (

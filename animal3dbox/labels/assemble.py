@@ -107,6 +107,7 @@ def _assemble_alike(drafts: Sequence[LabelDraft]) -> list[CuboidLabel]:
             keypoints_2d=draft.observation.keypoints_2d,
             quality=qualities[i],
             lens=None if distortion is None else distortion.copy(),
+            fit=draft.observation.fit,
         )
         for i, draft in enumerate(drafts)
     ]

@@ -41,7 +41,7 @@ class PlacementPitch:
         animals: how many it was learned from.
 
     Example:
-        >>> PlacementPitch("ap10k17", None, "tail_base to shoulder_point", -12.5, 40).animals
+        >>> PlacementPitch("animalpose20", None, "tail_base to withers", -12.5, 40).animals
         40
     """
 

@@ -21,6 +21,7 @@ from animal3dbox.labels.argument_checks import ArgumentChecks
 from animal3dbox.labels.body import Array, ArrayLike, Body
 from animal3dbox.labels.calibration import Calibration, calibration_of
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.fit_parameters import FitParameters
 from animal3dbox.labels.loose_vertices import without_loose_vertices
 from animal3dbox.labels.mesh_landmarks import SMAL_NOTE, template_landmarks, topology_landmarks
 from animal3dbox.labels.pose.problem import PoseEstimate
@@ -61,6 +62,7 @@ class Observation:
         species: the animal's category, by which a calibration tells animals apart; None if unknown.
         calibration: what its dataset taught; None if nothing was asked for.
         body_source: see Quality.body.
+        fit: the parameters of a body that was fitted to the picture; None of any other.
         body_calibration: digest of the calibration that had a part in a fitted body; None without.
     """
 
@@ -83,6 +85,7 @@ class Observation:
     species: str | None = None
     calibration: Calibration | None = None
     body_source: str = "given"
+    fit: FitParameters | None = None
     body_calibration: str | None = None
 
     @property

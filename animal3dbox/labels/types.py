@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.geometry.cuboid import FACE_NAMES, Cuboid
+from animal3dbox.labels.fit_parameters import FitParameters
 from animal3dbox.labels.flank import FLANKS, Flank
 from animal3dbox.labels.label_row import Array, row_field, with_fields
 
@@ -41,18 +42,13 @@ FLAGS = {
     "from_below": "the camera would stand far below the animal's own plane",
     "rolled": "the camera would be rolled by more than 45 degrees against the animal",
     "uncertain": "the rotation's standard deviation is more than 15 degrees",
+    "misplaced": "the keypoints lie beside the frame, or the animal's own box or mask",
 }
 """Words of Quality.flags, and what they say."""
 
 VIEWPOINTS = (
-    "front",
-    "front-left",
-    "left",
-    "back-left",
-    "back",
-    "back-right",
-    "right",
-    "front-right",
+    *("front", "front-left", "left", "back-left"),
+    *("back", "back-right", "right", "front-right"),
 )
 """Side of the animal that faces the camera, by eighths of a turn from its front towards its left.
 """
@@ -155,6 +151,7 @@ class CuboidLabel:
             and t were made metric; None: they are in its unit.
         scale_source: what tells the scale ("dataset", "user", "species:<name>", "altitude"), or
             "unknown".
+        fit: the parameters of the body that was fitted to the picture; None of any other body.
 
     Example:
         >>> from animal3dbox.datasets.synthetic import synthetic_animal
@@ -175,6 +172,7 @@ class CuboidLabel:
     lens: Array | None = None
     scale_m_per_unit: float | None = None
     scale_source: str = "unknown"
+    fit: FitParameters | None = None
 
     def field(self, name: str) -> Array:
         """A field of label_row.LAYOUT in its shape, as NumPy: a view that nothing may write to."""

@@ -33,10 +33,12 @@ if TYPE_CHECKING:
     from animal3dbox.report.gallery import write_gallery as write_gallery
     from animal3dbox.report.label_cuboids import read_label_cuboids as read_label_cuboids
     from animal3dbox.report.label_files import AnimalRow as AnimalRow
+    from animal3dbox.report.label_files import FitRow as FitRow
     from animal3dbox.report.label_files import LabelFile as LabelFile
     from animal3dbox.report.label_files import RejectedRow as RejectedRow
     from animal3dbox.report.label_files import animal_row as animal_row
     from animal3dbox.report.label_files import write_labels_json as write_labels_json
+    from animal3dbox.report.label_fits import read_label_fits as read_label_fits
     from animal3dbox.report.label_reading import read_label_rows as read_label_rows
     from animal3dbox.report.label_reading import read_labels_json as read_labels_json
     from animal3dbox.report.label_table import write_labels_csv as write_labels_csv
@@ -56,11 +58,13 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "label_cuboids": ("read_label_cuboids",),
         "label_files": (
             "AnimalRow",
+            "FitRow",
             "LabelFile",
             "RejectedRow",
             "animal_row",
             "write_labels_json",
         ),
+        "label_fits": ("read_label_fits",),
         "label_table": ("write_labels_csv",),
         "label_reading": ("read_label_rows", "read_labels_json"),
         "label_targets": ("target_of_row",),

@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import msgspec
+import numpy as np
 
 from animal3dbox.errors import DatasetFormatError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
+from animal3dbox.labels.fit_parameters import Array, FitParameters
 from animal3dbox.labels.flank import Flank
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.target_schema import FILE_FIELDS, Field
@@ -51,8 +53,42 @@ else:
     )
 
 
+class FitRow(msgspec.Struct, kw_only=True):
+    """The parameters of a body that was fitted to the picture; see FitParameters.
+
+    Its camera is the row's R, t and K.
+
+    Attributes:
+        body: "quadruped", "quadruped:<species>" or "model".
+        digest: of the body's model.
+        vocabulary: the keypoints' name.
+        betas: shape.
+        pose: (J, 3) axis-angle in radians, root first.
+        keypoints: x, y in px and visibility of each keypoint, as used.
+
+    Example:
+        >>> row = FitRow(
+        ...     body="model", digest="0", vocabulary="animal3d26", betas=[], pose=[], keypoints=[])
+        >>> row.parameters.is_of_quadruped
+        False
+    """
+
+    body: str
+    digest: str
+    vocabulary: str
+    betas: list[float]
+    pose: list[tuple[float, float, float]]
+    keypoints: list[tuple[float, float, float]]
+
+    @property
+    def parameters(self) -> FitParameters:
+        """The same as labels have it."""
+        betas, pose = np.array(self.betas), np.array(self.pose).reshape(-1, 3)
+        return FitParameters(self.body, self.digest, self.vocabulary, betas, pose)
+
+
 class AnimalRow(_Numbers, kw_only=True):
-    """One labelled animal; see docs/formats.md.
+    """One labelled animal; see docs/formats.md. Only of a fitted body is there a `fit`.
 
     Besides what is written here, it has every field of target_schema.FILE_FIELDS.
 
@@ -77,6 +113,7 @@ class AnimalRow(_Numbers, kw_only=True):
     scale_m_per_unit: float | None = None
     scale_source: str = "unknown"
     distortion: list[float] | None = None
+    fit: FitRow | msgspec.UnsetType = msgspec.UNSET
 
 
 class RejectedRow(msgspec.Struct, kw_only=True):
@@ -167,6 +204,19 @@ def animal_row(label: CuboidLabel, *, image: str, animal: int, category: str) ->
         scale_m_per_unit=label.scale_m_per_unit,
         scale_source=label.scale_source,
         distortion=None if label.lens is None else label.lens.tolist(),
+        fit=msgspec.UNSET if label.fit is None else _fit_row(label.fit, label.keypoints_2d),
+    )
+
+
+def _fit_row(fit: FitParameters, keypoints: Array | None) -> FitRow:
+    """The row of a fit to keypoints (J, 3)."""
+    return FitRow(
+        body=fit.body,
+        digest=fit.digest,
+        vocabulary=fit.vocabulary,
+        betas=fit.betas.tolist(),
+        pose=[(x, y, z) for x, y, z in fit.pose.tolist()],
+        keypoints=[] if keypoints is None else [(x, y, v) for x, y, v in keypoints.tolist()],
     )
 
 

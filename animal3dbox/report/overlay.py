@@ -12,6 +12,8 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import EDGES, FACE_NAMES, FACES, Cuboid
 from animal3dbox.geometry.polygon import clip_to_near
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.report.fitted_outline import draw_fitted_outline
+from animal3dbox.smal.model import SmalModel
 
 Picture = NDArray[np.uint8]
 
@@ -29,12 +31,14 @@ SHIFT = 4
 """Bits of OpenCV's fixed-point coordinates."""
 
 
-def draw_label(image: Picture, label: CuboidLabel) -> Picture:
+def draw_label(image: Picture, label: CuboidLabel, fitted: SmalModel | None = None) -> Picture:
     """The picture with the label's cuboid, keypoints and words; a new array.
 
     Args:
         image: (H, W, 3) uint8 RGB of the label's size.
         label: what to draw.
+        fitted: the model that was fitted, whose outline is drawn beneath the cuboid; None: no
+            outline.
 
     Returns:
         (H', W', 3) uint8 RGB; enlarged if it was small.
@@ -52,6 +56,8 @@ def draw_label(image: Picture, label: CuboidLabel) -> Picture:
         (428, 480, 3)
     """
     canvas, factor = enlarged(image)
+    if fitted is not None:
+        draw_fitted_outline(canvas, label, fitted, factor=factor, width=thickness(canvas))
     draw_cuboid(canvas, label.cuboid, label.K, factor)
     if label.keypoints is not None:
         radius = 3 * thickness(canvas) << SHIFT

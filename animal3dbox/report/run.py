@@ -27,6 +27,7 @@ from animal3dbox.report.label_files import (
 from animal3dbox.report.label_table import write_labels_csv
 from animal3dbox.report.overlay import draw_label
 from animal3dbox.report.summary import Summary, flags_of, summarize
+from animal3dbox.smal.model import SmalModel
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ def write_run(
     source: str,
     body: str,
     config: LabelConfig,
+    fitted: SmalModel | None = None,
 ) -> Summary:
     """Label files, overlays, gallery and report of finished results; see RunWriter.
 
@@ -72,7 +74,7 @@ def write_run(
         ...     summary.reasons, sorted(path.name for path in Path(folder).glob("*.json"))
         ({'no_pose': 1}, ['labels.json', 'report.json'])
     """
-    writer = RunWriter(out, source=source, body=body, config=config)
+    writer = RunWriter(out, source=source, body=body, config=config, fitted=fitted)
     writer.add(results)
     return writer.finish()
 
@@ -85,18 +87,28 @@ class RunWriter:
         source: the dataset, for the page's title.
         body: the body source's name.
         config: how the labels were made.
+        fitted: the model that was fitted, whose outlines the pictures show; None: no outlines.
 
     Raises:
         ConfigError: the folder cannot be made.
 
     """
 
-    def __init__(self, out: Path, *, source: str, body: str, config: LabelConfig) -> None:
+    def __init__(
+        self,
+        out: Path,
+        *,
+        source: str,
+        body: str,
+        config: LabelConfig,
+        fitted: SmalModel | None = None,
+    ) -> None:
         try:
             (out / "overlays").mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ConfigError(f"the results' folder {out} cannot be made: {error}") from error
         self.out, self.source, self.body, self.config = out, source, body, config
+        self.fitted = fitted
         self._animals: list[AnimalRow] = []
         self._flags: list[tuple[str, ...]] = []
         self._rejected: list[RejectedRow] = []
@@ -165,7 +177,7 @@ class RunWriter:
         )
 
     def _add_label(self, result: Labelled, label: CuboidLabel, number: int) -> None:
-        picture, flags = draw_label(result.picture, label), flags_of(label)
+        picture, flags = draw_label(result.picture, label, self.fitted), flags_of(label)
         name = overlay_name(result.image_id, number, self._overlay_names)
         overlay = f"overlays/{name}"
         write_whole(self.out / overlay, _png(picture))

@@ -5,6 +5,7 @@ Example:
     (0, 1, 2, 3, 4, 5, 6)
 """
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
@@ -139,6 +140,21 @@ class SmalModel:
     def beta_count(self) -> int:
         """The number S of shape columns."""
         return self.shapedirs.shape[2]
+
+    @cached_property
+    def digest(self) -> str:
+        """32 hexadecimal digits that name the model's content: its numbers, names and landmarks."""
+        content = hashlib.blake2b(digest_size=16)
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if isinstance(value, Tensor):
+                array = np.ascontiguousarray(as_numpy(value.detach().cpu()))
+                content.update(f"{one.name} {array.dtype.str} {array.shape}".encode())
+                content.update(array.data)
+            else:
+                named = list(value.items()) if isinstance(value, Mapping) else value
+                content.update(f"{one.name} {named!r}".encode())
+        return content.hexdigest()
 
     def to(self, dtype: torch.dtype, device: torch.device | str | None = None) -> "SmalModel":
         """The same model in another floating-point type or on another device."""

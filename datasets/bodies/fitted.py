@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from animal3dbox.datasets.bodies.sources import ModelBody, model_digest, preset_body
+from animal3dbox.datasets.bodies.sources import ModelBody, preset_body
 from animal3dbox.datasets.bodies.species import (
     AUTO,
     UNKNOWN,
@@ -11,6 +11,7 @@ from animal3dbox.datasets.bodies.species import (
 )
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import digest
+from animal3dbox.errors import ConfigError
 from animal3dbox.labels.body import Body
 from animal3dbox.labels.fit.fitted_observation import ENOUGH_KEYPOINTS
 from animal3dbox.smal.model import SmalModel
@@ -35,7 +36,8 @@ class FittedBodies:
             species.py); "unknown": of none.
 
     Raises:
-        ConfigError: there is no such species.
+        ConfigError: there is no such species, or a species is given of a model of the user's, which
+            has no presets, or the model has no landmarks.
 
     Example:
         >>> FittedBodies(load_quadruped()).name
@@ -47,6 +49,12 @@ class FittedBodies:
 
     def __post_init__(self) -> None:
         check_species(self.species)
+        ModelBody(self.model, FIT)  # which refuses a model without landmarks
+        if self.model is not load_quadruped() and self.species not in (AUTO, UNKNOWN):
+            raise ConfigError(
+                f"species={self.species!r} is a preset of the embedded quadruped's, which another"
+                " model has not: leave it out"
+            )
 
     @property
     def name(self) -> str:
@@ -56,7 +64,7 @@ class FittedBodies:
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model, and that it is fitted."""
-        return digest(model_digest(self.model), FIT.encode(), self.species.encode())
+        return digest(self.model.digest.encode(), FIT.encode(), self.species.encode())
 
     @property
     def lasting(self) -> bool:

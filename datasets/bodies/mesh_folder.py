@@ -10,7 +10,6 @@ from torch import Tensor
 
 from animal3dbox.datasets.bodies.mesh_file import Place, keypoints_of
 from animal3dbox.datasets.bodies.mesh_formats import read_mesh, read_npz
-from animal3dbox.datasets.bodies.sources import model_digest
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.storage.packed import PackedMapping
@@ -72,7 +71,8 @@ class MeshFolderBodies:
     def fingerprint(self) -> bytes:
         """Digest of the landmarks and the model, which all meshes share."""
         return digest(
-            content_digest(self.landmarks), b"" if self.model is None else model_digest(self.model)
+            content_digest(self.landmarks),
+            b"" if self.model is None else self.model.digest.encode(),
         )
 
     def packed(self) -> "MeshFolderBodies":

@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from animal3dbox.datasets.bodies.fitted import FIT, STAND_IN, FittedBodies
-from animal3dbox.datasets.bodies.mesh_file import load_mesh_body
+from animal3dbox.datasets.bodies.mesh_file import load_mesh_body, read_landmarks
 from animal3dbox.datasets.bodies.sources import BodySource, ModelBody, preset_body
 from animal3dbox.datasets.bodies.species import AUTO
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import load_model
+from animal3dbox.smal.model import SmalModel
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 DEFAULT_BODY = FIT
@@ -16,24 +17,35 @@ PRESET = "preset"
 """The word for the rigid preset that stands in where no body can be fitted."""
 
 
-def body_source(body: str, landmarks: Path | None = None, *, species: str = AUTO) -> BodySource:
+def body_source(
+    body: str,
+    landmarks: Path | None = None,
+    *,
+    species: str = AUTO,
+    model: Path | None = None,
+) -> BodySource:
     """The source of bodies that the command line's --body and --landmarks name.
 
     Args:
         body: a preset's name, "preset" for the usual one, "fit" for a body fitted to each animal, a
             model's file (.pkl or .safetensors), or a mesh file.
-        landmarks: where the mesh file has its landmarks, see load_mesh_body.
+        landmarks: where the mesh file has its landmarks, see load_mesh_body; of a pickle that is
+            fitted and has none of its own, lists of vertex ids.
         species: of fitted animals, see FittedBodies.
+        model: with "fit", the file of the model that is fitted; None: the embedded quadruped.
 
     Raises:
-        ConfigError: a mesh file without landmarks, an unknown preset or species, or a species for
-            bodies that are not fitted.
+        ConfigError: a mesh file without landmarks, an unknown preset or species, or a species or a
+            model for bodies that are not fitted.
+        ModelFileError: the model's file is refused.
 
     """
-    if species != AUTO and (body != FIT or landmarks is not None):
+    if body == FIT:
+        return FittedBodies(_fitted_model(model, landmarks), species)
+    if species != AUTO:
         raise ConfigError(f"species={species!r} is for fitted bodies: leave it out, or {body!r}")
-    if body == FIT and landmarks is None:
-        return FittedBodies(load_quadruped(), species)
+    if model is not None:
+        raise ConfigError(f"a model is for fitted bodies, and {body!r} is none: leave one of them")
     if landmarks is not None:
         return load_mesh_body(Path(body), landmarks)
     if Path(body).suffix.lower() in (".pkl", ".safetensors"):
@@ -44,3 +56,18 @@ def body_source(body: str, landmarks: Path | None = None, *, species: str = AUTO
             " its tail"
         )
     return preset_body(STAND_IN if body == PRESET else body)
+
+
+def _fitted_model(path: Path | None, landmarks: Path | None) -> SmalModel:
+    """The model that is fitted, with the landmarks of a file where it has none of its own."""
+    if path is None:
+        if landmarks is not None:
+            raise ConfigError("the embedded quadruped has landmarks of its own: give a --model too")
+        return load_quadruped()
+    if landmarks is None:
+        return load_model(path)
+    places = read_landmarks(landmarks)
+    ids = {name: tuple(place) for name, place in places.items() if not isinstance(place, dict)}
+    if len(ids) < len(places):
+        raise ConfigError(f"{landmarks} must name vertex ids: a model's landmarks move with it")
+    return load_model(path, ids)

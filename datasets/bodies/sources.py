@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -23,6 +24,7 @@ from animal3dbox.smal.model import SmalModel, trunk_rotation
 from animal3dbox.smal.parameters import SmalParameters, posed_bodies
 from animal3dbox.smal.quadruped.poses import POSES, named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped, preset_betas
+from animal3dbox.smal.quadruped.rest_pose import rest_alignment
 
 BREED = 0.02
 """Difference between one animal of a species and its preset, in body lengths.
@@ -94,13 +96,13 @@ class ModelBody:
         if not self.model.landmarks:
             raise ConfigError(
                 f"{self.name} has no landmarks, so no keypoint has a place on it: give them to"
-                " load_model and convert it again"
+                " load_model and convert it again, or name them with --landmarks if it is fitted"
             )
 
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model and its shape."""
-        return digest(model_digest(self.model), content_digest(self.betas))
+        return digest(self.model.digest.encode(), content_digest(self.betas))
 
     @property
     def lasting(self) -> bool:
@@ -144,12 +146,6 @@ def preset_body(preset: str) -> ModelBody:
 
 
 @lru_cache(maxsize=16)
-def model_digest(model: SmalModel) -> bytes:
-    """Digest of a model's content, computed once a model."""
-    return content_digest(model)
-
-
-@lru_cache(maxsize=16)
 def standing_vertices(model: SmalModel, betas: tuple[float, ...]) -> Tensor:
     """A model's vertices (V, 3) in a shape and the template pose."""
     return model.shaped(torch.tensor([betas], dtype=torch.float64))[0]
@@ -173,6 +169,8 @@ def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocab
     """
     shape, standing = torch.tensor(betas, dtype=torch.float64), standing_vertices(model, betas)
     poses = torch.stack([named_pose(pose) for pose in POSES])
+    if model is not load_quadruped():
+        poses = _own_poses(model, shape, poses)
     body = model.posed(
         shape.expand(len(poses), -1), poses, torch.zeros(len(poses), 3, dtype=torch.float64)
     )
@@ -187,6 +185,13 @@ def model_mobility(model: SmalModel, betas: tuple[float, ...], vocabulary: Vocab
     # sigma_j² = mean over poses and axes of (x_pose − x_standing)², plus BREED², in body lengths
     breed = BREED * torso_length(model) / torso_length(load_quadruped())
     return (mean_square.nan_to_num() + breed**2).sqrt()
+
+
+def _own_poses(model: SmalModel, betas: Tensor, poses: Tensor) -> Tensor:
+    """The quadruped's poses (P, J, 3) in the angles of a model that may stand otherwise at rest."""
+    shape, ours = (np.zeros(one.beta_count) for one in (model, load_quadruped()))
+    shape[: len(betas)] = betas.numpy()
+    return torch.from_numpy(rest_alignment(model, shape, ours).angles(poses.numpy()))
 
 
 def torso_length(model: SmalModel) -> float:
@@ -234,7 +239,7 @@ class ParametersBody:
     @property
     def fingerprint(self) -> bytes:
         """Digest of the model and of the type in which it is posed."""
-        return digest(model_digest(self.model), str(self.vertices_in).encode())
+        return digest(self.model.digest.encode(), str(self.vertices_in).encode())
 
     @property
     def lasting(self) -> bool:

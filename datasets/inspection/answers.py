@@ -9,6 +9,7 @@ from animal3dbox.datasets.inspection.result import (
     PictureFit,
     Residual,
     SideFacts,
+    StoredFitFacts,
 )
 from animal3dbox.datasets.readers.animal3d.camera import CLOSE
 
@@ -48,9 +49,23 @@ def answers(inspection: Inspection) -> list[str]:
             f" {inspection.labelings.labelled} animals: labels mend them and say so, or keep them"
             " with --labelings keep"
         )
+    if inspection.stored_fits is not None:
+        sentences.append(_about_stored_fits(inspection.stored_fits))
     if inspection.animal3d is not None:
         sentences += _about_animal3d(inspection.animal3d)
     return sentences
+
+
+def _about_stored_fits(facts: StoredFitFacts) -> str:
+    """A sentence on stored bodies that fits contradict."""
+    differing = set(facts.turned) | set(facts.worse)
+    if not differing:
+        return f"no stored body of {facts.compared} compared is contradicted by a fit of it"
+    return (
+        f"{len(differing)} of {facts.compared} stored bodies compared are contradicted by fits to"
+        f" the same keypoints ({len(facts.turned)} by the trunk's direction, {len(facts.worse)} by"
+        " the keypoints): look at these first, or label with --body fit --model"
+    )
 
 
 def _residual_phrase(residual: Residual) -> str:

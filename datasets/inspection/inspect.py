@@ -19,11 +19,12 @@ from animal3dbox.datasets.inspection.records import (
     mask_facts,
 )
 from animal3dbox.datasets.inspection.result import Inspection
+from animal3dbox.datasets.inspection.stored_fits import stored_fit_facts
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
 
 
 def inspect_dataset(
-    path: Path, format: str = "auto", options: ReadOptions | None = None
+    path: Path, format: str = "auto", options: ReadOptions | None = None, *, fits: bool = False
 ) -> Inspection:
     """Count and measure a user's own copy of a dataset, before anything is labelled.
 
@@ -31,6 +32,7 @@ def inspect_dataset(
         path: the dataset's folder or annotation file.
         format: of formats.FORMATS, or "auto".
         options: as for reading; a model, if there is one, tells the most.
+        fits: whether stored bodies are compared with bodies fitted here, a fifth of a second each.
 
     Returns:
         The facts, and sentences on what follows from them.
@@ -78,5 +80,6 @@ def inspect_dataset(
         animal3d=own,
         notes=list(dataset.records.notes),
         answers=[],
+        stored_fits=stored_fit_facts(records, bodies) if fits else None,
     )
     return msgspec.structs.replace(inspection, answers=answers(inspection))

@@ -241,6 +241,24 @@ class Animal3DFacts(msgspec.Struct, frozen=True):
     sides: SideFacts | None
 
 
+class StoredFitFacts(msgspec.Struct, frozen=True):
+    """Stored bodies beside bodies that were fitted here to the same keypoints.
+
+    Attributes:
+        compared: number of animals.
+        unsure: number of those whose fit tells no orientation.
+        turned: animals whose stored trunk is another than the fit's.
+        worse: animals whose stored body misses keypoints that the fitted one meets.
+        examples: a sentence on each of these.
+    """
+
+    compared: int
+    unsure: int
+    turned: list[str]
+    worse: list[str]
+    examples: list[str]
+
+
 class Inspection(msgspec.Struct, frozen=True):
     """The outcome of a dataset's inspection.
 
@@ -266,6 +284,7 @@ class Inspection(msgspec.Struct, frozen=True):
         answers: sentences on what follows from all this.
         schema: name of the JSON's form.
         version: of the JSON's form.
+        stored_fits: stored bodies beside fits; None unless asked for, or without stored bodies.
     """
 
     path: str
@@ -289,3 +308,4 @@ class Inspection(msgspec.Struct, frozen=True):
     answers: list[str]
     schema: str = SCHEMA
     version: int = VERSION
+    stored_fits: StoredFitFacts | None = None

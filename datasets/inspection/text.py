@@ -20,6 +20,7 @@ def as_text(inspection: Inspection) -> str:
     lines = [
         *_counts(inspection),
         *_labelings(inspection),
+        *_stored_fits(inspection),
         *measurements,
         *_ends(inspection),
     ]
@@ -75,6 +76,20 @@ def _labelings(inspection: Inspection) -> Iterator[str]:
     )
     for part, samples in facts.exchanged.items():
         yield f"  {part}: {', '.join(samples[:MANY])}" + (", ..." if len(samples) > MANY else "")
+
+
+def _stored_fits(inspection: Inspection) -> Iterator[str]:
+    """Lines on stored bodies that fits contradict, if they were compared."""
+    facts = inspection.stored_fits
+    if facts is None:
+        return
+    yield (
+        f"stored bodies beside fits: {facts.compared} compared, {len(facts.turned)} with another"
+        f" trunk, {len(facts.worse)} with worse keypoints; {facts.unsure} fits are unsure"
+    )
+    yield from (f"  {example}" for example in facts.examples[:MANY])
+    if len(facts.examples) > MANY:
+        yield f"  ... and {len(facts.examples) - MANY} more (--json)"
 
 
 def _counts_phrase(counts: Mapping[str, int]) -> str:

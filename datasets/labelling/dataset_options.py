@@ -7,6 +7,7 @@ from typing import Any, Literal, TypedDict
 from torch import Tensor
 
 from animal3dbox.datasets.labelling.filters import LabelFilter
+from animal3dbox.datasets.labelling.keypoint_places import Misplaced
 from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.skipped import Target
@@ -29,6 +30,7 @@ class Options(TypedDict, total=False):
     transform: TransformCall | None
     scale: ScaleSource | None
     stored_cameras: CameraPolicy
+    misplaced: Misplaced
     cache: Path | str | None
     masks: bool
     report_to: Path | str | None

@@ -1,7 +1,7 @@
 """What a loader's worker says, once, of bodies that it fits while a model trains."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 
 from torch.utils.data import get_worker_info
 
@@ -40,13 +40,25 @@ class FitNotice:
             return
         self._is_told = True
         if worker.id == 0:
-            sys.stderr.write(self._sentence(seconds / len(outcomes)))
+            images = len(worker.dataset) if isinstance(worker.dataset, Sized) else None
+            sys.stderr.write(self._sentence(seconds / len(outcomes), images, worker.num_workers))
 
     @staticmethod
-    def _sentence(seconds: float) -> str:
-        minutes = seconds * THOUSAND / 60
+    def _sentence(seconds: float, images: int | None, workers: int) -> str:
+        """What is said.
+
+        Args:
+            seconds: an animal.
+            images: of an epoch; None if they cannot be counted.
+            workers: that share them.
+
+        """
+        epoch = f"{seconds * THOUSAND / 60:.0f} min a thousand animals in each worker"
+        if images is not None:
+            minutes = max(1, round(seconds * images / workers / 60))
+            epoch = f"about {minutes} min an epoch, if its {images} images show an animal each"
         return (
             f"animal3dbox: bodies are being fitted while this loads, {seconds:.2f} s an animal:"
-            f" {minutes:.0f} min a thousand animals in each worker. Fill a cache once, with"
-            " animal3dbox label PATH --cache FOLDER, and give the Dataset cache=FOLDER.\n"
+            f" {epoch}. Fill a cache once, with animal3dbox label PATH --cache FOLDER, and give the"
+            " Dataset cache=FOLDER.\n"
         )

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.labels.fit_parameters import FitParameters
 from animal3dbox.labels.label_row import WIDTH
 from animal3dbox.labels.types import CuboidLabel, Quality, Rejection
 
@@ -17,8 +18,20 @@ def _plain(value: Any) -> Any:
 
 
 _ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain)
+_Fit = tuple[str, str, str, bytes, bytes]
+"""FitParameters: the body's name, its digest and the vocabulary's name, betas and pose."""
 _LABEL = msgspec.msgpack.Decoder(
-    tuple[str, tuple[int, int], bytes, bytes | None, Quality, float | None, str, bytes | None]
+    tuple[
+        str,
+        tuple[int, int],
+        bytes,
+        bytes | None,
+        Quality,
+        float | None,
+        str,
+        bytes | None,
+        _Fit | None,
+    ]
 )
 _REJECTION = msgspec.msgpack.Decoder(tuple[str | None, str, str])
 
@@ -41,6 +54,7 @@ def packed_outcome(outcome: CuboidLabel | Rejection) -> bytes:
             outcome.scale_m_per_unit,
             outcome.scale_source,
             lens,
+            None if outcome.fit is None else _packed_fit(outcome.fit),
         )
     )
 
@@ -57,7 +71,7 @@ def unpacked_outcome(data: bytes) -> CuboidLabel | Rejection:
         return Rejection(*_REJECTION.decode(data[1:]))
     if kind != b"L":
         raise ShapeError(f"an outcome must be a label or a rejection, got kind {kind!r}")
-    sample_id, image_hw, row, keypoints, quality, scale, scale_source, lens = _LABEL.decode(
+    sample_id, image_hw, row, keypoints, quality, scale, scale_source, lens, fit = _LABEL.decode(
         data[1:]
     )
     numbers = np.frombuffer(row)
@@ -72,4 +86,19 @@ def unpacked_outcome(data: bytes) -> CuboidLabel | Rejection:
         lens=None if lens is None else np.frombuffer(lens),
         scale_m_per_unit=scale,
         scale_source=scale_source,
+        fit=None if fit is None else _unpacked_fit(fit),
+    )
+
+
+def _packed_fit(fit: FitParameters) -> _Fit:
+    """The parts of a fit as they are stored."""
+    betas, pose = (part.astype(np.float64).tobytes() for part in (fit.betas, fit.pose))
+    return fit.body, fit.digest, fit.vocabulary, betas, pose
+
+
+def _unpacked_fit(fit: _Fit) -> FitParameters:
+    """The fit of its stored parts."""
+    body, digest, vocabulary, betas, pose = fit
+    return FitParameters(
+        body, digest, vocabulary, np.frombuffer(betas), np.frombuffer(pose).reshape(-1, 3)
     )

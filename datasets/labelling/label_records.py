@@ -13,6 +13,7 @@ from animal3dbox.datasets.bodies.sources import many_bodies
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.given_boxes import given_label
 from animal3dbox.datasets.labelling.image_samples import Record
+from animal3dbox.datasets.labelling.keypoint_places import Misplaced, keypoints_problem
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.scale import ScaleSource, in_metres
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
@@ -41,6 +42,7 @@ def label_records(
     scale: ScaleSource | None = None,
     stored_cameras: CameraPolicy = "hypothesis",
     calibration: Calibration | None = None,
+    misplaced: Misplaced = "fault",
 ) -> list[Outcome]:
     """The labels of many animals, each the same as alone; an unusable one spoils no other.
 
@@ -51,6 +53,7 @@ def label_records(
             are in the body's unit.
         stored_cameras: what a camera pose that the dataset stores is taken for.
         calibration: what the dataset taught about its keypoints' places; None: nothing.
+        misplaced: what keypoints beside their animal are, see keypoints_problem.
 
     Returns:
         Labels, rejections and errors, in order.
@@ -66,13 +69,18 @@ def label_records(
     asked, requests = len(requests), _with_siblings(requests, config)
     outcomes: list[Outcome | None] = [None] * len(requests)
     by_source: dict[int, list[int]] = {}
+    problems: dict[int, str] = {}
     for place, request in enumerate(requests):
         try:
             if isinstance(request.record, CuboidRecord):
                 outcomes[place] = given_label(request.record)
-            else:
-                _ = request.mask  # decoded before its batch, which an unreadable one must not spoil
-                by_source.setdefault(id(request.bodies), []).append(place)
+                continue
+            # The mask is decoded before its batch, which an unreadable one must not spoil
+            if problem := keypoints_problem(request.record, request.mask):
+                if misplaced == "fault":
+                    raise SampleError(request.entry.sample_id, "keypoints", problem)
+                problems[place] = f"the keypoints {problem}"
+            by_source.setdefault(id(request.bodies), []).append(place)
         except SampleError as error:
             outcomes[place] = error
     for places in by_source.values():
@@ -82,7 +90,18 @@ def label_records(
         )
         for place, outcome in zip(places, labels, strict=True):
             outcomes[place] = outcome
+    for place, problem in problems.items():
+        outcomes[place] = _flagged(outcomes[place], problem)
     return [outcome for outcome in outcomes[:asked] if outcome is not None]
+
+
+def _flagged(outcome: Outcome | None, problem: str) -> Outcome | None:
+    """An outcome that says, if it is a label, what is wrong with its keypoints' places."""
+    if not isinstance(outcome, CuboidLabel):
+        return outcome
+    quality = outcome.quality
+    warnings, flags = (*quality.warnings, problem), (*quality.flags, "misplaced")
+    return replace(outcome, quality=replace(quality, warnings=warnings, flags=flags))
 
 
 def _with_siblings(requests: Sequence[LabelRequest], config: LabelConfig) -> Sequence[LabelRequest]:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import get_args
 
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import PhotoFacts
@@ -11,6 +12,7 @@ from animal3dbox.datasets.labelling.cache import LabelCache
 from animal3dbox.datasets.labelling.fit_notice import FitNotice
 from animal3dbox.datasets.labelling.image_index import AnimalEntry
 from animal3dbox.datasets.labelling.image_samples import ImageSample
+from animal3dbox.datasets.labelling.keypoint_places import Misplaced
 from animal3dbox.datasets.labelling.label_records import (
     CameraPolicy,
     Outcome,
@@ -44,6 +46,7 @@ class LabelStore:
         config: the method.
         scale: what makes labels metric, or None.
         stored_cameras: what a stored camera pose is taken for.
+        misplaced: what keypoints beside their animal are.
         cache: folder of the label cache, or None.
         reuse: whether stored labels are read; new ones are stored either way.
         calibration: what the dataset taught; it names the cache's folder too.
@@ -60,6 +63,7 @@ class LabelStore:
         *,
         scale: ScaleSource | None,
         stored_cameras: CameraPolicy,
+        misplaced: Misplaced = "fault",
         cache: Path | str | None,
         reuse: bool = True,
         calibration: Calibration | None = None,
@@ -68,7 +72,10 @@ class LabelStore:
             raise ConfigError(
                 f"stored_cameras must be 'hypothesis' or 'exact', got {stored_cameras!r}"
             )
+        if misplaced not in get_args(Misplaced):
+            raise ConfigError(f"misplaced must be 'fault' or 'flag', got {misplaced!r}")
         self.config, self.scale, self.stored_cameras = config, scale, stored_cameras
+        self.misplaced: Misplaced = misplaced
         self.reuse, self.calibration = reuse, calibration
         self.cache: LabelCache | None = None
         self._reported: set[str] = set()
@@ -87,6 +94,7 @@ class LabelStore:
                 content_digest(config),
                 scale_digest,
                 stored_cameras.encode(),
+                misplaced.encode(),
                 b"" if calibration is None else calibration.digest.encode(),
             )
             self.cache = LabelCache(Path(cache), fingerprint)
@@ -149,6 +157,7 @@ class LabelStore:
             scale=self.scale,
             stored_cameras=self.stored_cameras,
             calibration=self.calibration,
+            misplaced=self.misplaced,
         )
         self._fit_notice.tell(made, time.perf_counter() - begin)
         for (place, request), outcome in zip(missing.items(), made, strict=True):

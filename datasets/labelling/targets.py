@@ -83,16 +83,19 @@ def target_of(
 
 
 def _quality_record(label: CuboidLabel, vocabulary: Vocabulary | None) -> dict[str, Any]:
-    """How a label came about, and where the file has each of its keypoints if sides were mended."""
+    """How a label came about, and where the file has each of its keypoints if sides were mended.
+
+    Of a fitted body it holds the parameters, too, as plain lists.
+    """
     labeling = label.quality.labeling
     order = None
     if vocabulary is not None and labeling != AS_GIVEN:
         order = exchange_order(vocabulary, labeling)
-    return {
-        **vars(label.quality),
-        "confidence": label.confidence,
-        "keypoint_order": order,
-    }
+    record = {**vars(label.quality), "confidence": label.confidence, "keypoint_order": order}
+    if label.fit is not None:
+        fit = label.fit
+        record["fit"] = {**vars(fit), "betas": fit.betas.tolist(), "pose": fit.pose.tolist()}
+    return record
 
 
 def empty_target(

@@ -111,34 +111,3 @@ def read_box(
             sample_id, field, f"must be [{form}] with a positive area, got {list(numbers)}"
         )
     return box - 0.5
-
-
-def check_in_box(
-    keypoints: NDArray[np.float64],
-    box: NDArray[np.float64],
-    sample_id: str,
-    fields: tuple[str, str],
-) -> None:
-    """Raise a SampleError if most visible keypoints miss the animal's box, grown by a tenth.
-
-    Such keypoints are pixels of another image, or of another animal.
-
-    Args:
-        keypoints: (J, 3) x, y, visibility; (0, 0) counts as missing.
-        box: (4,) xyxy px.
-        sample_id: named in the error.
-        fields: the file's keys of the keypoints and of the box, named in the error.
-
-    """
-    visible = keypoints[(keypoints[:, 2] > 0) & keypoints[:, :2].any(axis=1), :2]
-    margin = 0.1 * (box[2:] - box[:2])
-    in_box = (visible > box[:2] - margin) & (visible < box[2:] + margin)
-    inside = int(in_box.all(axis=1).sum())
-    if 2 * inside < len(visible):
-        corners = [float(v) for v in box + 0.5]
-        raise SampleError(
-            sample_id,
-            fields[0],
-            f"only {inside} of {len(visible)} visible ones lie in or near {fields[1]} (from"
-            f" {corners[:2]} to {corners[2:]}): are they pixels of this image?",
-        )

@@ -7,7 +7,6 @@ import msgspec
 from animal3dbox.datasets.images.photos import resolve_inside
 from animal3dbox.datasets.images.segmentation import read_runs
 from animal3dbox.datasets.readers.elements import (
-    check_in_box,
     decoded,
     image_size,
     read_box,
@@ -137,7 +136,6 @@ def _record(raw: msgspec.Raw, index: int, root: Path, counts: dict[str, int]) ->
     image_hw = image_size(entry.img_height, entry.img_width, sample_id, "img_width, img_height")
     box = read_box(entry.img_bbox, sample_id, "img_bbox")
     joints = read_rows(entry.joints, len(VOCABULARY), sample_id, "joints")
-    check_in_box(joints, box, sample_id, ("joints", "img_bbox"))
     return AnimalRecord(
         sample_id=sample_id,
         image_id=entry.img_path,

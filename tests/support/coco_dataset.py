@@ -208,8 +208,6 @@ COCO_FAULTS = {
     "keypoints_as_words": CocoFault(A, "keypoints", "Expected", keypoint(0, "12")),
     "visibility_of_3": CocoFault(A, "keypoints", "visibility must be 0, 1 or 2", keypoint(2, 3)),
     "scores_for_visibility": CocoFault(A, "keypoints", "are these scores?", keypoint(2, 0.93)),
-    "keypoints_of_another_image": CocoFault(A, "keypoints", "lie in or near bbox",
-        in_annotation(bbox=[1, 1, 3, 3])),
     "flat_box": CocoFault(A, "bbox", "positive area", in_annotation(bbox=[10, 10, 20, 0])),
     "short_box": CocoFault(A, "bbox", "[x, y, w, h]", in_annotation(bbox=[10, 10, 20])),
     "box_outside": CocoFault(A, "bbox", "lies outside the image of 160 x 120",

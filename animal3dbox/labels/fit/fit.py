@@ -204,7 +204,7 @@ def _fitted_body(
     body, state = request.body, ranking.best[a : a + 1]
     theta, frames = body.frames(state.pose, state.shape)
     betas = body.shape_prior.mean + body.shape_prior.directions @ state.shape[0]
-    pose = whole_pose(body.model.joint_names, theta[0])
+    pose = whole_pose(body.model.joint_names, theta[0], body.skeleton.alignment)
     posed = body.model.posed(
         torch.from_numpy(betas)[None], pose[None], torch.zeros(1, 3, dtype=torch.float64)
     )

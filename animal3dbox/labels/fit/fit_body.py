@@ -27,6 +27,8 @@ from animal3dbox.labels.fit.shape_prior import ShapePrior, class_prior, shape_pr
 from animal3dbox.smal.keypoints.exchanges import exchange_order
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
+from animal3dbox.smal.quadruped.rest_pose import rest_alignment
 
 Array = NDArray[np.float64]
 PLACES_SD = 0.015
@@ -145,13 +147,18 @@ def body_of_prior(
 ) -> FitBody:
     """The body of a model and a prior of its shapes; see fit_body."""
     arguments = (shapes.mean, shapes.directions)
+    alignment = (
+        None
+        if model is load_quadruped()
+        else rest_alignment(model, shapes.mean, shape_prior(load_quadruped()).mean)
+    )
     count = len(vocabulary)
     offsets = np.zeros((count, 3)) if places is None else np.array(places.offsets)
     tables = landmark_tables(model, vocabulary, *arguments, offsets=offsets)
     return FitBody(
         model=model,
         vocabulary=vocabulary,
-        skeleton=skeleton_of(model, *arguments),
+        skeleton=skeleton_of(model, *arguments, alignment),
         tables=tables,
         offsets=offsets,
         places_sd=np.full(count, PLACES_SD) if places is None else np.array(places.sd),

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import as_numpy
+from animal3dbox.labels.fit_parameters import FitParameters
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
 
@@ -104,6 +105,13 @@ class FittedBody:
         """The triangles (F, 3) between the vertices."""
         faces: NDArray[np.int64] = as_numpy(self.model.faces)
         return faces
+
+    @property
+    def parameters(self) -> FitParameters:
+        """What poses the body again, as labels keep it."""
+        return FitParameters(
+            self.body_name, self.model.digest, self.vocabulary.name, self.betas, self.pose
+        )
 
     @property
     def landmarks(self) -> Array:

@@ -111,6 +111,7 @@ def _observation(animal: dict[str, Any], fit: FittedBody, config: LabelConfig) -
         log_focal_sd=fit.log_focal_sd,
         warnings=(*observation.warnings, *_warnings(observation)),
         body_source=FITTED,
+        fit=fit.parameters,
         body_calibration=fit.calibration,
     )
 

@@ -26,6 +26,7 @@ from animal3dbox.smal.array_skinning import jumps_up_the_tree
 from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SPINE_JOINTS, SmalModel
+from animal3dbox.smal.quadruped.rest_pose import RestAlignment
 
 Array = NDArray[np.float64]
 UNFITTED = ("Mouth", "LEar", "REar")
@@ -51,6 +52,7 @@ class Skeleton:
         bones: (J, 3), from each joint's parent to it; the root's from the origin.
         bones_shape: (J, 3, S).
         origin: (3,) of the template frame that all places are about.
+        alignment: of the fitted joints with the quadruped's rest pose; None: it is the same.
     """
 
     joints: NDArray[np.intp]
@@ -63,6 +65,7 @@ class Skeleton:
     bones: Array
     bones_shape: Array
     origin: Array
+    alignment: RestAlignment | None = None
 
 
 @dataclass(frozen=True)
@@ -108,13 +111,19 @@ class JointFrames:
     rest: Array
 
 
-def skeleton_of(model: SmalModel, mean: Array, directions: Array) -> Skeleton:
+def skeleton_of(
+    model: SmalModel,
+    mean: Array,
+    directions: Array,
+    alignment: RestAlignment | None = None,
+) -> Skeleton:
     """The skeleton of a model about the middle of its trunk.
 
     Args:
         model: with SMAL's joints.
         mean: (S',) betas of the mean shape.
         directions: (S', S) betas of each shape direction.
+        alignment: of all joints with the quadruped's rest pose; None: it is the same.
 
     """
     regressor = as_numpy(model.J_regressor)
@@ -146,6 +155,7 @@ def skeleton_of(model: SmalModel, mean: Array, directions: Array) -> Skeleton:
         bones=bones,
         bones_shape=bones_shape,
         origin=origin,
+        alignment=None if alignment is None else alignment[fitted],
     )
 
 
@@ -232,7 +242,7 @@ def joint_frames(skeleton: Skeleton, theta: Array, shape: Array) -> JointFrames:
 
     Args:
         skeleton: the model's.
-        theta: (B, N, 3) axis-angle of the fitted joints, radians.
+        theta: (B, N, 3) axis-angle of the fitted joints, radians, as the quadruped's would be.
         shape: (B, S) coefficients of the shape directions.
 
     """
@@ -240,7 +250,11 @@ def joint_frames(skeleton: Skeleton, theta: Array, shape: Array) -> JointFrames:
     by_shape = (shape[:, None] @ skeleton.bones_shape.reshape(3 * count, -1).T)[:, 0]
     transforms = np.zeros((batch, count + 1, 4, 4))
     transforms[:, :, range(4), range(4)] = 1.0
-    transforms[:, skeleton.joints, :3, :3] = rotation_from_axis_angle(theta)
+    transforms[:, skeleton.joints, :3, :3] = (
+        rotation_from_axis_angle(theta)
+        if skeleton.alignment is None
+        else skeleton.alignment.turns(theta)
+    )
     transforms[:, :-1, :3, 3] = skeleton.bones + by_shape.reshape(batch, count, 3)
     for jump in skeleton.jumps:
         transforms = transforms[:, jump] @ transforms
@@ -264,7 +278,10 @@ def turns_of_joints(
         directions: (N, 3, P) of theta.
 
     """
-    turned: Array = frames.rotations[:, skeleton.parents] @ left_jacobian(theta) @ directions[None]
+    before = frames.rotations[:, skeleton.parents]
+    if skeleton.alignment is not None:
+        before = before @ skeleton.alignment.before
+    turned: Array = before @ left_jacobian(theta) @ directions[None]
     return turned
 
 

@@ -25,6 +25,7 @@ from animal3dbox.labels.fit.kinematics import UNFITTED
 from animal3dbox.smal.quadruped.joint_limits import joint_limits
 from animal3dbox.smal.quadruped.poses import POSES, named_pose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
+from animal3dbox.smal.quadruped.rest_pose import RestAlignment
 
 Array = NDArray[np.float64]
 POSE_DIRECTIONS = 40
@@ -200,8 +201,18 @@ def axis_angles(prior: PosePrior, coefficients: Array) -> Array:
     return prior.mean + theta.reshape(len(theta), *prior.mean.shape)
 
 
-def whole_pose(joint_names: tuple[str, ...], theta: Array) -> torch.Tensor:
-    """The pose (J, 3) of a model, of the angles (N, 3) of its fitted joints; the others at rest."""
+def whole_pose(
+    joint_names: tuple[str, ...], theta: Array, alignment: RestAlignment | None = None
+) -> torch.Tensor:
+    """The pose (J, 3) of a model, of the angles (N, 3) of its fitted joints; the others at rest.
+
+    Args:
+        joint_names: the model's.
+        theta: (N, 3) as the quadruped's would be.
+        alignment: of the fitted joints with the quadruped's rest pose; None: it is the same.
+
+    """
+    theta = theta if alignment is None else alignment.angles(theta)
     pose = np.zeros((len(joint_names), 3))
     pose[[j for j, name in enumerate(joint_names) if j > 0 and name not in UNFITTED]] = theta
     return torch.from_numpy(pose)

@@ -123,8 +123,6 @@ def extra_costs(problem: PoseProblem, R: Array, t: Array, config: LabelConfig) -
         up = up_cost(R @ problem.R_box, problem.down_cam, t)
     n_hidden, count = 0, len(problem.points_world)
     if problem.vertices_world is not None:
-        hidden = hidden_landmarks(
-            problem.points_world, problem.vertices_world, problem.depths, R=R, t=t
-        )
+        hidden = hidden_landmarks(problem.points_world, problem.vertices_world, R=R, t=t)
         n_hidden = int(hidden.sum())
     return Extras(up, n_hidden / count, n_hidden)

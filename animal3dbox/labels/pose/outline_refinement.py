@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from animal3dbox.geometry.mask_outline import MaskOutline
 from animal3dbox.labels.config import LabelConfig
@@ -140,21 +141,12 @@ def _rim_terms(
         return None
     whole, seen = outline.is_whole, pixels[:, ids]
     points, normals = outline.points[whole] - problem.K[:2, 2], outline.normals[whole]
-    near = np.argpartition(_square_distances(points, seen), NEIGHBOURS, axis=1)[:, :NEIGHBOURS]
+    _, near = cKDTree(seen.T, balanced_tree=False, compact_nodes=False).query(points, NEIGHBOURS)
     rim = RimTerms(vertices[ids][near], points, normals, weight=1.0)
     _, places, _ = _nearest(problem, pose, rim)
     spread = MAD_TO_SD * float(np.median(np.abs(((places - points) * normals).sum(1))))
     sigma = OUTLINE_SIGMA_PX * max(1.0, spread / OUTLINE_SIGMA_PX) ** 2 * misfit**2
     return replace(rim, weight=terms.mask_share / sigma)
-
-
-def _square_distances(points: Array, pixels: Array) -> NDArray[np.float32]:
-    """Squared distances (P, M) of points (P, 2) from pixels (2, M), in single precision."""
-    middle = points.mean(0)
-    here, there = ((x - middle).astype(np.float32) for x in (points, pixels.T))
-    square: NDArray[np.float32] = -2 * here @ there.T
-    square += (there * there).sum(1)
-    return square  # of each point less its own square, which does not change the order
 
 
 def _nearest(problem: PoseProblem, pose: CameraPoses, rim: RimTerms) -> tuple[Array, Array, Array]:

@@ -15,7 +15,6 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.mask_outline import MaskOutline
 from animal3dbox.geometry.mask_supports import MaskSupports
 from animal3dbox.geometry.unit_frame import translation_from_unit_frame, unit_frame
-from animal3dbox.labels.pose.self_occlusion import depths_in_flesh
 
 Array = NDArray[np.float64]
 RELATIVE_FLATNESS = 1e-3
@@ -86,13 +85,6 @@ class PoseProblem:
     def linear(self) -> Array:
         """K's upper left, (2, 2)."""
         return self.K[:2, :2]
-
-    @cached_property
-    def depths(self) -> Array:
-        """How deep the points lie in the flesh, (N,), see depths_in_flesh; 0 without vertices."""
-        if self.vertices_world is None:
-            return np.zeros(len(self.points_world))
-        return depths_in_flesh(self.points_world, self.vertices_world)
 
     @cached_property
     def pixels(self) -> Array:

@@ -33,7 +33,7 @@ ROUNDS = (2, 14, 24)
 BEHIND, BEHIND_AT_MOST = 1.5, 12.0
 """What a pose may cost and still be refined further: BEHIND times the least cost and
 BEHIND_AT_MOST."""
-BAND = 0.06
+BAND = 0.02
 """Of the body's extent in the picture: vertices so near to a support can come to be it while the
 pose moves a little."""
 JOINT_GAIN = 1e-3

@@ -12,35 +12,40 @@ BEFORE = 0.13
 depth at which the landmark lies in the flesh."""
 
 
-def hidden_landmarks(
-    landmarks: Array, vertices: Array, depths: Array, *, R: Array, t: Array
-) -> NDArray[np.bool_]:
+def hidden_landmarks(landmarks: Array, vertices: Array, *, R: Array, t: Array) -> NDArray[np.bool_]:
     """Which landmarks (N,) lie behind the body's own surface.
 
     Args:
         landmarks: (N, 3), in units of their spread.
         vertices: (V, 3), in the same frame and unit.
-        depths: (N,) see depths_in_flesh.
         R: (3, 3).
         t: (3,).
 
     """
     surface, points = (R @ values.T + t[:, None] for values in (vertices, landmarks))
-    in_front = surface[2] > 1e-6
-    if not in_front.any():
+    surface = surface.compress(surface[2] > 1e-6, axis=1)
+    if not surface.size:
         return np.zeros(len(landmarks), dtype=np.bool_)
-    surface = surface[:, in_front]
     plane, places = (values[:2] / np.maximum(values[2], 1e-6) for values in (surface, points))
     least = plane.min(1)[:, None]
     cells = int(np.clip(np.sqrt(surface.shape[1] / VERTICES_A_CELL), 1, CELLS))
     side = max(float((plane.max(1)[:, None] - least).max()), 1e-9) / cells
-    columns, rows = np.minimum(((plane - least) / side).astype(np.intp), cells - 1)
-    nearest = np.full(cells * cells, np.inf)
-    np.minimum.at(nearest, rows * cells + columns, surface[2])
-    column, row = np.floor((places - least) / side).astype(np.intp)
+    column, row = np.floor((places - least) / side).astype(np.int32)
     inside = (column >= 0) & (column < cells) & (row >= 0) & (row < cells)
-    depth = nearest[np.where(inside, row * cells + column, 0)]
-    hidden: NDArray[np.bool_] = inside & (points[2] - depth > BEFORE + depths)
+    cell = np.where(inside, row * cells + column, 0)
+    # Only the cells that hold a landmark matter, and few vertices lie in them
+    has_landmark = np.zeros(cells * cells, dtype=np.bool_)
+    has_landmark[cell] = True
+    columns, rows = np.minimum(((plane - least) / side).astype(np.int32), cells - 1)
+    cell_of_vertex = rows * cells + columns
+    before = np.flatnonzero(has_landmark.take(cell_of_vertex))
+    nearest = np.full(cells * cells, np.inf)
+    np.minimum.at(nearest, cell_of_vertex[before], surface[2, before])
+    behind = points[2] - nearest[cell]
+    hidden: NDArray[np.bool_] = inside & (behind > BEFORE)
+    if hidden.any():
+        flesh = depths_in_flesh(landmarks[hidden], vertices)
+        hidden[hidden] = behind[hidden] > BEFORE + flesh
     return hidden
 
 

@@ -87,14 +87,19 @@ def _animalpose() -> Keypoints:
 AP10K = {
     "left_eye": "left_eye", "right_eye": "right_eye", "nose": "nose", "neck": "neck",
     "root_of_tail": "tail_base",
-    "left_shoulder": "left_shoulder_point", "left_elbow": "left_front_elbow",
+    "left_shoulder": "left_front_elbow", "left_elbow": "left_front_wrist",
     "left_front_paw": "left_front_paw",
-    "right_shoulder": "right_shoulder_point", "right_elbow": "right_front_elbow",
+    "right_shoulder": "right_front_elbow", "right_elbow": "right_front_wrist",
     "right_front_paw": "right_front_paw",
-    "left_hip": "left_hip", "left_knee": "left_back_knee", "left_back_paw": "left_back_paw",
-    "right_hip": "right_hip", "right_knee": "right_back_knee", "right_back_paw": "right_back_paw",
+    "left_hip": "left_back_knee", "left_knee": "left_back_hock", "left_back_paw": "left_back_paw",
+    "right_hip": "right_back_knee", "right_knee": "right_back_hock",
+    "right_back_paw": "right_back_paw",
 }  # fmt: skip
-"""AP-10K's, in its order and spelling; its "shoulder" is the point of the shoulder, the joint."""
+"""AP-10K's, in its order and spelling, by the joints that its annotators marked.
+
+Its "shoulder" and "hip" are where the leg leaves the trunk, at the elbow and the knee; its "elbow"
+and "knee" are the bends below, at the wrist and the hock.
+"""
 
 SUPERANIMAL: Keypoints = {
     "nose": "nose", "upper_jaw": None, "lower_jaw": None, "mouth_end_right": "right_mouth",

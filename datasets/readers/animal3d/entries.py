@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from animal3dbox.datasets.images.photos import resolve_inside, stored_size
 from animal3dbox.datasets.readers.elements import decoded, image_size, read_rows
 from animal3dbox.datasets.records import AnimalRecord
-from animal3dbox.errors import DatasetNotFoundError, SampleError
+from animal3dbox.errors import DatasetNotFoundError, SampleError, ShapeError
 from animal3dbox.geometry.camera import intrinsics
+from animal3dbox.geometry.checks import check_intrinsics
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.parameters import SmalParameters
 
@@ -60,6 +61,7 @@ class Animal3DEntry(_ImageName):
     keypoint_3d: list[list[float]] | None = None
     with_tail: int | bool = 1
     bone: list[float] | None = None
+    K: list[list[float]] | None = None  # our own key, of exports of fits
 
 
 def find_splits(path: Path) -> list[Path]:
@@ -122,9 +124,23 @@ def record_of_entry(
         category=_category(entry.category, split),
         mask_path=mask_path,
         mask_source=mask_source,
-        K=None if split.flength is None else intrinsics(split.flength, image_hw).numpy(),
-        K_source="dataset",
+        K=_intrinsics(entry, split, image_hw, sample_id),
+        K_source="dataset" if entry.K is None else "given",
     )
+
+
+def _intrinsics(
+    entry: Animal3DEntry, split: SplitFile, image_hw: tuple[int, int], sample_id: str
+) -> NDArray[np.float64] | None:
+    """The entry's own K, else that of the file's focal length; None without either."""
+    if entry.K is None:
+        return None if split.flength is None else intrinsics(split.flength, image_hw).numpy()
+    try:
+        K = np.array(entry.K, dtype=np.float64)
+        check_intrinsics("K", K)
+    except (ShapeError, ValueError) as error:
+        raise SampleError(sample_id, "K", str(error)) from error
+    return K
 
 
 def _keypoints(rows: list[list[float | None]], sample_id: str) -> NDArray[np.float64]:

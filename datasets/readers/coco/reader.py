@@ -23,7 +23,6 @@ from animal3dbox.datasets.readers.coco.file import (
     take_apart,
 )
 from animal3dbox.datasets.readers.elements import (
-    check_in_box,
     decoded,
     image_size,
     read_box,
@@ -191,7 +190,6 @@ def _animal(
     box = None if entry.bbox is None else read_box(entry.bbox, sample_id, "bbox", form)
     if box is not None:
         _check_box_in_image(box, image_hw, sample_id)
-        check_in_box(keypoints, box, sample_id, ("keypoints", "bbox"))
     record = AnimalRecord(
         sample_id=sample_id,
         image_id=image.name,

@@ -1,5 +1,6 @@
 """Animals of a foreign world before a camera: what is true, and what a dataset would say."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,7 +21,12 @@ from animal3dbox.datasets.synthetic.foreign.config import (
     STANDING_POSES,
     ForeignConfig,
 )
-from animal3dbox.datasets.synthetic.foreign.masks import supersampled_mask, worn_mask
+from animal3dbox.datasets.synthetic.foreign.masks import (
+    occluding_thing,
+    supersampled_mask,
+    worn_mask,
+)
+from animal3dbox.datasets.synthetic.foreign.parts import model_of_parts
 from animal3dbox.datasets.synthetic.foreign.places import (
     carried_places,
     drawn_offsets,
@@ -149,10 +155,10 @@ def foreign_animal(
     config = config or ForeignConfig()
     rng = {
         part: world_generator(seed, index, f"foreign-{part}")
-        for part in ("shape", "pose", "places", "camera", "mask", "fit")
+        for part in ("shape", "pose", "places", "camera", "mask", "fit", "surface", "occluder")
     }
     own_dataset = index if dataset is None else dataset
-    preset, model = _drawn_body(rng["shape"], seed, index, dataset=own_dataset, config=config)
+    preset, model = _drawn_body(rng, seed, index, dataset=own_dataset, config=config)
     name, pose = _drawn_pose(rng["pose"], config)
     body = _on_the_ground(model, pose)
     vocabulary = config.world.vocabulary
@@ -170,6 +176,8 @@ def foreign_animal(
         camera=camera,
         config=config,
     )
+    mask = _mask(rng["mask"], model=model, body=body, camera=camera, config=config)
+    keypoints, mask = _behind_a_thing(keypoints, mask, rng["occluder"], config)
     return ForeignAnimal(
         sample_id=sample_id,
         preset=preset,
@@ -181,27 +189,39 @@ def foreign_animal(
         landmarks=landmarks,
         exact=exact,
         keypoints_2d=keypoints,
-        mask=_mask(rng["mask"], model=model, body=body, camera=camera, config=config),
+        mask=mask,
         fitted=_fitted(rng["fit"], model=model, pose=pose, body=body, places=places, config=config),
     )
 
 
 def _drawn_body(
-    rng: np.random.Generator, seed: int, index: int, *, dataset: int, config: ForeignConfig
+    rng: Mapping[str, np.random.Generator],
+    seed: int,
+    index: int,
+    *,
+    dataset: int,
+    config: ForeignConfig,
 ) -> tuple[str, SmalModel]:
-    """A species, and its model with parts stretched."""
+    """A species, and its model with parts stretched, its surface or another."""
     presets = config.world.presets or quadruped_names().presets
     preset = presets[index % len(presets)]
+    betas, scales = _drawn_shape(rng["shape"], seed, preset, dataset=dataset, config=config)
+    model = stretched_model(load_quadruped(), betas, scales)
+    return preset, model_of_parts(model, rng["surface"]) if config.surface == "parts" else model
+
+
+def _drawn_shape(
+    rng: np.random.Generator, seed: int, preset: str, *, dataset: int, config: ForeignConfig
+) -> tuple[Tensor, dict[str, float]]:
+    """The betas and the factors of measures of an animal of a dataset's class."""
     spread, proportions = config.world.shape_spread, config.proportions
     if config.individual == 1:
-        betas, scales = draw_betas(rng, preset, spread), part_scales(rng, proportions)
-        return preset, stretched_model(load_quadruped(), betas, scales)
+        return draw_betas(rng, preset, spread), part_scales(rng, proportions)
     of_class = world_generator(seed, dataset, f"foreign-class-{preset}")
     betas, scales = draw_betas(of_class, preset, spread), part_scales(of_class, proportions)
     betas = betas + draw_betas(rng, preset, config.individual * spread) - preset_betas(preset)
     own = part_scales(rng, config.individual * proportions)
-    scales = {name: scale * own[name] for name, scale in scales.items()}
-    return preset, stretched_model(load_quadruped(), betas, scales)
+    return betas, {name: scale * own[name] for name, scale in scales.items()}
 
 
 def _drawn_pose(rng: np.random.Generator, config: ForeignConfig) -> tuple[str, Tensor]:
@@ -285,6 +305,20 @@ def _mask(
     holes = rng.random() < config.mask_holes
     worn = worn_mask(drawn, rng, jitter_px=config.mask_jitter_px, holes=holes)
     return resized_mask(worn, config.faults.mask_px)
+
+
+def _behind_a_thing(
+    keypoints: Tensor, mask: Tensor, rng: np.random.Generator, config: ForeignConfig
+) -> tuple[Tensor, Tensor]:
+    """Keypoints (J, 3) and mask (H, W) of an animal before which something may stand."""
+    if rng.random() >= config.occluded:
+        return keypoints, mask
+    thing = torch.from_numpy(occluding_thing(mask.numpy(), rng))
+    height, width = mask.shape
+    x = keypoints[:, 0].round().long().clamp(0, width - 1)
+    y = keypoints[:, 1].round().long().clamp(0, height - 1)
+    seen = keypoints * ~thing[y, x, None]
+    return seen, mask & ~thing
 
 
 def _fitted(

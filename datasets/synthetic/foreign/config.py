@@ -8,6 +8,7 @@ from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError
 
 Shoulders = Literal["own", "level"]
+Surface = Literal["own", "parts"]
 
 STANDING_POSES = ("stand", "walk", "head_turned", "graze", "tail_up")
 OTHER_POSES = ("trot", "run", "sit", "lie", "rear", "curl", "random")
@@ -36,10 +37,14 @@ class ForeignConfig:
         places_of_animal: the same, drawn for each animal.
         shoulders: "level" puts the shoulders at the height of the tail's base in the template, as
             SMAL's keypoint groups lie; "own" leaves them.
+        surface: "own" is the quadruped's, stretched; "parts" is of another topology, a convex part
+            a bone (parts.py).
         cell: side of the cells in which vertices are merged to another mesh, as a part of the
             body's diagonal; 0 keeps the mesh.
         mask_jitter_px: standard deviation of the mask's outline from the true one.
         mask_holes: part of the masks with holes.
+        occluded: part of the animals before which something stands: it cuts the mask, and
+            keypoints behind it are not marked.
         stature: standard deviation of the logarithm of each fitted measure from the body's own;
             0: the fitted body has the animal's shape.
 
@@ -59,9 +64,11 @@ class ForeignConfig:
     places: float = 0.08
     places_of_animal: float = 0.02
     shoulders: Shoulders = "own"
+    surface: Surface = "own"
     cell: float = 0.0
     mask_jitter_px: float = 1.0
     mask_holes: float = 0.0
+    occluded: float = 0.0
     stature: float = 0.0
 
     def __post_init__(self) -> None:
@@ -76,6 +83,7 @@ class ForeignConfig:
             "cell": (0, 0.2),
             "mask_jitter_px": (0, 20),
             "mask_holes": (0, 1),
+            "occluded": (0, 1),
             "stature": (0, 1),
         }
         for name, (low, high) in limits.items():
@@ -88,3 +96,5 @@ class ForeignConfig:
             raise ConfigError(f"poses must be of {', '.join(choices)}, got {', '.join(unknown)}")
         if self.shoulders not in ("own", "level"):
             raise ConfigError(f"shoulders must be 'own' or 'level', got {self.shoulders!r}")
+        if self.surface not in ("own", "parts"):
+            raise ConfigError(f"surface must be 'own' or 'parts', got {self.surface!r}")

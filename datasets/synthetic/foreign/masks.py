@@ -16,6 +16,10 @@ WANDER_PX = 4.0
 """Length over which the jitter of an outline changes."""
 HOLE_RADIUS = (0.03, 0.1)
 """Radii of holes, as parts of the root of the mask's area."""
+THING_WIDTH = (0.1, 0.3)
+"""Widths of things before an animal, as parts of the longer side of the mask's box."""
+MOST_SLANT = 0.5
+"""Most that the middle of such a thing moves sideways, by the way downwards."""
 
 
 def supersampled_mask(
@@ -37,6 +41,25 @@ def supersampled_mask(
         cv2.fillConvexPoly(canvas, triangle, 1, cv2.LINE_8, SHIFT)
     blocks = canvas.reshape(height, SUPERSAMPLING, width, SUPERSAMPLING)
     return np.asarray(blocks.sum((1, 3)) * 2 >= SUPERSAMPLING**2)
+
+
+def occluding_thing(mask: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.bool_]:
+    """The pixels (H, W) of a thing that stands before an animal: a slanting trunk of a tree.
+
+    Args:
+        mask: (H, W) of the animal; its middle is somewhere on it.
+        rng: the random numbers.
+
+    """
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        return np.zeros_like(mask)
+    place = int(rng.integers(len(rows)))
+    extent = max(np.ptp(rows), np.ptp(columns)) + 1
+    half, slant = rng.uniform(*THING_WIDTH) * extent / 2, rng.uniform(-MOST_SLANT, MOST_SLANT)
+    y, x = np.mgrid[: mask.shape[0], : mask.shape[1]]
+    thing: NDArray[np.bool_] = np.abs(x - columns[place] - slant * (y - rows[place])) <= half
+    return thing
 
 
 def worn_mask(

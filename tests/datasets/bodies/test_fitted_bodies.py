@@ -12,6 +12,7 @@ from animal3dbox.datasets.bodies.options import body_source
 from animal3dbox.datasets.bodies.sources import preset_body
 from animal3dbox.datasets.labelling.label_records import label_records
 from animal3dbox.datasets.labelling.label_requests import LabelRequest, request_of_record
+from animal3dbox.datasets.labelling.targets import target_of
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.synthetic.faults import FaultConfig
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
@@ -100,3 +101,15 @@ def test_the_fingerprint_is_the_models_and_not_a_presets() -> None:
     assert source().fingerprint == FittedBodies(load_quadruped()).fingerprint
     assert source().fingerprint != preset_body("dog").fingerprint
     assert (source().name, source().lasting, source().content("a")) == ("fit", True, b"")
+
+
+def test_a_target_tells_the_fits_parameters_and_of_no_other_body(
+    records: list[AnimalRecord],
+) -> None:
+    labels = label_records(requests([records[0], few(records[1], 8)]), LabelConfig())
+    fitted, rigid = (one for one in labels if isinstance(one, CuboidLabel))
+    quality = target_of("a", [fitted, rigid], [0, 0])["meta"]["quality"]
+    assert fitted.fit is not None
+    assert quality[0]["fit"]["betas"] == fitted.fit.betas.tolist()
+    assert quality[0]["fit"]["digest"] == load_quadruped().digest
+    assert "fit" not in quality[1]

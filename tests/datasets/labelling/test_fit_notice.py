@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from commands import ran
 from torch.utils.data import DataLoader
 
 from animal3dbox.datasets import StanfordExtraDataset, SyntheticSet, collate
@@ -34,7 +35,8 @@ def test_the_first_fit_in_a_worker_tells_its_cost_once_and_a_filled_cache_is_sil
     loaded(photos, "fit", workers=1, cache=tmp_path)
     told = capfd.readouterr().err
     assert told.count("bodies are being fitted") == 1
-    assert "--cache FOLDER" in told
+    assert "animal3dbox label PATH --cache FOLDER" in told
+    assert "about 1 min an epoch, if its 3 images show an animal each" in told
     loaded(photos, "fit", workers=1, cache=tmp_path)
     assert "fitted" not in capfd.readouterr().err
 
@@ -44,4 +46,14 @@ def test_rigid_bodies_and_loads_without_workers_are_silent(
 ) -> None:
     loaded(photos, "dog", workers=1)
     loaded(photos, "fit", workers=0)
+    assert "fitted" not in capfd.readouterr().err
+
+
+def test_the_command_that_is_named_fills_the_cache(
+    photos: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    code, printed = ran("label", photos, "--body", "fit", "--cache", tmp_path / "cache")
+    assert code == 0, printed
+    capfd.readouterr()
+    loaded(photos, "fit", workers=1, cache=tmp_path / "cache")
     assert "fitted" not in capfd.readouterr().err

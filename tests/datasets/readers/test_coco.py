@@ -89,6 +89,7 @@ def test_visibility_1_is_hidden_only_where_the_file_also_says_2(tmp_path: Path) 
         entry["keypoints"] = [
             min(1, value) if i % 3 == 2 else value for i, value in enumerate(entry["keypoints"])
         ]
+        entry["keypoints"][15:18] = [0, 0, 0]
     found = read_coco(write_coco(tmp_path, content))
     assert set(found.records[0].keypoints_2d[:, 2].tolist()) == {0.0, 1.0}
     assert any("1 is taken to mean visible" in note for note in found.notes)

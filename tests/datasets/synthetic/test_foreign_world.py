@@ -16,6 +16,7 @@ from animal3dbox.datasets.synthetic.foreign.bodies import (
 from animal3dbox.datasets.synthetic.foreign.config import ALONE, ForeignConfig
 from animal3dbox.datasets.synthetic.foreign.masks import worn_mask
 from animal3dbox.datasets.synthetic.foreign.mirrored import mirrored_animal
+from animal3dbox.datasets.synthetic.foreign.parts import model_of_parts
 from animal3dbox.datasets.synthetic.foreign.places import drawn_offsets, trunk_length
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.rasterizer import silhouette
@@ -174,6 +175,54 @@ def test_dials_have_limits(dial: dict[str, object]) -> None:
     """The error names the dial."""
     with pytest.raises(ConfigError, match=next(iter(dial))):
         ForeignConfig(**dial)  # type: ignore[arg-type]
+
+
+def test_a_body_of_parts_has_the_skeleton_and_none_of_the_surface() -> None:
+    model = load_quadruped()
+    other = model_of_parts(model, np.random.default_rng(0))
+    torch.testing.assert_close(
+        other.J_regressor @ other.v_template, model.J_regressor @ model.v_template
+    )
+    nearest = torch.cdist(other.v_template, model.v_template).amin(1)
+    assert float((nearest < 1e-6).double().mean()) < 0.01
+    for j in range(other.joint_count):
+        corners = other.v_template[other.faces[other.weights[other.faces[:, 0], j] == 1]]
+        volume = torch.linalg.det(corners).sum() / 6
+        assert volume > 0, "a part is closed, and its faces look outwards"
+    for name, group in model.landmark_groups.items():
+        if not name.startswith("joint:"):
+            moved = other.v_template[list(other.landmark_groups[name])].mean(0)
+            place = model.v_template[list(group)].mean(0)
+            assert torch.linalg.vector_norm(moved - place) < 0.15 * trunk_length(model), name
+
+
+def test_a_thing_before_the_animal_cuts_the_mask_and_hides_keypoints() -> None:
+    whole = [foreign_animal(0, i, EXACT) for i in range(4)]
+    cut = [foreign_animal(0, i, replace(EXACT, occluded=1.0)) for i in range(4)]
+    for before, after in zip(whole, cut, strict=True):
+        lost = before.mask & ~after.mask
+        assert bool(lost.any())
+        assert not bool((after.mask & ~before.mask).any())
+        x, y, marked = before.exact.round().long().T
+        marked = before.keypoints_2d[:, 2] > 0
+        inside = (x < 160) & (y < 120) & (x >= 0) & (y >= 0)
+        behind = marked & inside & lost[y.clamp(0, 119), x.clamp(0, 159)]
+        assert not bool((after.keypoints_2d[behind, 2] > 0).any())
+    assert sum(int((a.keypoints_2d[:, 2] > 0).sum()) for a in cut) < sum(
+        int((a.keypoints_2d[:, 2] > 0).sum()) for a in whole
+    )
+
+
+def test_noise_by_extent_grows_with_the_animal() -> None:
+    noisy = replace(EXACT, faults=FaultConfig(noise_extent=0.02))
+    parts = []
+    for i in range(12):
+        animal = foreign_animal(0, i, noisy)
+        marked = animal.keypoints_2d[:, 2] > 0
+        exact = animal.exact[marked, :2]
+        extent = (exact.amax(0) - exact.amin(0)).max()
+        parts.append((animal.keypoints_2d[marked, :2] - exact) / extent)
+    assert float(torch.cat(parts).std()) == pytest.approx(0.02, rel=0.15)
 
 
 def test_animals_of_a_class_are_alike_and_other_datasets_have_other_classes() -> None:

@@ -82,7 +82,7 @@ def test_a_landmark_behind_the_body_is_hidden_and_one_before_it_is_not() -> None
     landmarks = np.array([[0, 0, -1.0], [0, 0, 1.0], [0, 0, -0.6], [3.0, 0, 0]])
     depths = depths_in_flesh(landmarks, sphere)
     assert depths == pytest.approx([0, 0, 0.4, 2.0], abs=0.05)
-    hidden = hidden_landmarks(landmarks, sphere, depths, R=np.eye(3), t=AHEAD)
+    hidden = hidden_landmarks(landmarks, sphere, R=np.eye(3), t=AHEAD)
     assert hidden.tolist() == [False, True, False, False]
 
 

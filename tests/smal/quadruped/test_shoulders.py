@@ -38,11 +38,25 @@ def test_the_point_of_the_shoulder_lies_well_below_its_blade(preset: str) -> Non
     assert rise_deg(preset, "shoulder_point") < rise_deg(preset, "shoulder_blade") - 10
 
 
-def test_each_vocabulary_says_which_place_of_the_shoulder_it_means() -> None:
-    for name, place in (("animal3d26", "left_shoulder_blade"), ("ap10k17", "left_shoulder_point")):
+def test_each_vocabulary_says_which_place_its_shoulder_is() -> None:
+    for name, place in (("animal3d26", "left_shoulder_blade"), ("ap10k17", "left_front_elbow")):
         vocabulary = VOCABULARIES[name]
         assert vocabulary.landmarks[vocabulary.keypoints.index("left_shoulder")] == (place,)
         assert vocabulary.notes == ()
+
+
+def test_ap10ks_legs_have_the_places_of_superanimals_which_was_trained_on_it() -> None:
+    ap10k, superanimal = (VOCABULARIES[name] for name in ("ap10k17", "superanimal39"))
+    theirs = dict(zip(superanimal.keypoints, superanimal.landmarks, strict=True))
+    for side in ("left", "right"):
+        for own, other in (
+            ("shoulder", f"front_{side}_thai"),
+            ("elbow", f"front_{side}_knee"),
+            ("hip", f"back_{side}_thai"),
+            ("knee", f"back_{side}_knee"),
+        ):
+            place = ap10k.landmarks[ap10k.keypoints.index(f"{side}_{own}")]
+            assert place == theirs[other]
 
 
 def own_vocabulary(tmp_path: Path, landmark: str) -> Vocabulary:
