@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import torch
 from tqdm import tqdm
@@ -13,7 +14,11 @@ from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.formats import ReadDataset, bodies_for, read_dataset
 from animal3dbox.datasets.labelling.calibrate import LearnedCalibration, calibrate_animals
-from animal3dbox.datasets.labelling.learned_bodies import LearnedBodies, learn_from_records
+from animal3dbox.datasets.labelling.learned_bodies import (
+    LearnedBodies,
+    learn_from_records,
+    remove_fits,
+)
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError
 from animal3dbox.labels.axes.placement import LEAST_ANIMALS
@@ -45,6 +50,7 @@ def run_calibrate(job: CalibrateJob) -> ExitCode:
         places, shapes = fitted.calibration.places, fitted.calibration.shapes
         calibration = replace(calibration, places=places, shapes=shapes)
     calibration.save(job.out)
+    remove_fits(_fits_folder(job))
     if job.json:
         sys.stdout.write(job.out.read_text(encoding="utf-8"))
     else:
@@ -100,9 +106,8 @@ def _fitted(
             bar.total = total
             bar.update(done - bar.n)
 
-        folder = job.out.with_name(f"{job.out.name}.fits")
         learned = learn_from_records(
-            records, bodies, LabelConfig(), learn=learn, folder=folder, watch=watch
+            records, bodies, LabelConfig(), learn=learn, folder=_fits_folder(job), watch=watch
         )
     if not learned.used:
         counts = ", ".join(f"{n} of {name}" for name, n in sorted(learned.few.items())) or "none"
@@ -112,6 +117,11 @@ def _fitted(
             f" be read): places and shapes are learned from {LEAST_TAUGHT} of a vocabulary on"
         )
     return learned
+
+
+def _fits_folder(job: CalibrateJob) -> Path:
+    """Where fits are kept until what they teach is written."""
+    return job.out.with_name(f"{job.out.name}.fits")
 
 
 def _print(

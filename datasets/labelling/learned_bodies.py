@@ -102,7 +102,8 @@ def learn_from_records(
     """Learn from the animals of a dataset, of each vocabulary by itself.
 
     The order of the records does not matter. Fits are kept in a folder as they are made, so that
-    learning that was interrupted goes on from there; the folder is removed in the end.
+    learning that was interrupted goes on from there; remove_fits clears it when what was learned is
+    safe.
 
     Args:
         records: the animals.
@@ -139,7 +140,6 @@ def learn_from_records(
                 watch=advance,
             )
         )
-    store.remove()
     return LearnedBodies(
         calibration=Calibration(
             places=tuple(one for part in parts for one in part.places),
@@ -229,14 +229,15 @@ class FitStore:
         write_whole(path, buffer.getvalue())
         return fits
 
-    def remove(self) -> None:
-        """Remove all files of fits, and the folder if nothing else is in it."""
-        if not self.folder.is_dir():
-            return
-        for path in self.folder.glob(f"*{SUFFIX}"):
-            path.unlink()
-        if not any(self.folder.iterdir()):
-            self.folder.rmdir()
+
+def remove_fits(folder: Path) -> None:
+    """Remove all files of fits in a folder, and the folder if nothing else is in it."""
+    if not folder.is_dir():
+        return
+    for path in folder.glob(f"*{SUFFIX}"):
+        path.unlink()
+    if not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def _stored_fits(path: Path) -> FoundFits | None:

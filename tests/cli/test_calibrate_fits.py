@@ -1,7 +1,9 @@
 """calibrate --learn places,shapes: from photographs to a file, resumed and in any order."""
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +17,7 @@ from animal3dbox.datasets.labelling import learned_bodies
 from animal3dbox.datasets.labelling.skipped import Skipped
 from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig, write_stanfordextra
 from animal3dbox.errors import ConfigError
-from animal3dbox.labels.calibration import load_calibration
+from animal3dbox.labels.calibration import Calibration, load_calibration
 from animal3dbox.labels.fit.learning import rounds
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
@@ -109,19 +111,39 @@ def test_learning_that_was_interrupted_goes_on_to_the_same_file(
     assert not stored.parent.exists()
 
 
-def test_the_order_of_the_annotations_does_not_matter(
-    dogs: Path, file: Path, tmp_path: Path
-) -> None:
+def reversed_copy(dogs: Path, other: Path) -> Path:
+    """The same dataset, its annotations in the opposite order."""
     annotations = dogs / "annotations.json"
-    entries = json.loads(annotations.read_text())
-    other = tmp_path / "dogs"
     other.mkdir()
     for path in dogs.iterdir():
         if path != annotations:
             (other / path.name).symlink_to(path)
+    entries = json.loads(annotations.read_text())
     (other / annotations.name).write_text(json.dumps(entries[::-1]))
-    run_calibrate(job(other, tmp_path / "c.json"))
+    return other
+
+
+def test_the_order_of_the_annotations_does_not_matter(
+    dogs: Path, file: Path, tmp_path: Path
+) -> None:
+    run_calibrate(job(reversed_copy(dogs, tmp_path / "dogs"), tmp_path / "c.json"))
     assert (tmp_path / "c.json").read_bytes() == file.read_bytes()
+
+
+def test_animals_are_learned_from_in_the_order_of_their_names(
+    dogs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    orders: list[list[str]] = []
+
+    def learned(animals: Sequence[Mapping[str, Any]], *_: object, **__: object) -> Calibration:
+        orders.append([animals[i]["sample_id"] for i in range(len(animals))])
+        return Calibration()
+
+    monkeypatch.setattr(learned_bodies, "learn_bodies", learned)
+    for path in (dogs, reversed_copy(dogs, tmp_path / "dogs")):
+        run_calibrate(job(path, tmp_path / "c.json"))
+    assert orders[0] == orders[1] == sorted(orders[0])
+    assert len(orders[0]) >= 6
 
 
 def test_label_and_dataset_take_the_file_and_say_so(dogs: Path, file: Path, tmp_path: Path) -> None:

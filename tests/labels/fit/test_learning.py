@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.synthetic.foreign.animals import ForeignAnimal, foreign_animal
@@ -199,6 +200,23 @@ def test_fits_with_what_was_learned_lie_nearer_to_their_keypoints(
     assert np.mean(after) < 0.8 * np.mean(before)
 
 
+def test_a_class_without_scatter_has_its_shape_and_other_classes_do_not(
+    animals: list[dict[str, Any]], lessons: Lessons
+) -> None:
+    stiff = Calibration(shapes=(replace(lessons.shapes["pony"], scatter=1e-4),))
+    pony, okapi = fit_many(
+        [
+            {**animals[0], "calibration": stiff, "category": category}
+            for category in ("pony", "okapi")
+        ]
+    )
+    assert isinstance(pony, FittedBody)
+    assert isinstance(okapi, FittedBody)
+    betas = np.array(stiff.shapes[0].betas)
+    assert np.abs(pony.betas - betas).max() < 1e-3
+    assert np.abs(okapi.betas - betas).max() > 0.05
+
+
 def test_doubtful_fits_count_for_nothing(animals: list[dict[str, Any]], lessons: Lessons) -> None:
     some = animals[:2]
     body, state = at_rest(some, lessons)
@@ -255,6 +273,21 @@ def test_a_label_by_what_was_learned_is_the_fits_and_says_so(
     assert np.array_equal(other.R.numpy(), plain.R.numpy())
 
 
+def test_fits_by_what_was_learned_are_the_same_alone_and_among_others(
+    animals: list[dict[str, Any]], lessons: Lessons
+) -> None:
+    some = [
+        {**animal, "calibration": lessons.calibration, "category": category}
+        for animal, category in zip(animals[:3], ("pony", "okapi", "pony"), strict=True)
+    ]
+    for one, among_others in zip(some, fit_many(some), strict=True):
+        alone = fit_many([one])[0]
+        assert isinstance(alone, FittedBody)
+        assert isinstance(among_others, FittedBody)
+        assert np.array_equal(alone.vertices, among_others.vertices)
+        assert np.array_equal(alone.landmarks, among_others.landmarks, equal_nan=True)
+
+
 def test_what_was_learned_with_another_body_or_other_keypoints_is_refused(
     animals: list[dict[str, Any]], lessons: Lessons
 ) -> None:
@@ -268,6 +301,25 @@ def test_what_was_learned_with_another_body_or_other_keypoints_is_refused(
         fit_animal(
             **{**animals[0], "calibration": Calibration(places=(replace(places, keypoints=names),))}
         )
+
+
+def test_another_model_is_learned_from_and_its_calibration_is_not_the_quadrupeds(
+    animals: list[dict[str, Any]],
+) -> None:
+    own = load_quadruped()
+    mixed = np.linalg.qr(np.random.default_rng(3).standard_normal((41, 25)))[0]
+    model = replace(own, shapedirs=own.shapedirs @ torch.from_numpy(mixed))
+    some = [{**animal, "model": model} for animal in animals[:4]]
+    first = first_lessons(
+        model, AP10K, places=True, presets={"pony": None}, animals={"pony": len(some)}
+    )
+    fits = found_fits([fit for fit in fit_many(some) if isinstance(fit, FittedBody)])
+    lessons, _ = solve_from_fits(with_means_of(first, some, fits), some, fits, LabelConfig())
+    calibration = lessons.calibration
+    assert len(calibration.shapes[0].betas) == model.beta_count
+    assert isinstance(fit_animal(**{**some[0], "calibration": calibration}), FittedBody)
+    with pytest.raises(ConfigError, match="were learned with another body"):
+        fit_animal(**{**animals[0], "calibration": calibration})
 
 
 def test_few_animals_or_nothing_to_learn_are_refused(animals: list[dict[str, Any]]) -> None:
