@@ -78,7 +78,7 @@ def label_records(
             # The mask is decoded before its batch, which an unreadable one must not spoil
             if problem := keypoints_problem(request.record, request.mask):
                 if misplaced == "fault":
-                    raise SampleError(request.entry.sample_id, "keypoints", problem)
+                    raise SampleError(request.entry.sample_id, "keypoints_2d", problem)
                 problems[place] = f"the keypoints {problem}"
             by_source.setdefault(id(request.bodies), []).append(place)
         except SampleError as error:

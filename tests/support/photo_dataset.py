@@ -285,10 +285,10 @@ FAULTS = {
     "long_joint": Fault("joints", "24 x 3", joint([10.0, 10.0, 1.0, 1.0])),
     "infinite_joint": Fault("joints", "out of range", infinite_joint),
     "joints_as_parts_of_the_image": Fault(
-        "keypoints", "look normalised", moved(1 / HW[1], 1 / HW[0]), when_read=False
+        "keypoints_2d", "look normalised", moved(1 / HW[1], 1 / HW[0]), when_read=False
     ),
     "joints_of_a_larger_image": Fault(
-        "keypoints", "4 times as large", moved(4, 4), when_read=False
+        "keypoints_2d", "4 times as large", moved(4, 4), when_read=False
     ),
     "no_width": Fault("img_width", "missing required field", without("img_width")),
     "no_height": Fault("img_height", "missing required field", without("img_height")),

@@ -100,7 +100,7 @@ def test_misplaced_keypoints_are_an_error_or_a_flag(record: AnimalRecord) -> Non
     request = request_of_record(wrong, preset_body("dog"))
     (fault,) = label_records([request], QUICK)
     assert isinstance(fault, SampleError)
-    assert (fault.sample_id, fault.field) == (wrong.sample_id, "keypoints")
+    assert (fault.sample_id, fault.field) == (wrong.sample_id, "keypoints_2d")
     (label,) = label_records([request], QUICK, misplaced="flag")
     assert isinstance(label, CuboidLabel)
     assert "misplaced" in label.quality.flags
