@@ -169,12 +169,16 @@ def body_of_prior(
 
 
 @lru_cache(maxsize=16)
-def body_digest(model: SmalModel) -> str:
-    """12 hexadecimal digits that name a model's rest shape, skeleton, skin and landmarks."""
+def body_digest(model: SmalModel, vocabulary: Vocabulary) -> str:
+    """12 hexadecimal digits that name a body at rest and where a vocabulary's keypoints are on it.
+
+    That is the model's shapes, skeleton, skin and landmarks, and which of these each keypoint is.
+    """
     content = hashlib.blake2b(digest_size=6)
     for tensor in (model.v_template, model.shapedirs, model.J_regressor, model.weights):
         array = as_numpy(tensor)
         content.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
     landmarks = {**model.landmarks, **model.extra_landmarks}
-    content.update(repr((model.joint_names, model.parents, sorted(landmarks.items()))).encode())
+    words = (model.joint_names, model.parents, sorted(landmarks.items()), vocabulary.landmarks)
+    content.update(repr(words).encode())
     return content.hexdigest()
