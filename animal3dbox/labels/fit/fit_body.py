@@ -8,7 +8,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.labels.calibration import ClassShape, KeypointPlaces
 from animal3dbox.labels.fit.kinematics import (
     JointFrames,
@@ -169,12 +168,10 @@ def body_of_prior(
 
 
 @lru_cache(maxsize=16)
-def body_digest(model: SmalModel) -> str:
-    """12 hexadecimal digits that name a model's rest shape, skeleton, skin and landmarks."""
-    content = hashlib.blake2b(digest_size=6)
-    for tensor in (model.v_template, model.shapedirs, model.J_regressor, model.weights):
-        array = as_numpy(tensor)
-        content.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
-    landmarks = {**model.landmarks, **model.extra_landmarks}
-    content.update(repr((model.joint_names, model.parents, sorted(landmarks.items()))).encode())
-    return content.hexdigest()
+def body_digest(model: SmalModel, vocabulary: Vocabulary) -> str:
+    """12 hexadecimal digits that name a body at rest and where a vocabulary's keypoints are on it.
+
+    See SmalModel.digest.
+    """
+    content = f"{model.digest} {vocabulary.landmarks!r}".encode()
+    return hashlib.blake2b(content, digest_size=6).hexdigest()

@@ -116,17 +116,24 @@ def _lessons(
         return None, None
     places = calibration.places_of(words.name)
     shape = calibration.shape_of(words.name, category)
+    again = "learn anew with animal3dbox calibrate --learn places,shapes"
+    own = body_digest(model, words)
     for lesson in (places, shape):
-        if lesson is not None and lesson.body != body_digest(model):
+        if lesson is not None and lesson.body != own:
             raise ConfigError(
-                f"the calibration's places and shapes were learned with another body"
-                f" ({lesson.body}) than the one to be fitted ({body_digest(model)}): fit that body,"
-                " or learn anew with animal3dbox calibrate --learn places,shapes"
+                "the calibration's places and shapes were learned with another body than the one to"
+                f" be fitted, or with {words.name}'s keypoints elsewhere on it ({lesson.body}, not"
+                f" {own}): fit that body, or {again}"
             )
     if places is not None and places.keypoints != words.keypoints:
         raise ConfigError(
             f"the calibration's places are of other keypoints than vocabulary {words.name} has now:"
-            " learn anew with animal3dbox calibrate --learn places,shapes"
+            f" {again}"
+        )
+    if shape is not None and len(shape.betas) != model.beta_count:
+        raise ConfigError(
+            f"the calibration's shape of {shape.category} has {len(shape.betas)} betas, the model"
+            f" {model.beta_count}: {again}"
         )
     return places, shape
 

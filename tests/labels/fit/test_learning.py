@@ -303,6 +303,17 @@ def test_what_was_learned_with_another_body_or_other_keypoints_is_refused(
         )
 
 
+def test_a_vocabulary_whose_keypoints_have_moved_on_the_body_refuses_what_was_learned(
+    animals: list[dict[str, Any]], lessons: Lessons
+) -> None:
+    elsewhere = replace(AP10K, landmarks=(("nose",), *AP10K.landmarks[1:]))
+    with pytest.raises(ConfigError, match="ap10k17's keypoints elsewhere"):
+        fit_animal(**{**animals[0], "vocabulary": elsewhere, "calibration": lessons.calibration})
+    short = replace(lessons.shapes["pony"], betas=(0.0,))
+    with pytest.raises(ConfigError, match="shape of pony has 1 betas, the model 41"):
+        fit_animal(**{**animals[0], "calibration": Calibration(shapes=(short,))})
+
+
 def test_another_model_is_learned_from_and_its_calibration_is_not_the_quadrupeds(
     animals: list[dict[str, Any]],
 ) -> None:

@@ -58,7 +58,7 @@ class Lessons:
         rows = np.round(offsets, DECIMALS).tolist()
         return KeypointPlaces(
             vocabulary=self.vocabulary.name,
-            body=body_digest(self.model),
+            body=body_digest(self.model, self.vocabulary),
             keypoints=self.vocabulary.keypoints,
             offsets=tuple((x, y, z) for x, y, z in rows),
             sd=tuple(np.round(self.sd, DECIMALS).tolist()),
@@ -71,7 +71,7 @@ class Lessons:
         return {
             category: ClassShape(
                 vocabulary=self.vocabulary.name,
-                body=body_digest(self.model),
+                body=body_digest(self.model, self.vocabulary),
                 category=category,
                 preset=self.presets[category],
                 betas=tuple(np.round(self._betas(category), DECIMALS).tolist()),
