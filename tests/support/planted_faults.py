@@ -65,9 +65,9 @@ field; one that vanishes later, by image or mask."""
 
 ENTRY_FAULTS: dict[str, tuple[str, Callable[[Entry, Path], None]]] = {
     "too few keypoints": ("keypoint_2d", _entry(keypoint_2d=lambda rows: rows[:5])),
-    "keypoints of two numbers": (
+    "keypoints of one number": (
         "keypoint_2d",
-        _entry(keypoint_2d=lambda rows: [row[:2] for row in rows]),
+        _entry(keypoint_2d=lambda rows: [row[:1] for row in rows]),
     ),
     "visibility of 7": (
         "keypoint_2d",
