@@ -1,0 +1,106 @@
+"""Small inputs that were once misread, read again: one line a folder, "right" or what came instead.
+
+Run: python benchmarks/cases.py ../shared/cases
+"""
+
+import argparse
+import contextlib
+import io
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from animal3dbox.cli.main import main as animal3dbox
+
+Said = Callable[[str, int], bool]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One folder.
+
+    Attributes:
+        name: of the folder, and of the file in it that is read.
+        is_right: whether what the command printed, and its exit code, are as they should be.
+        options: of `label` beside the rigid preset.
+    """
+
+    name: str
+    is_right: Said
+    options: tuple[str, ...] = ()
+
+
+def labelled(count: int, *words: str) -> Said:
+    """So many animals read, none faulty, and some words in what is printed."""
+    return lambda text, code: (
+        f"{count} animals" in text and " 0 faulty" in text and all(word in text for word in words)
+    )
+
+
+def refused(*words: str) -> Said:
+    """Animals that are faulty, for a reason with some words."""
+    return lambda text, code: code != 0 and all(word in text for word in words)
+
+
+CSV = "labeled-data/vid/CollectedData_Me.csv"
+CASES = (
+    Case("coco-normalised-no-box", refused("look normalised")),
+    Case(f"dlc-normalised/{CSV}", refused("look normalised")),
+    Case("coco-minus1-marked", labelled(3, "(-1, -1)")),
+    Case(f"dlc-minus1/{CSV}", labelled(2, "(-1, -1)")),
+    Case("animal3d-negative", labelled(1, "(-1, -1)")),
+    Case("coco-mask-elsewhere", refused("the mask")),
+    Case("dlc-two-videos/CollectedData_Me.csv", labelled(2)),
+    Case("dlc-two-videos/labeled-data/vid1/CollectedData_Me.csv", labelled(2)),
+    Case("dlc-project", labelled(2, "1 rejected")),
+    Case("animal3d-not-unzipped", refused("there is no file")),
+    Case("animal3d-pose-nested", labelled(1)),
+    Case("animal3d-two-splits", refused("once more")),
+    Case("photo-as-mask", labelled(1)),
+    Case("zero-params", labelled(1, "all zero")),
+    Case("coco-windows-path", labelled(3)),
+    Case("coco-float-ids", labelled(3)),
+    Case("coco-iscrowd-null", labelled(3)),
+    Case("coco-v-minus-1", labelled(3)),
+    Case("coco-scores", refused("--visibility scores")),
+    Case("coco-scores", labelled(3), ("--visibility", "scores")),
+    Case("coco-box-empty", labelled(3, "left out")),
+    Case("coco-polygon-two-points", labelled(1, "left out")),
+    Case("coco-person-too", labelled(2, "'person'")),
+    Case("coco-names-spaces", labelled(3)),
+    Case("coco-names-camel", labelled(3)),
+)
+
+
+def run(path: Path, options: tuple[str, ...]) -> tuple[str, int]:
+    """What `label` prints of a path, and its exit code."""
+    printed = io.StringIO()
+    with (
+        tempfile.TemporaryDirectory() as out,
+        contextlib.redirect_stdout(printed),
+        contextlib.redirect_stderr(printed),
+    ):
+        try:
+            animal3dbox(["label", str(path), "--body", "preset", "--out", out, *options])
+        except SystemExit as end:
+            return printed.getvalue(), end.code if isinstance(end.code, int) else 1
+    return printed.getvalue(), 0
+
+
+def main() -> None:
+    """Read every folder and say how."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("folder", type=Path)
+    folder = parser.parse_args().folder
+    names = {case.name.split("/")[0] for case in CASES}
+    for case in CASES:
+        text, code = run(folder / case.name, case.options)
+        first = " / ".join(text.strip().splitlines()[:3])
+        print(f"{case.name}: {'right' if case.is_right(text, code) else f'WRONG, {first}'}")
+    others = [p.name for p in sorted(folder.iterdir()) if p.name not in names and p.is_dir()]
+    print(f"not tried here: {', '.join(others)}")
+
+
+if __name__ == "__main__":
+    main()
