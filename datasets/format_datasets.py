@@ -22,7 +22,7 @@ from animal3dbox.datasets.readers.animal3d import reader as animal3d
 from animal3dbox.datasets.readers.coco import reader as coco
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
-from animal3dbox.datasets.readers.tolerance import Optional, Visibility
+from animal3dbox.datasets.readers.tolerance import Visibility
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -46,7 +46,6 @@ class AnnotatedDataset(LabelDataset):
             dataset's own, else one fitted to each animal.
         focal_px: of every image without a camera of its own; None: what the dataset or the
             picture's header says, or a guess.
-        optional: a bad mask or box is a "fault" of its animal, or left out with a note: "drop".
         visibility: what stands beside a keypoint: "flags" (0, 1, 2), or a network's "scores".
         categories: names of those that are read, of files that list some; none: all with an
             animal's keypoints.
@@ -80,7 +79,6 @@ class AnnotatedDataset(LabelDataset):
         vocabulary: str | Vocabulary | None = None,
         body: str | BodySource | None = None,
         focal_px: float | None = None,
-        optional: Optional = "fault",
         visibility: Visibility = "flags",
         categories: Sequence[str] = (),
         **options: Unpack[Options],
@@ -98,7 +96,7 @@ class AnnotatedDataset(LabelDataset):
                 None if fitted is not None else file,
                 vocabulary,
                 focal_px,
-                optional=optional,
+                optional=options.get("optional", "fault"),
                 visibility=visibility,
                 categories=tuple(categories),
             ),

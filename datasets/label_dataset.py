@@ -40,6 +40,7 @@ from animal3dbox.datasets.labelling.skipped import (
 )
 from animal3dbox.datasets.labelling.targets import empty_target, image_tensor
 from animal3dbox.datasets.labelling.threads import one_thread
+from animal3dbox.datasets.readers.tolerance import BadParts
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
@@ -74,6 +75,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             same, and ``quality`` says so.
         misplaced: whether keypoints beside the frame, or beside the animal's own box or mask, are a
             "fault", or a "flag" of its label.
+        optional: whether a mask or a box that cannot be used is a "fault" of its animal, or left
+            out with a note or a warning: "drop".
         cache: folder of the label cache; None: none.
         masks: whether targets hold masks, of images whose every animal has one.
         report_to: file that cases are appended to; None: a temporary one.
@@ -113,6 +116,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         scale: ScaleSource | None = None,
         stored_cameras: CameraPolicy = "hypothesis",
         misplaced: Misplaced = "fault",
+        optional: BadParts = "fault",
         cache: Path | str | None = None,
         masks: bool = True,
         report_to: Path | str | None = None,
@@ -145,6 +149,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             scale=scale,
             stored_cameras=stored_cameras,
             misplaced=misplaced,
+            optional=optional,
             cache=cache,
             reuse=reuse,
             calibration=learned,

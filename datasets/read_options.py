@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-from animal3dbox.datasets.readers.tolerance import Optional, Tolerance, Visibility
+from animal3dbox.datasets.readers.tolerance import BadParts, Tolerance, Visibility
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
@@ -37,12 +37,12 @@ class ReadOptions:
     model: Path | None = None
     vocabulary: Vocabulary | None = None
     focal_px: float | None = None
-    optional: Optional = "fault"
+    optional: BadParts = "fault"
     visibility: Visibility = "flags"
     categories: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, kind in (("optional", Optional), ("visibility", Visibility)):
+        for name, kind in (("optional", BadParts), ("visibility", Visibility)):
             if getattr(self, name) not in get_args(kind):
                 raise ConfigError(
                     f"{name} must be one of {', '.join(get_args(kind))}, got"

@@ -11,6 +11,7 @@ from animal3dbox.datasets.labelling.keypoint_places import Misplaced
 from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.skipped import Target
+from animal3dbox.datasets.readers.tolerance import BadParts
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 
@@ -31,6 +32,7 @@ class Options(TypedDict, total=False):
     scale: ScaleSource | None
     stored_cameras: CameraPolicy
     misplaced: Misplaced
+    optional: BadParts
     cache: Path | str | None
     masks: bool
     report_to: Path | str | None

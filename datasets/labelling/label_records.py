@@ -1,7 +1,7 @@
 """From an annotated animal to its label: the one way that every Dataset and command goes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ from animal3dbox.datasets.labelling.image_samples import Record
 from animal3dbox.datasets.labelling.keypoint_places import Misplaced, keypoints_problem
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.scale import ScaleSource, in_metres
+from animal3dbox.datasets.readers.tolerance import BadParts
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.arrays import as_numpy
@@ -43,6 +44,7 @@ def label_records(
     stored_cameras: CameraPolicy = "hypothesis",
     calibration: Calibration | None = None,
     misplaced: Misplaced = "fault",
+    optional: BadParts = "fault",
 ) -> list[Outcome]:
     """The labels of many animals, each the same as alone; an unusable one spoils no other.
 
@@ -54,6 +56,7 @@ def label_records(
         stored_cameras: what a camera pose that the dataset stores is taken for.
         calibration: what the dataset taught about its keypoints' places; None: nothing.
         misplaced: what keypoints beside their animal are, see keypoints_problem.
+        optional: what a mask whose file cannot be used is: a "fault", or left out with a warning.
 
     Returns:
         Labels, rejections and errors, in order.
@@ -66,20 +69,17 @@ def label_records(
         >>> [type(outcome).__name__ for outcome in label_records([request], LabelConfig())]
         ['CuboidLabel']
     """
-    asked, requests = len(requests), _with_siblings(requests, config)
+    asked, requests = len(requests), list(_with_siblings(requests, config))
     outcomes: list[Outcome | None] = [None] * len(requests)
     by_source: dict[int, list[int]] = {}
-    problems: dict[int, str] = {}
+    remarks: dict[int, _Remarks] = {}
     for place, request in enumerate(requests):
         try:
             if isinstance(request.record, CuboidRecord):
                 outcomes[place] = given_label(request.record)
                 continue
             # The mask is decoded before its batch, which an unreadable one must not spoil
-            if problem := keypoints_problem(request.record, request.mask):
-                if misplaced == "fault":
-                    raise SampleError(request.entry.sample_id, "keypoints_2d", problem)
-                problems[place] = f"the keypoints {problem}"
+            requests[place], remarks[place] = _checked(request, misplaced, optional)
             by_source.setdefault(id(request.bodies), []).append(place)
         except SampleError as error:
             outcomes[place] = error
@@ -90,17 +90,50 @@ def label_records(
         )
         for place, outcome in zip(places, labels, strict=True):
             outcomes[place] = outcome
-    for place, problem in problems.items():
-        outcomes[place] = _flagged(outcomes[place], problem)
+    for place, remark in remarks.items():
+        outcomes[place] = _remarked(outcomes[place], remark)
     return [outcome for outcome in outcomes[:asked] if outcome is not None]
 
 
-def _flagged(outcome: Outcome | None, problem: str) -> Outcome | None:
-    """An outcome that says, if it is a label, what is wrong with its keypoints' places."""
-    if not isinstance(outcome, CuboidLabel):
+@dataclass
+class _Remarks:
+    """What is said of an animal's label for its annotation's sake."""
+
+    warnings: list[str] = field(default_factory=list)
+    flags: list[str] = field(default_factory=list)
+
+
+def _checked(
+    request: LabelRequest, misplaced: Misplaced, optional: BadParts
+) -> tuple[LabelRequest, _Remarks]:
+    """A request whose mask is decoded, or left out, and whose keypoints lie on the animal.
+
+    Raises:
+        SampleError: the mask or the keypoints' places are wrong, and that is an error.
+
+    """
+    remarks, record = _Remarks(), request.record
+    try:
+        mask = request.mask
+    except SampleError as error:
+        if optional == "fault":
+            raise
+        remarks.warnings.append(f"the mask is left out: {error.field} {error.problem}")
+        request, mask = replace(request, has_mask=False), None
+    if isinstance(record, AnimalRecord) and (problem := keypoints_problem(record, mask)):
+        if misplaced == "fault":
+            raise SampleError(record.sample_id, "keypoints_2d", problem)
+        remarks.warnings.append(f"the keypoints {problem}")
+        remarks.flags.append("misplaced")
+    return request, remarks
+
+
+def _remarked(outcome: Outcome | None, remarks: _Remarks) -> Outcome | None:
+    """An outcome with remarks on its annotation, if it is a label."""
+    if not isinstance(outcome, CuboidLabel) or not remarks.warnings:
         return outcome
     quality = outcome.quality
-    warnings, flags = (*quality.warnings, problem), (*quality.flags, "misplaced")
+    warnings, flags = (*quality.warnings, *remarks.warnings), (*quality.flags, *remarks.flags)
     return replace(outcome, quality=replace(quality, warnings=warnings, flags=flags))
 
 

@@ -26,6 +26,7 @@ class LabelRequest:
         facts: of the image's header. An EXIF orientation, which is not applied, is among the
             label's warnings.
         key: names what its label is made from, for a cache; empty without one.
+        has_mask: False for a mask that cannot be used and is left out.
 
     Example:
         >>> from animal3dbox.datasets import SyntheticSet, preset_body, request_of_record
@@ -39,6 +40,7 @@ class LabelRequest:
     place: int
     facts: PhotoFacts
     key: bytes = b""
+    has_mask: bool = True
 
     @property
     def entry(self) -> AnimalEntry:
@@ -58,7 +60,7 @@ class LabelRequest:
             SampleError: the mask's file cannot be read, or is of another size.
 
         """
-        return self.sample.mask(self.place)
+        return self.sample.mask(self.place) if self.has_mask else None
 
     @property
     def bodies(self) -> BodySource:

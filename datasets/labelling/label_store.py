@@ -22,6 +22,7 @@ from animal3dbox.datasets.labelling.label_records import (
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.datasets.labelling.scale import ScaleSource
+from animal3dbox.datasets.readers.tolerance import BadParts
 from animal3dbox.datasets.storage.fingerprint import (
     code_digest,
     content_digest,
@@ -47,6 +48,7 @@ class LabelStore:
         scale: what makes labels metric, or None.
         stored_cameras: what a stored camera pose is taken for.
         misplaced: what keypoints beside their animal are.
+        optional: what masks that cannot be used are.
         cache: folder of the label cache, or None.
         reuse: whether stored labels are read; new ones are stored either way.
         calibration: what the dataset taught; it names the cache's folder too.
@@ -64,6 +66,7 @@ class LabelStore:
         scale: ScaleSource | None,
         stored_cameras: CameraPolicy,
         misplaced: Misplaced = "fault",
+        optional: BadParts = "fault",
         cache: Path | str | None,
         reuse: bool = True,
         calibration: Calibration | None = None,
@@ -74,8 +77,11 @@ class LabelStore:
             )
         if misplaced not in get_args(Misplaced):
             raise ConfigError(f"misplaced must be 'fault' or 'flag', got {misplaced!r}")
+        if optional not in get_args(BadParts):
+            raise ConfigError(f"optional must be 'fault' or 'drop', got {optional!r}")
         self.config, self.scale, self.stored_cameras = config, scale, stored_cameras
         self.misplaced: Misplaced = misplaced
+        self.optional: BadParts = optional
         self.reuse, self.calibration = reuse, calibration
         self.cache: LabelCache | None = None
         self._reported: set[str] = set()
@@ -95,6 +101,7 @@ class LabelStore:
                 scale_digest,
                 stored_cameras.encode(),
                 misplaced.encode(),
+                optional.encode(),
                 b"" if calibration is None else calibration.digest.encode(),
             )
             self.cache = LabelCache(Path(cache), fingerprint)
@@ -158,6 +165,7 @@ class LabelStore:
             stored_cameras=self.stored_cameras,
             calibration=self.calibration,
             misplaced=self.misplaced,
+            optional=self.optional,
         )
         self._fit_notice.tell(made, time.perf_counter() - begin)
         for (place, request), outcome in zip(missing.items(), made, strict=True):

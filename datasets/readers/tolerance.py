@@ -11,7 +11,7 @@ from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
 
 Array = NDArray[np.float64]
-Optional = Literal["fault", "drop"]
+BadParts = Literal["fault", "drop"]
 """What a bad mask or box is: an error of its animal, or left out with a note."""
 Visibility = Literal["flags", "scores"]
 """What stands beside a keypoint's place: 0, 1 or 2, or how sure a network was of it."""
@@ -25,7 +25,7 @@ class Tolerance:
     """How one file is taken, and how often it needed that.
 
     Attributes:
-        optional: see Optional.
+        optional: see BadParts.
         visibility: see Visibility.
         left_out: the errors of the parts that were left out.
         minus_ones: sample ids of animals with marked keypoints at (-1, -1).
@@ -39,7 +39,7 @@ class Tolerance:
         1
     """
 
-    optional: Optional = "fault"
+    optional: BadParts = "fault"
     visibility: Visibility = "flags"
     left_out: list[SampleError] = field(default_factory=list)
     minus_ones: list[str] = field(default_factory=list)

@@ -107,6 +107,24 @@ def test_misplaced_keypoints_are_an_error_or_a_flag(record: AnimalRecord) -> Non
     assert any("counted from the bottom" in warning for warning in label.quality.warnings)
 
 
+def test_a_mask_that_cannot_be_read_costs_the_animal_or_only_itself(
+    record: AnimalRecord, tmp_path: Path
+) -> None:
+    (tmp_path / "mask.png").write_bytes(b"words")
+    spoilt = replace(record, mask_runs=None, mask_path=tmp_path / "mask.png")
+    request = request_of_record(spoilt, preset_body("dog"))
+    (fault,) = label_records([request], QUICK)
+    assert isinstance(fault, SampleError)
+    (label,) = label_records([request], QUICK, optional="drop")
+    assert isinstance(label, CuboidLabel)
+    assert any("the mask is left out: mask" in one for one in label.quality.warnings)
+    (bare,) = label_records(
+        [request_of_record(replace(record, mask_runs=None), preset_body("dog"))], QUICK
+    )
+    assert isinstance(bare, CuboidLabel)
+    assert np.array_equal(label.corners_3d.numpy(), bare.corners_3d.numpy())
+
+
 def test_a_dataset_raises_skips_or_flags(tmp_path: Path) -> None:
     world = WorldConfig((120, 160), VOCABULARIES["stanfordextra24"])
     write_stanfordextra(SyntheticSet(0, 1, world), tmp_path)
