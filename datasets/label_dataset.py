@@ -27,10 +27,11 @@ from animal3dbox.datasets.labelling.image_targets import (
     partial_case,
 )
 from animal3dbox.datasets.labelling.keypoint_places import Misplaced
-from animal3dbox.datasets.labelling.label_records import CameraPolicy, Outcome, check_camera_policy
+from animal3dbox.datasets.labelling.label_records import CameraPolicy, check_camera_policy
 from animal3dbox.datasets.labelling.label_store import LabelStore, fault_case
 from animal3dbox.datasets.labelling.load_report import Case, CaseFile, LoadReport
 from animal3dbox.datasets.labelling.open_samples import OpenSample, mask_of, open_samples
+from animal3dbox.datasets.labelling.sample_checks import Outcome
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.skipped import (
     Sample,
@@ -71,12 +72,9 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             animal3dbox.transforms.Compose.
         scale: what makes labels metric (scale.py); None: only what the dataset itself says.
         stored_cameras: whether a camera that a dataset stores for its bodies is one "hypothesis"
-            among others, or "exact"; animals without a stored one get theirs estimated all the
-            same, and ``quality`` says so.
-        misplaced: whether keypoints beside the frame, or beside the animal's own box or mask, are a
-            "fault", or a "flag" of its label.
-        optional: whether a mask or a box that cannot be used is a "fault" of its animal, or left
-            out with a note or a warning: "drop".
+            among others, or "exact"; animals without one get theirs estimated all the same.
+        misplaced: keypoints beside the frame, the box or the mask are a "fault" or a "flag".
+        optional: a bad mask or box is a "fault", or left out: "drop".
         cache: folder of the label cache; None: none.
         masks: whether targets hold masks, of images whose every animal has one.
         report_to: file that cases are appended to; None: a temporary one.

@@ -166,7 +166,7 @@ def _dataset_of(job: CheckJob) -> AnnotatedDataset:
         images=job.dataset.images,
         model=job.dataset.model,
         vocabulary=job.dataset.vocabulary,
-        optional=job.dataset.optional,
+        optional=job.dataset.optional or "fault",
         visibility=job.dataset.visibility,
         categories=job.dataset.categories,
         body=job.body,

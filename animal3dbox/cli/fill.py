@@ -49,13 +49,27 @@ def run_fill(job: LabelJob) -> ExitCode:
     if job.cache.workers < 0:
         raise ConfigError(f"--workers must not be negative, got {job.cache.workers}")
     torch.set_num_threads(1)
+    dataset = _dataset_of(job)
+    first, step = shard_of(job.cache.shard)
+    indices = range(first, len(dataset), step)
+    loader = DataLoader(
+        LabelledShard(dataset, indices), batch_size=None, num_workers=job.cache.workers
+    )
+    for _ in tqdm(loader, desc="labelling", unit=f"{AT_ONCE} images", disable=job.json or None):
+        pass
+    animals = sum(dataset.source.animals(index) for index in indices)
+    return _report(dataset, job, len(indices), animals)
+
+
+def _dataset_of(job: LabelJob) -> AnnotatedDataset:
+    """The job's Dataset, whose bad samples are counted, not raised."""
     body = job.body.source(job.dataset.model)
     config = replace(
         job.config,
         surface_share=False,
         mask_iou=job.cache.mask_iou or job.camera.stored_camera == "hypothesis",
     )
-    dataset = AnnotatedDataset(
+    return AnnotatedDataset(
         job.path,
         format=job.dataset.format,
         images=job.dataset.images,
@@ -68,22 +82,13 @@ def run_fill(job: LabelJob) -> ExitCode:
         scale=job.scale_source,
         stored_cameras=job.camera.stored_camera,
         misplaced=job.misplaced,
-        optional=job.dataset.optional,
+        optional=job.dataset.optional or "fault",
         visibility=job.dataset.visibility,
         categories=job.dataset.categories,
         cache=job.cache.folder,
         reuse=job.cache.resume,
         calibration=job.calibration,
     )
-    first, step = shard_of(job.cache.shard)
-    indices = range(first, len(dataset), step)
-    loader = DataLoader(
-        LabelledShard(dataset, indices), batch_size=None, num_workers=job.cache.workers
-    )
-    for _ in tqdm(loader, desc="labelling", unit=f"{AT_ONCE} images", disable=job.json or None):
-        pass
-    animals = sum(dataset.source.animals(index) for index in indices)
-    return _report(dataset, job, len(indices), animals)
 
 
 def shard_of(shard: str | None) -> tuple[int, int]:

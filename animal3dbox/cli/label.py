@@ -106,7 +106,7 @@ def _labelled(
         stored_cameras=job.camera.stored_camera,
         calibration=calibration,
         misplaced=job.misplaced,
-        optional=job.dataset.optional,
+        optional=job.dataset.optional or "drop",
     )
     for place, outcome in zip(requests, outcomes, strict=True):
         if isinstance(outcome, SampleError):

@@ -72,8 +72,8 @@ class KeypointDatasetOptions(DatasetOptions):
 
     vocabulary: str | None = None
     """what the keypoints are if their names do not tell: a vocabulary's name or a TOML file"""
-    optional: Literal["drop", "fault"] = "drop"
-    """a bad mask or box: left out with a note, or an error of its animal"""
+    optional: Literal["drop", "fault"] | None = None
+    """a bad mask or box: left out with a note, which is the default but for --cache, or an error"""
     visibility: Literal["flags", "scores"] = "flags"
     """what stands beside a keypoint: 0, 1 or 2, or how sure a network was of it"""
     categories: tuple[str, ...] = ()
@@ -93,7 +93,7 @@ class KeypointDatasetOptions(DatasetOptions):
 
         options = replace(
             super().read_options(focal_px),
-            optional=self.optional,
+            optional=self.optional or "drop",
             visibility=self.visibility,
             categories=self.categories,
         )

@@ -8,8 +8,9 @@ import msgspec
 import torch
 
 from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.labelling.label_records import Outcome, label_records
+from animal3dbox.datasets.labelling.label_records import label_records
 from animal3dbox.datasets.labelling.label_requests import request_of_record
+from animal3dbox.datasets.labelling.sample_checks import Outcome
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.labelling.filters import LabelFilter
 from animal3dbox.datasets.labelling.image_samples import ImageSample
-from animal3dbox.datasets.labelling.label_records import Outcome
 from animal3dbox.datasets.labelling.label_store import fault_case, rejected_case
 from animal3dbox.datasets.labelling.load_report import Case
+from animal3dbox.datasets.labelling.sample_checks import Outcome
 from animal3dbox.datasets.labelling.skipped import Target
 from animal3dbox.datasets.labelling.targets import check_one_camera, masks_of, target_of
 from animal3dbox.errors import SampleError

@@ -1,7 +1,7 @@
 """From an annotated animal to its label: the one way that every Dataset and command goes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -13,8 +13,14 @@ from animal3dbox.datasets.bodies.sources import many_bodies
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.given_boxes import given_label
 from animal3dbox.datasets.labelling.image_samples import Record
-from animal3dbox.datasets.labelling.keypoint_places import Misplaced, keypoints_problem
+from animal3dbox.datasets.labelling.keypoint_places import Misplaced
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
+from animal3dbox.datasets.labelling.sample_checks import (
+    Outcome,
+    Remarks,
+    checked_request,
+    with_remarks,
+)
 from animal3dbox.datasets.labelling.scale import ScaleSource, in_metres
 from animal3dbox.datasets.readers.tolerance import BadParts
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
@@ -32,8 +38,6 @@ from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 CameraPolicy = Literal["hypothesis", "exact"]
 """How the camera pose that a dataset stores for its bodies is taken: as one guess, or as known."""
-Outcome = CuboidLabel | Rejection | SampleError
-"""What becomes of an animal."""
 
 
 def label_records(
@@ -72,14 +76,14 @@ def label_records(
     asked, requests = len(requests), list(_with_siblings(requests, config))
     outcomes: list[Outcome | None] = [None] * len(requests)
     by_source: dict[int, list[int]] = {}
-    remarks: dict[int, _Remarks] = {}
+    remarks: dict[int, Remarks] = {}
     for place, request in enumerate(requests):
         try:
             if isinstance(request.record, CuboidRecord):
                 outcomes[place] = given_label(request.record)
                 continue
             # The mask is decoded before its batch, which an unreadable one must not spoil
-            requests[place], remarks[place] = _checked(request, misplaced, optional)
+            requests[place], remarks[place] = checked_request(request, misplaced, optional)
             by_source.setdefault(id(request.bodies), []).append(place)
         except SampleError as error:
             outcomes[place] = error
@@ -91,50 +95,8 @@ def label_records(
         for place, outcome in zip(places, labels, strict=True):
             outcomes[place] = outcome
     for place, remark in remarks.items():
-        outcomes[place] = _remarked(outcomes[place], remark)
+        outcomes[place] = with_remarks(outcomes[place], remark)
     return [outcome for outcome in outcomes[:asked] if outcome is not None]
-
-
-@dataclass
-class _Remarks:
-    """What is said of an animal's label for its annotation's sake."""
-
-    warnings: list[str] = field(default_factory=list)
-    flags: list[str] = field(default_factory=list)
-
-
-def _checked(
-    request: LabelRequest, misplaced: Misplaced, optional: BadParts
-) -> tuple[LabelRequest, _Remarks]:
-    """A request whose mask is decoded, or left out, and whose keypoints lie on the animal.
-
-    Raises:
-        SampleError: the mask or the keypoints' places are wrong, and that is an error.
-
-    """
-    remarks, record = _Remarks(), request.record
-    try:
-        mask = request.mask
-    except SampleError as error:
-        if optional == "fault":
-            raise
-        remarks.warnings.append(f"the mask is left out: {error.field} {error.problem}")
-        request, mask = replace(request, has_mask=False), None
-    if isinstance(record, AnimalRecord) and (problem := keypoints_problem(record, mask)):
-        if misplaced == "fault":
-            raise SampleError(record.sample_id, "keypoints_2d", problem)
-        remarks.warnings.append(f"the keypoints {problem}")
-        remarks.flags.append("misplaced")
-    return request, remarks
-
-
-def _remarked(outcome: Outcome | None, remarks: _Remarks) -> Outcome | None:
-    """An outcome with remarks on its annotation, if it is a label."""
-    if not isinstance(outcome, CuboidLabel) or not remarks.warnings:
-        return outcome
-    quality = outcome.quality
-    warnings, flags = (*quality.warnings, *remarks.warnings), (*quality.flags, *remarks.flags)
-    return replace(outcome, quality=replace(quality, warnings=warnings, flags=flags))
 
 
 def _with_siblings(requests: Sequence[LabelRequest], config: LabelConfig) -> Sequence[LabelRequest]:

@@ -15,12 +15,12 @@ from animal3dbox.datasets.labelling.image_samples import ImageSample
 from animal3dbox.datasets.labelling.keypoint_places import Misplaced
 from animal3dbox.datasets.labelling.label_records import (
     CameraPolicy,
-    Outcome,
     estimates_focal_lengths,
     label_records,
 )
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.load_report import Case
+from animal3dbox.datasets.labelling.sample_checks import Outcome
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.readers.tolerance import BadParts
 from animal3dbox.datasets.storage.fingerprint import (
