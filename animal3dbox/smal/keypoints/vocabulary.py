@@ -11,6 +11,7 @@ from torch import Tensor
 
 from animal3dbox.errors import ConfigError
 from animal3dbox.geometry.arrays import AnyArray
+from animal3dbox.smal.keypoints.known_places import KNOWN_PLACES, nearest_places
 from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
 
 Groups = Mapping[str, Sequence[int] | Tensor]
@@ -88,6 +89,13 @@ class Vocabulary:
                     f"vocabulary {self.name}: keypoint {keypoint!r} is {side}, but its landmark"
                     f" {crossed[0]!r} is not"
                 )
+        for i, (keypoint, side) in enumerate(zip(self.keypoints, self.sides, strict=True)):
+            if side is not None and self.flip[i] == i:
+                raise ConfigError(
+                    f"vocabulary {self.name}: keypoint {keypoint!r} is {side}"
+                    f" ({', '.join(self.landmarks[i])}), but is its own mirror image: say in [flip]"
+                    " which keypoint is the one of the other side"
+                )
 
     def __len__(self) -> int:
         return len(self.keypoints)
@@ -130,7 +138,8 @@ class Vocabulary:
             (J, 3) in the same frame; NaN for a keypoint that the body has no place for.
 
         Raises:
-            ConfigError: a keypoint names a vertex that the body does not have.
+            ConfigError: a keypoint names a vertex that the body does not have, or a place that
+                neither this body has nor any other.
 
         """
         return LandmarkPlaces.of(self.places(groups, len(vertices)), len(vertices)).read(vertices)
@@ -143,6 +152,8 @@ class Vocabulary:
                 groups.get(alias, _vertex_ids(alias)) for name in names for alias in aliases(name)
             )
             place = next((place for place in known if place is not None), None)
+            if place is None:
+                self._check_known(keypoint, names)
             ids = () if place is None or isinstance(place, Tensor) else place
             if not all(0 <= i < n_vertices for i in ids):
                 raise ConfigError(
@@ -151,6 +162,20 @@ class Vocabulary:
                 )
             places.append(place)
         return places
+
+    def _check_known(self, keypoint: str, names: Sequence[str]) -> None:
+        """Raise a ConfigError for a keypoint whose places are none that a body could have."""
+        unknown = [
+            name
+            for name in names
+            if ":" not in name and not any(alias in KNOWN_PLACES for alias in aliases(name))
+        ]
+        if unknown and len(unknown) == len(names):
+            raise ConfigError(
+                f"vocabulary {self.name}: keypoint {keypoint!r} is at {unknown[0]!r}, which no body"
+                f" has (nearest: {nearest_places(unknown[0])}); say [] for a keypoint that is not"
+                " on the body"
+            )
 
 
 def _vertex_ids(name: str) -> tuple[int, ...] | None:

@@ -6,6 +6,7 @@ import torch
 from torch.testing import assert_close
 
 from animal3dbox.errors import ConfigError
+from animal3dbox.smal.keypoints.known_places import KNOWN_PLACES
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES, find_vocabulary
 from animal3dbox.smal.keypoints.vocabulary import (
     Vocabulary,
@@ -260,8 +261,30 @@ def test_a_landmark_the_body_lacks_is_nan_not_a_guess() -> None:
 
 
 def test_the_first_landmark_that_the_body_has_is_taken() -> None:
-    vocabulary = vocabulary_from_names("ears", {"ear": ("left_ear_base", "left_ear")})
-    assert vocabulary.on_body({"left_ear": (0,)}, torch.ones(1, 3)).tolist() == [[1, 1, 1]]
+    vocabulary = vocabulary_from_names("snouts", {"snout": ("nose", "chin")})
+    assert vocabulary.on_body({"chin": (0,)}, torch.ones(1, 3)).tolist() == [[1, 1, 1]]
+
+
+def test_a_place_that_no_body_has_is_refused_with_the_nearest() -> None:
+    misspelt = vocabulary_from_names("mine", {"snout": "nsoe", "tail": "tail_base"})
+    with pytest.raises(ConfigError, match="'snout' is at 'nsoe', which no body has .nearest: nose"):
+        misspelt.on_body({"tail_base": (0,)}, torch.ones(1, 3))
+    own_groups = {"nsoe": (0,), "tail_base": (0,)}
+    assert misspelt.on_body(own_groups, torch.ones(1, 3)).shape == (2, 3)
+
+
+def test_the_known_places_are_the_quadrupeds() -> None:
+    model = load_quadruped()
+    assert {*model.landmarks, *model.extra_landmarks} == set(KNOWN_PLACES)
+
+
+def test_a_keypoint_of_one_side_needs_a_mirror_image() -> None:
+    words = "'forelegL1' is left .left_front_elbow., but is its own mirror image"
+    places = {"forelegL1": "left_front_elbow", "forelegR1": "right_front_elbow"}
+    with pytest.raises(ConfigError, match=words):
+        vocabulary_from_names("mine", places)
+    paired = vocabulary_from_names("mine", places, {"forelegL1": "forelegR1"})
+    assert paired.flip == (1, 0)
 
 
 @pytest.mark.parametrize("flip", [(0, 0), (1, 2), (0,)])
