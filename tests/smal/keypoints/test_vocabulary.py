@@ -267,7 +267,7 @@ def test_the_first_landmark_that_the_body_has_is_taken() -> None:
 
 def test_a_place_that_no_body_has_is_refused_with_the_nearest() -> None:
     misspelt = vocabulary_from_names("mine", {"snout": "nsoe", "tail": "tail_base"})
-    with pytest.raises(ConfigError, match=r"'snout' is at 'nsoe', which no body has .nearest: nose"):
+    with pytest.raises(ConfigError, match=r"'snout' is at 'nsoe', which no body has .nearest: no"):
         misspelt.on_body({"tail_base": (0,)}, torch.ones(1, 3))
     own_groups = {"nsoe": (0,), "tail_base": (0,)}
     assert misspelt.on_body(own_groups, torch.ones(1, 3)).shape == (2, 3)
