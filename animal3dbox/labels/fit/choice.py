@@ -17,7 +17,7 @@ from animal3dbox.labels.fit.problem import FitProblem, FitState
 from animal3dbox.labels.pose.choice import camera_costs
 
 Array = NDArray[np.float64]
-EXCHANGED_COST = 4.0
+EXCHANGED_COST = 6.0
 """What exchanged sides cost, in halves of a squared standard deviation."""
 TURNED_AWAY, FULLY_AWAY = -0.15, -0.45
 """Cosines of a landmark's surface and the line of sight at which it begins to be hidden, and is."""
