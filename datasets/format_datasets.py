@@ -83,6 +83,10 @@ class AnnotatedDataset(LabelDataset):
         categories: Sequence[str] = (),
         **options: Unpack[Options],
     ) -> None:
+        if isinstance(categories, str):
+            raise ConfigError(
+                f"categories must be several names, got {categories!r}: write [{categories!r}]"
+            )
         folder, file = (None if p is None else Path(p) for p in (images, model))
         if isinstance(vocabulary, str):
             vocabulary = vocabulary_of_option(vocabulary)

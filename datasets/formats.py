@@ -22,6 +22,7 @@ from animal3dbox.datasets.readers.deeplabcut import project as deeplabcut_projec
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
 from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
+from animal3dbox.datasets.readers.tolerance import of_categories
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
@@ -290,8 +291,11 @@ def read_dataset(
             " them with animal3dbox export"
         )
     options = options or ReadOptions()
+    if options.visibility == "scores" and kind not in (coco.FORMAT, animal3d.FORMAT):
+        raise ConfigError(f"visibility 'scores' is for COCO and Animal3D, and {path} is {kind}")
     dataset = _read_as(kind, path, options)
-    return replace(dataset, records=_with_focal(_of_unicode(dataset.records), options.focal_px))
+    records = of_categories(_of_unicode(dataset.records), options.categories)
+    return replace(dataset, records=_with_focal(records, options.focal_px))
 
 
 def _read_as(kind: str, path: Path, options: ReadOptions) -> ReadDataset:

@@ -55,7 +55,9 @@ def run_calibrate(job: CalibrateJob) -> ExitCode:
         sys.stdout.write(job.out.read_text(encoding="utf-8"))
     else:
         _print(job, placement, fitted)
-    faults = 0 if placement is None else placement.faulty
+    for fault in dataset.records.faults:
+        print(f"faulty: {fault}", file=sys.stderr)
+    faults = len(dataset.records.faults) + (0 if placement is None else placement.faulty)
     faults += 0 if fitted is None else len(fitted.faults)
     return ExitCode.FAULTY if faults else ExitCode.OK
 

@@ -14,6 +14,7 @@ import numpy as np
 from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
 from animal3dbox.datasets.labelling.image_samples import sample_of_record
+from animal3dbox.datasets.labelling.keypoint_places import keypoints_problem
 from animal3dbox.datasets.labelling.label_records import fit_arguments
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.records import AnimalRecord
@@ -170,6 +171,8 @@ def _usable(
                 headers[path] = header_facts(path)
             facts = PhotoFacts() if path is None else headers[path]
             request = fit_request(config=config, **FittedAnimals([record], [facts], bodies)[0])
+            if problem := keypoints_problem(record, record.mask):
+                raise SampleError(record.sample_id, "keypoints_2d", problem)
         except SampleError as error:
             faults.append(error)
             continue

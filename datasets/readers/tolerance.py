@@ -1,14 +1,14 @@
 """What readers accept of files that other programs wrote, and the notes that say so."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.records import AnimalRecord
-from animal3dbox.errors import SampleError
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.errors import ConfigError, SampleError
 
 Array = NDArray[np.float64]
 BadParts = Literal["fault", "drop"]
@@ -131,8 +131,34 @@ def one_name_a_file(
             SampleError(
                 record.sample_id,
                 "image",
-                f"is the file {record.image_path}, as is {name!r}: two images of a dataset are two"
-                " files; give the folder in which both names are right (--images)",
+                f"is the file of {name!r}, too: two images of a dataset are two files; give the"
+                " folder in which both names are right (--images)",
             )
         )
     return tuple(kept), tuple(faults)
+
+
+def of_categories(records: RecordSet, categories: Sequence[str]) -> RecordSet:
+    """The animals of some categories, others counted in a note.
+
+    Args:
+        records: of any format.
+        categories: names in any letter case; none: all.
+
+    Raises:
+        ConfigError: the dataset has no such category.
+
+    """
+    if not categories:
+        return records
+    names = dict.fromkeys((*records.categories, *(one.category for one in records.records)))
+    known = {name.casefold(): name for name in names}
+    if unknown := [name for name in categories if name.casefold() not in known]:
+        raise ConfigError(
+            f"categories must be of {', '.join(known.values())}, got {', '.join(unknown)}"
+        )
+    wanted = {known[name.casefold()] for name in categories}
+    kept = tuple(one for one in records.records if one.category in wanted)
+    count = len(records.records) - len(kept)
+    note = (f"{count} animals of other categories are left out",) if count else ()
+    return replace(records, records=kept, notes=(*records.notes, *note))

@@ -35,11 +35,13 @@ def read_project(
 
     """
     tolerance = tolerance or Tolerance()
-    tables = [table for video in sorted((path / VIDEOS).iterdir()) for table in _tables_of(video)]
-    if not tables:
+    videos = [video for video in sorted((path / VIDEOS).iterdir()) if video.is_dir()]
+    tables = [table for video in videos for table in label_files(video)]
+    faults = [fault for video in videos for fault in _without_table(video, path)]
+    if not tables and not faults:
         raise DatasetNotFoundError(f"no folder of {path / VIDEOS} holds a table of DeepLabCut")
     records: list[AnimalRecord] = []
-    faults: list[SampleError] = []
+    table_of: dict[str, str] = {}
     notes: list[str] = []
     for table in tables:
         name = table.relative_to(path).as_posix()
@@ -48,13 +50,29 @@ def read_project(
         except Animal3DBoxError as error:
             faults.append(SampleError(name, "table", str(error)))
             continue
-        records += found.records
         faults += found.faults
+        for record in found.records:
+            first = table_of.setdefault(record.sample_id, name)
+            if first == name:
+                records.append(record)
+                continue
+            problem = f"is in {first}, too, and counts once: give it to one table alone"
+            faults.append(SampleError(record.sample_id, name, problem))
         notes += [f"{name}: {note}" for note in found.notes]
     kept, same_files = one_name_a_file(records)
     return RecordSet(FORMAT, kept, (*faults, *same_files), (*notes, *tolerance.notes()))
 
 
-def _tables_of(video: Path) -> list[Path]:
-    """The table of a video's folder; none without."""
-    return label_files(video)[:1] if video.is_dir() else []
+def _without_table(video: Path, project: Path) -> list[SampleError]:
+    """An error for each file of a video's folder that should be a table and is none."""
+    known = {table.stem for table in label_files(video)}
+    return [
+        SampleError(
+            file.relative_to(project).as_posix(),
+            "table",
+            "is no table of DeepLabCut: its first rows must be scorer, bodyparts and coords, in"
+            " UTF-8 and with commas",
+        )
+        for file in sorted(video.iterdir())
+        if file.suffix.lower() == ".csv" and file.stem not in known
+    ]

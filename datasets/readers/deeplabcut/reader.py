@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images.named_files import resolve_inside
+from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
 from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES, is_file, stored_size
 from animal3dbox.datasets.readers.deeplabcut.h5 import SUFFIXES, read_h5_table
 from animal3dbox.datasets.readers.deeplabcut.table import DlcTable, is_csv_table, read_csv_table
@@ -145,6 +145,7 @@ def _path_pictures(table: DlcTable, file: Path, images: Path | None) -> list[tup
         own = _place_of(name, roots, is_one_video=is_one_video)
         root, drop = own or (root, drop)
         relative = "/".join(name.split("/")[drop:])
+        name = relative if portable_name(root, name) != name else name
         pictures.append((row, _Picture(name, root, relative, None if first == row else first)))
     return pictures
 
@@ -276,6 +277,7 @@ def _points(table: DlcTable, row: int, individual: str, sample_id: str) -> NDArr
                 f" {confidence}",
             )
         empty = math.isnan(x) or math.isnan(y) or math.isnan(confidence)
+        empty = empty or x == y == 0  # how tables of zeros say that nothing is marked
         sure = not empty and (likelihood_at is None or confidence >= LEAST_LIKELIHOOD)
         points.append((x, y, min(confidence, 1.0)) if sure else (0.0, 0.0, 0.0))
     return np.array(points, dtype=np.float64)

@@ -28,6 +28,7 @@ from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers.coco.reader import HIDDEN_CONFIDENCE, read_coco
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.smal.keypoints.vocabularies import AP10K
 from animal3dbox.smal.keypoints.vocabulary import vocabulary_from_names
 
 # What is there
@@ -363,7 +364,7 @@ def test_label_reads_coco_with_a_vocabulary_of_the_users_own(
             "keypoints"
         ]
     Image.new("RGB", (5, 5)).save(tmp_path / "images" / "c.jpg")
-    lines = [f'"{name}" = "{AP10K_NAMES[i]}"' for i, name in enumerate(names)]
+    lines = [f'"{name}" = "{AP10K[AP10K_NAMES[i]]}"' for i, name in enumerate(names)]
     flips = [
         f'"{names[i]}" = "{names[AP10K_NAMES.index(name.replace("left", "right"))]}"'
         for i, name in enumerate(AP10K_NAMES)

@@ -84,3 +84,37 @@ def test_minus_one_is_missing_and_noted(tmp_path: Path) -> None:
     (record,) = found.records
     assert int((record.keypoints_2d[:, 2] > 0).sum()) == len(NAMES) - 1
     assert any("(-1, -1)" in note for note in found.notes)
+
+
+def test_a_picture_of_two_tables_counts_once(tmp_path: Path) -> None:
+    (tmp_path / "config.yaml").write_text("Task: zoo\n")
+    picture(tmp_path / FIRST, 10)
+    table(tmp_path / "labeled-data/vid1/CollectedData_Me.csv", {FIRST: 5.0})
+    table(tmp_path / "labeled-data/vid1/CollectedData_You.csv", {FIRST: 9.0})
+    found = read_dataset(tmp_path).records
+    assert len(found.records) == 1
+    (fault,) = found.faults
+    assert fault.field == "labeled-data/vid1/CollectedData_You.csv"
+    assert "counts once" in fault.problem
+
+
+def test_a_csv_that_is_no_table_is_a_fault_of_its_video(tmp_path: Path) -> None:
+    (tmp_path / "config.yaml").write_text("Task: zoo\n")
+    picture(tmp_path / FIRST, 10)
+    picture(tmp_path / SECOND, 10)
+    table(tmp_path / "labeled-data/vid1/CollectedData_Me.csv", {FIRST: 5.0})
+    other = table(tmp_path / "labeled-data/vid2/CollectedData_Me.csv", {SECOND: 5.0})
+    other.write_text(other.read_text().replace(",", ";"))
+    found = read_dataset(tmp_path).records
+    assert len(found.records) == 1
+    (fault,) = found.faults
+    assert fault.sample_id == "labeled-data/vid2/CollectedData_Me.csv"
+
+
+def test_zeros_are_missing_and_absolute_paths_do_not_travel(tmp_path: Path) -> None:
+    picture(tmp_path / FIRST, 10)
+    file = table(tmp_path / "CollectedData.csv", {f"/home/somebody/zoo/{FIRST}": 5.0})
+    file.write_text(file.read_text().replace("5.0,20,", "0.0,0,"))
+    (record,) = read_deeplabcut(file).records
+    assert int((record.keypoints_2d[:, 2] > 0).sum()) == len(NAMES) - 1
+    assert "somebody" not in record.image_id + record.sample_id

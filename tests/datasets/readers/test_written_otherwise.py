@@ -217,3 +217,11 @@ def test_animal3ds_pose_may_be_rows(tmp_path: Path, view: View) -> None:
     for animal in made.animals:
         animal.update(pose=[[0.1, 0.0, 0.0]] * 35, shape=[0.0] * 20, trans=[0.0] * 3)
     assert read(made).faults == ()
+
+
+def test_categories_are_of_every_format(made: JsonSet) -> None:
+    plain = read(made)
+    name = plain.records[0].category
+    assert len(read(made, categories=(name.upper(),)).records) == len(plain.records)
+    with pytest.raises(ConfigError, match="categories must be of"):
+        read(made, categories=("unicorn",))
