@@ -15,7 +15,7 @@ THOUSAND = 1000
 class FitNotice:
     """Tells on stderr what fits cost an epoch, the first time that a worker makes one.
 
-    A fit costs some sixty JPEG decodes, every epoch anew without a cache.
+    A fit costs some fifty JPEG decodes, every epoch anew without a cache.
 
     Example:
         >>> FitNotice().tell([], seconds=0.0)  # nothing was fitted, and this is no worker
