@@ -40,6 +40,8 @@ def run_calibrate(job: CalibrateJob) -> ExitCode:
     """
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     wanted = sections(job.learn)
+    if job.out.is_dir():
+        raise ConfigError(f"--out {job.out} is a folder: name the file to be written")
     dataset = read_dataset(job.path, job.dataset.format, job.body.read_options(job.dataset))
     bodies = bodies_for(dataset, job.body.source(job.dataset.model))
     placement = _placement(job, dataset, bodies) if PLACEMENT in wanted else None

@@ -13,7 +13,7 @@ from animal3dbox.datasets.readers.elements import (
     read_box,
     read_rows,
 )
-from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
+from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import read_json_list
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
@@ -123,7 +123,11 @@ def read_stanfordextra(
             faults.append(error)
     kept, same_files = one_name_a_file(records)
     return RecordSet(
-        FORMAT, kept, (*faults, *same_files), notes=tolerance.notes(), categories=(CATEGORY,)
+        FORMAT,
+        kept,
+        (*faults, *same_files),
+        notes=(*elsewhere_notes(kept), *tolerance.notes()),
+        categories=(CATEGORY,),
     )
 
 

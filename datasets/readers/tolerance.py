@@ -138,6 +138,24 @@ def one_name_a_file(
     return tuple(kept), tuple(faults)
 
 
+def elsewhere_notes(records: Sequence[AnimalRecord]) -> tuple[str, ...]:
+    """A sentence on images that lie elsewhere than their names say: a folder less, another case."""
+    moved = [
+        record
+        for record in records
+        if record.image_path is not None
+        and not record.image_path.as_posix().endswith(record.image_id.replace("\\", "/"))
+    ]
+    if not moved:
+        return ()
+    name, path = moved[0].image_id, moved[0].image_path
+    found = "/".join(path.parts[-2:]) if path is not None else ""
+    return (
+        f"{len(moved)} animals' images are not where their names say: {name!r} is taken to be"
+        f" {found}; see that these are the right ones",
+    )
+
+
 def of_categories(records: RecordSet, categories: Sequence[str]) -> RecordSet:
     """The animals of some categories, others counted in a note.
 

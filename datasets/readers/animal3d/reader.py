@@ -24,7 +24,7 @@ from animal3dbox.datasets.readers.animal3d.entries import (
     record_of_entry,
 )
 from animal3dbox.datasets.readers.elements import decoded
-from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
+from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import (
@@ -112,13 +112,18 @@ def read_animal3d(
             name=FORMAT,
             records=tuple(records),
             faults=faults,
-            notes=(*notes, *_mask_notes(records), *_zero_notes(animals), *tolerance.notes()),
+            notes=(*notes, *_notes(records, animals), *tolerance.notes()),
             categories=tuple(
                 dict.fromkeys(name for split in splits for name in category_names(split).values())
             ),
         ),
         bodies,
     )
+
+
+def _notes(records: Sequence[AnimalRecord], animals: "_Animals") -> tuple[str, ...]:
+    """Sentences on masks, parameters and images that are not what they seem."""
+    return (*_mask_notes(records), *_zero_notes(animals), *elsewhere_notes(records))
 
 
 def _mask_notes(records: Sequence[AnimalRecord]) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ from animal3dbox.datasets.readers.elements import (
     read_box,
     read_rows,
 )
-from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
+from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -141,6 +141,7 @@ def read_coco(
         notes=(
             *_notes(found.animals, parts, used, is_ungraded=has_flags and not graded),
             *_category_notes(found.left_out),
+            *elsewhere_notes(records),
             *tolerance.notes(),
         ),
         categories=tuple(kind.name for kind in used.values()),

@@ -81,6 +81,12 @@ def test_images_are_found_by_names_of_other_systems(
         assert "somewhere" not in record.image_id, "an absolute path does not travel"
 
 
+def test_images_that_lie_elsewhere_are_noted(made: JsonSet) -> None:
+    assert not any("not where" in note for note in read(made).notes)
+    made.rename_images(lambda name: f"photos/{name}")
+    assert any("not where their names say: 'photos/" in note for note in read(made).notes)
+
+
 def test_two_names_of_one_file_are_a_fault(made: JsonSet) -> None:
     second, key = made.images[1]
     first, _ = made.images[0]
