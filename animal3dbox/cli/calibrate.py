@@ -131,7 +131,7 @@ def _fits_folder(job: CalibrateJob) -> Path:
 def _print(
     job: CalibrateJob, placement: LearnedCalibration | None, fitted: LearnedBodies | None
 ) -> None:
-    """Say what was learned."""
+    """Print the placement's lines, then places and shapes, as far as they were learned."""
     if placement is not None:
         _print_placement(placement)
     if fitted is not None:

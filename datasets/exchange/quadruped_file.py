@@ -44,7 +44,7 @@ class _Animal(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
 
 
 class _File(msgspec.Struct, kw_only=True):
-    """The file."""
+    """The JSON file: the body's name and digest, and the parameters of each fitted animal."""
 
     schema: Literal["animal3dbox.quadruped_fits"] = SCHEMA
     version: Literal[1] = 1

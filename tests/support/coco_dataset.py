@@ -92,7 +92,7 @@ def coco_content(root: Path, names: Sequence[str] = AP10K_NAMES) -> Content:
 
 
 def write_coco(root: Path, content: Content, name: str = "annotations.json") -> Path:
-    """The file."""
+    """Write a content as JSON into root; gives the file."""
     path = root / name
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content))

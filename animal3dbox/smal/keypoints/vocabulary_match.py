@@ -97,13 +97,8 @@ def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMa
         >>> match_by_name(["nose", "left_eye", "right_eye", "neck"]).vocabulary.name
         'ap10k17'
     """
-    twice = sorted(
-        {
-            name
-            for name in names
-            if [plain_name(other) for other in names].count(plain_name(name)) > 1
-        }
-    )
+    plain = [plain_name(name) for name in names]
+    twice = sorted({name for name in names if plain.count(plain_name(name)) > 1})
     if twice:
         raise ConfigError(
             f"the keypoint names {', '.join(twice)} come more than once: there is no telling them"
@@ -142,7 +137,7 @@ def plain_name(name: str) -> str:
     """
     words = re.split(r"[\W_]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).casefold())
     words = [word for word in words if word]
-    if words and len(words) > 1:
+    if len(words) > 1:
         words[0] = {"l": "left", "r": "right"}.get(words[0], words[0])
     return "_".join(words)
 

@@ -115,9 +115,8 @@ def test_a_visibility_of_minus_one_is_missing(made: JsonSet) -> None:
     same(read(made), plain)
 
 
+@pytest.mark.parametrize("made", ["coco", "animal3d"], indirect=True)
 def test_scores_are_confidences_where_one_says_so(made: JsonSet) -> None:
-    if made.format == "stanfordextra":
-        pytest.skip("its joints have a confidence anyway")
     made.change_keypoints(lambda rows: [[x, y, 0.8 if v else 0.01] for x, y, v in rows])
     assert all("--visibility scores" in fault.problem for fault in read(made).faults)
     found = read(made, visibility="scores")
@@ -128,9 +127,8 @@ def test_scores_are_confidences_where_one_says_so(made: JsonSet) -> None:
         read(made, visibility="sure")
 
 
+@pytest.mark.parametrize("made", ["stanfordextra", "animal3d"], indirect=True)
 def test_rows_of_two_numbers_are_visible_but_for_the_origin(made: JsonSet) -> None:
-    if made.format == "coco":
-        pytest.skip("its keypoints are one list of threes")
     plain = read(made)
     made.change_keypoints(lambda rows: [[x * (v > 0), y * (v > 0)] for x, y, v in rows])
     found = read(made)
@@ -150,9 +148,8 @@ def test_a_bad_mask_costs_the_animal_or_only_itself(made: JsonSet) -> None:
     assert any("left out" in note and fault.field in note for note in found.notes)
 
 
+@pytest.mark.parametrize("made", ["coco", "stanfordextra"], indirect=True)
 def test_an_empty_box_costs_only_itself(made: JsonSet) -> None:
-    if made.format == "animal3d":
-        pytest.skip("its boxes are not read")
     made.animals[0]["bbox" if made.format == "coco" else "img_bbox"] = []
     assert len(read(made).faults) == 1
     found = read(made, optional="drop")

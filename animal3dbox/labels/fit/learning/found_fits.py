@@ -41,7 +41,7 @@ class FoundFits:
         return len(self.R)
 
     def __getitem__(self, ids: Any) -> "FoundFits":
-        """Those of some indices."""
+        """The fits of the animals of some indices, or of a mask (A,)."""
         return FoundFits(*(getattr(self, name)[ids] for name in self.__dataclass_fields__))
 
     def in_body(self, body: FitBody) -> FitState:

@@ -83,7 +83,7 @@ class Lessons:
 
     @property
     def calibration(self) -> Calibration:
-        """What fits are given."""
+        """The lessons as a calibration: places of the vocabulary, and a shape a category."""
         places = () if self.places is None else (self.places,)
         return Calibration((), places, tuple(self.shapes.values()))
 
