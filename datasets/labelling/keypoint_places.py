@@ -67,8 +67,8 @@ def keypoints_problem(record: AnimalRecord, mask: NDArray[np.bool_] | None) -> s
     """
     points = record.keypoints_2d[record.keypoints_2d[:, 2] > 0, :2]
     points = points[points.any(1)]  # (0, 0) is a keypoint that is missing, whatever its mark
-    if len(points) < LEAST_MARKED:
-        return None
+    if len(points) < LEAST_MARKED or not np.isfinite(points).all():
+        return None  # labels say themselves that a keypoint is not finite
     greatest = float(np.abs(points).max())
     if greatest <= NORMALISED and min(record.image_hw) >= LEAST_SIDE:
         return (
@@ -108,9 +108,9 @@ def _in_box(points: Array, margin: float, box: Array) -> NDArray[np.bool_]:
 
 def _on_mask(points: Array, margin: float, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which of points (N, 2) lie on a mask (H, W), or within a margin along both axes."""
-    near = np.maximum(np.rint(points - margin), 0).astype(np.intp)
-    far = np.maximum(np.rint(points + margin), -1).astype(np.intp) + 1
     height, width = mask.shape
+    near = np.clip(np.rint(points - margin), 0, [width, height]).astype(np.intp)
+    far = np.clip(np.rint(points + margin), -1, [width - 1, height - 1]).astype(np.intp) + 1
     x, y = np.clip(np.rint(points), 0, [width - 1, height - 1]).astype(np.intp).T
     in_frame = np.all(np.abs(points - np.stack((x, y), 1)) <= margin + 0.5, axis=1)
     on: NDArray[np.bool_] = mask[y, x] & in_frame

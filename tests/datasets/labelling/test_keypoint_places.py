@@ -125,6 +125,20 @@ def test_a_mask_that_cannot_be_read_costs_the_animal_or_only_itself(
     assert np.array_equal(label.corners_3d.numpy(), bare.corners_3d.numpy())
 
 
+@pytest.mark.parametrize(
+    ("value", "words"), [(np.nan, "finite"), (np.inf, "finite"), (1e300, "ten image sizes")]
+)
+def test_a_number_that_is_none_keeps_the_error_that_names_it(
+    record: AnimalRecord, value: float, words: str
+) -> None:
+    keypoints = record.keypoints_2d.copy()
+    keypoints[np.flatnonzero(keypoints[:, 2])[0], 0] = value
+    request = request_of_record(replace(record, keypoints_2d=keypoints), preset_body("dog"))
+    (fault,) = label_records([request], QUICK)
+    assert isinstance(fault, SampleError)
+    assert words in fault.problem
+
+
 def test_a_dataset_raises_skips_or_flags(tmp_path: Path) -> None:
     world = WorldConfig((120, 160), VOCABULARIES["stanfordextra24"])
     write_stanfordextra(SyntheticSet(0, 1, world), tmp_path)
