@@ -4,11 +4,17 @@ import sys
 from pathlib import Path
 
 from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.jobs import ConvertModelJob
 from animal3dbox.datasets.bodies.mesh_file import landmark_ids
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import SAFETENSORS_SUFFIX, load_model
 from animal3dbox.smal.files.safetensors_file import save_safetensors
 from animal3dbox.smal.keypoints.smal_topology import misplaced_sides
+
+
+def run_convert(job: ConvertModelJob) -> ExitCode:
+    """Convert the model that a job names."""
+    return convert_model(job.source, job.target, job.landmarks)
 
 
 def convert_model(source: Path, target: Path, landmarks: Path | None = None) -> ExitCode:

@@ -24,4 +24,5 @@ def run_inspect(job: InspectJob) -> ExitCode:
     )
     text = msgspec.json.encode(inspection).decode() + "\n" if job.json else as_text(inspection)
     sys.stdout.write(text)
-    return ExitCode.FAULTY if inspection.faults.count else ExitCode.OK
+    without_label = inspection.faults.count + inspection.keypoint_places.misplaced
+    return ExitCode.FAULTY if without_label else ExitCode.OK

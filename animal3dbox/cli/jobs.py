@@ -248,6 +248,17 @@ class ConvertModelJob:
     """JSON with the vertices of the landmarks of a pickle whose mesh is not SMAL's"""
 
 
+@dataclass(frozen=True, kw_only=True)
+class VocabulariesJob:
+    """List the keypoint vocabularies, or where on a body each keypoint of one is.
+
+    Example: animal3dbox vocabularies ap10k17
+    """
+
+    name: Annotated[Positional[str | None], arg(metavar="[NAME]")] = None
+    """of a vocabulary, or a TOML file of your own; without: all, and the places on a body"""
+
+
 Job = (
     DemoJob
     | LabelJob
@@ -258,6 +269,7 @@ Job = (
     | InspectJob
     | ConvertModelJob
     | CalibrateJob
+    | VocabulariesJob
 )
 """Any command with its options."""
 COMMANDS: dict[str, Callable[..., Job]] = {
@@ -270,5 +282,6 @@ COMMANDS: dict[str, Callable[..., Job]] = {
     "inspect": InspectJob,
     "convert-model": ConvertModelJob,
     "calibrate": CalibrateJob,
+    "vocabularies": VocabulariesJob,
 }
 """Every command by its name on the command line, in the order of `--help`."""

@@ -9,6 +9,7 @@ import torch
 from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.fill import run_fill
 from animal3dbox.cli.jobs import LabelJob
 from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
@@ -28,6 +29,12 @@ AT_ONCE = 16
 
 
 def run_label(job: LabelJob) -> ExitCode:
+    """Write labels and pictures of a dataset, or fill a cache for one."""
+    _ = job.config, job.scale_source  # made now, so that what they refuse is told at once
+    return _write_labels(job) if job.cache.folder is None else run_fill(job)
+
+
+def _write_labels(job: LabelJob) -> ExitCode:
     """Label the animals of a dataset and write labels, pictures and a report."""
     out = _checked_folder(job)
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other

@@ -1,8 +1,7 @@
 """The command line: parse a job, run it, and turn what it raises into an exit code.
 
-`animal3dbox demo`, `label`, `synth`, `evaluate`, `export`, `check`, `inspect`, `convert-model` and
-`calibrate` (see jobs.py and runners.py). Nothing heavy is imported until a command runs, so that
-`--help` answers at once.
+`animal3dbox demo`, `label` and the others are in jobs.py and runners.py. Nothing heavy is imported
+until a command runs, so that `--help` answers at once.
 """
 
 import sys

@@ -6,6 +6,7 @@ from animal3dbox.datasets.inspection.result import (
     Animal3DFacts,
     CameraFit,
     Inspection,
+    KeypointFacts,
     PictureFit,
     Residual,
     SideFacts,
@@ -32,6 +33,7 @@ def answers(inspection: Inspection) -> list[str]:
             f" {inspection.image_files.unreadable} cannot be read"
         )
     sentences += _about_masks(inspection)
+    sentences += _about_places(inspection.keypoint_places)
     if inspection.bodies.unusable:
         sentences.append(
             f"{inspection.bodies.unusable} of {inspection.bodies.looked_at} bodies looked at cannot"
@@ -88,6 +90,16 @@ def _about_masks(inspection: Inspection) -> Iterator[str]:
         f" at: {levels}; {facts.unusable} unusable. Read as the animal: all above half of the"
         " greatest level"
     )
+
+
+def _about_places(facts: KeypointFacts) -> Iterator[str]:
+    """A sentence on keypoints that lie beside their animal, if some do."""
+    if facts.misplaced:
+        yield (
+            f"the keypoints of {facts.misplaced} of {facts.looked_at} animals lie beside the image,"
+            " or the animal's own box or mask: these get no label, or a flag with --misplaced flag."
+            f" The first: {facts.examples[0]}"
+        )
 
 
 def _about_animal3d(facts: Animal3DFacts) -> Iterator[str]:

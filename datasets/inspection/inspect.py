@@ -15,6 +15,7 @@ from animal3dbox.datasets.inspection.records import (
     confidences,
     fault_facts,
     image_facts,
+    keypoint_facts,
     marked_median,
     mask_facts,
 )
@@ -76,6 +77,7 @@ def inspect_dataset(
         masks=mask_facts(records),
         bodies=body_facts(records, bodies),
         cameras=camera_facts(records, bodies),
+        keypoint_places=keypoint_facts(records),
         labelings=labeling_facts(records, bodies_for(dataset, None)),
         faults=fault_facts(dataset.records),
         animal3d=own,

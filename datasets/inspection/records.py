@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.images.exif import header_facts
+from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
 from animal3dbox.datasets.images.masks import mask_levels
 from animal3dbox.datasets.images.photos import stored_size
 from animal3dbox.datasets.inspection.measures import residual, spread
@@ -18,14 +18,17 @@ from animal3dbox.datasets.inspection.result import (
     FaultFacts,
     FaultLine,
     ImageFacts,
+    KeypointFacts,
     MaskFacts,
 )
+from animal3dbox.datasets.labelling.keypoint_places import keypoints_problem
+from animal3dbox.datasets.labelling.label_requests import request_of_record
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.camera import project
 
-IMAGES, MASKS, BODIES = 200, 100, 60
-"""Numbers of images, masks and bodies that are looked at."""
+IMAGES, MASKS, BODIES, PLACES = 200, 100, 60, 1000
+"""Numbers of images, masks, bodies and places of keypoints that are looked at."""
 FIRST = 20
 """Number of faults that are listed."""
 
@@ -90,6 +93,24 @@ def _levels(record: AnimalRecord) -> str:
     if len(values) == 2 and values[0] == 0:
         return f"0 and {values[1]}"
     return f"{len(values)} levels from {values[0]} to {values[-1]}"
+
+
+def keypoint_facts(records: Sequence[AnimalRecord]) -> KeypointFacts:
+    """Counts of animals whose keypoints lie beside the frame, their box or their mask."""
+    looked_at, misplaced, examples = spread(list(records), PLACES), 0, []
+    for record in looked_at:
+        if problem := keypoints_problem(record, _usable_mask(record)):
+            misplaced += 1
+            examples.append(f"{record.sample_id}: keypoints_2d {problem}")
+    return KeypointFacts(len(looked_at), misplaced, examples[:5])
+
+
+def _usable_mask(record: AnimalRecord) -> NDArray[np.bool_] | None:
+    """A record's mask (H, W); None without one that can be read, which mask_facts counts."""
+    try:
+        return request_of_record(record, None, PhotoFacts()).mask
+    except SampleError:
+        return None
 
 
 def body_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> BodyFacts:

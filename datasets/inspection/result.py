@@ -2,7 +2,7 @@
 
 import msgspec
 
-SCHEMA, VERSION = "animal3dbox.inspection", 2
+SCHEMA, VERSION = "animal3dbox.inspection", 3
 """Name and version of the JSON's form."""
 
 
@@ -55,6 +55,20 @@ class MaskFacts(msgspec.Struct, frozen=True):
     looked_at: int
     levels: dict[str, int]
     unusable: int
+    examples: list[str]
+
+
+class KeypointFacts(msgspec.Struct, frozen=True):
+    """Counts on where keypoints lie: in the frame, in their animal's box and on its mask.
+
+    Attributes:
+        looked_at: number of animals in the sample.
+        misplaced: number of animals whose keypoints lie elsewhere.
+        examples: sentences on the first of them.
+    """
+
+    looked_at: int
+    misplaced: int
     examples: list[str]
 
 
@@ -277,6 +291,7 @@ class Inspection(msgspec.Struct, frozen=True):
         masks: counts on the masks.
         bodies: counts on the animals' own bodies.
         cameras: counts on the cameras.
+        keypoint_places: counts on where keypoints lie.
         labelings: which keypoints have left and right exchanged.
         faults: counts on the samples that cannot be used.
         animal3d: facts of Animal3D's files; None of other formats.
@@ -301,6 +316,7 @@ class Inspection(msgspec.Struct, frozen=True):
     masks: MaskFacts
     bodies: BodyFacts
     cameras: CameraFacts
+    keypoint_places: KeypointFacts
     labelings: LabelingFacts
     faults: FaultFacts
     animal3d: Animal3DFacts | None

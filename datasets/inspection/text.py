@@ -55,6 +55,9 @@ def _counts(inspection: Inspection) -> Iterator[str]:
         f" {_counts_phrase(masks.levels) or 'none'}; {masks.unusable} unusable"
     )
     yield from (f"  {example}" for example in masks.examples)
+    places = inspection.keypoint_places
+    yield f"keypoints beside their animal: {places.misplaced} of {places.looked_at} animals"
+    yield from (f"  {example}" for example in places.examples)
     yield (
         f"bodies of its own: {inspection.bodies.looked_at} looked at,"
         f" {inspection.bodies.unusable} unusable"

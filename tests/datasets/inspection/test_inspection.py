@@ -355,6 +355,24 @@ def test_odd_values_are_counted_not_stumbled_over(home: Path, tmp_path: Path) ->
 # -----------------------------------------------------------------------------
 
 
+def test_keypoints_beside_their_animal_are_counted_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = coco_content(tmp_path / "coco")
+    points = content["annotations"][1]["keypoints"]
+    content["annotations"][1]["keypoints"] = [
+        value / 640 if place % 3 < 2 else value for place, value in enumerate(points)
+    ]
+    file = write_coco(tmp_path / "coco", content)
+    found = inspect_dataset(file)
+    assert (found.keypoint_places.looked_at, found.keypoint_places.misplaced) == (3, 1)
+    assert "look normalised" in answer(found, "the keypoints of 1 of 3 animals lie beside")
+    with pytest.raises(SystemExit) as caught:
+        main(["inspect", str(file)])
+    assert caught.value.code == 4
+    assert "keypoints beside their animal: 1 of 3 animals" in capsys.readouterr().out
+
+
 def test_other_formats_are_inspected_too(tmp_path: Path) -> None:
     found = inspect_dataset(write_coco(tmp_path / "coco", coco_content(tmp_path / "coco")))
     assert (found.format, found.animals, found.images, found.largest_group, found.animal3d) == (
@@ -366,6 +384,7 @@ def test_other_formats_are_inspected_too(tmp_path: Path) -> None:
     )
     assert found.masks.levels == {"run lengths": 3}
     assert found.cameras.intrinsics == {"unknown": 3}
+    assert found.keypoint_places.misplaced == 0
     assert answer(found, "3 of 3 animals have a mask")
     root = write_mesh_folder(tmp_path / "meshes")
     write_json(
@@ -402,5 +421,5 @@ def test_the_command_prints_words_or_json(
     assert codes == [4, 4]
     assert "so:\n" in text
     found = msgspec.json.decode("{" + printed, type=Inspection)
-    assert (found.schema, found.version, found.faults.count) == ("animal3dbox.inspection", 2, 1)
+    assert (found.schema, found.version, found.faults.count) == ("animal3dbox.inspection", 3, 1)
     assert as_text(found) == text + "\n"

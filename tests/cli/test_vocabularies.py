@@ -1,0 +1,56 @@
+"""The command `vocabularies` names every vocabulary, place and mirror image."""
+
+from pathlib import Path
+
+import pytest
+
+from animal3dbox.cli.main import main
+from animal3dbox.smal.keypoints.known_places import KNOWN_PLACES
+from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """What the command prints."""
+    with pytest.raises(SystemExit) as caught:
+        main(["vocabularies", *arguments])
+    assert caught.value.code == 0
+    return capsys.readouterr().out
+
+
+def test_all_vocabularies_and_all_places_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    words = printed(capsys).split()
+    assert {f"{name}:" for name in VOCABULARIES} | set(KNOWN_PLACES) <= set(words)
+
+
+@pytest.mark.parametrize("name", VOCABULARIES)
+def test_every_keypoint_stands_with_its_place_and_its_mirror_image(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vocabulary = VOCABULARIES[name]
+    rows = printed(capsys, name).splitlines()[1:]
+    assert len(rows) == len(vocabulary)
+    for row, keypoint, places, twin in zip(
+        rows, vocabulary.keypoints, vocabulary.landmarks, vocabulary.flip, strict=True
+    ):
+        assert row.startswith(f"{keypoint} ")
+        assert row.endswith(f"  {vocabulary.keypoints[twin]}")
+        assert all(place in row for place in places or ("not on the body",))
+
+
+def test_a_file_of_ones_own_is_listed_with_its_notes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "own.toml"
+    file.write_text(
+        'name = "own"\n[keypoints]\nL = "left_shoulder"\nR = "right_shoulder"\n[flip]\nL = "R"\n'
+    )
+    lines = printed(capsys, str(file)).splitlines()
+    assert lines[1].split() == ["L", "left_shoulder", "R"]
+    assert "say left_shoulder_point" in lines[-1]
+
+
+def test_what_is_no_vocabulary_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["vocabularies", "dog"])
+    assert caught.value.code == 2
+    assert "vocabulary must be one of animal3d26" in capsys.readouterr().err
