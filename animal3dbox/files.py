@@ -1,8 +1,21 @@
-"""Writing files so that nobody ever finds half of one."""
+"""Files: paths as users write them, and writing so that nobody ever finds half of a file."""
 
 import os
 import tempfile
 from pathlib import Path
+
+
+def user_path(path: Path | str) -> Path:
+    """A path as a user means it: "~" at its beginning is a home folder, as shells have it.
+
+    Example:
+        >>> user_path("~/cache") == Path.home() / "cache"
+        True
+    """
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:  # "~name" of nobody here: a file may be called so
+        return Path(path)
 
 
 def write_whole(path: Path, data: bytes) -> None:

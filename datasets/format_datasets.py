@@ -15,7 +15,7 @@ from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
-from animal3dbox.datasets.read_options import ReadOptions
+from animal3dbox.datasets.read_options import Keep, ReadOptions
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import entries as animal3d_entries
 from animal3dbox.datasets.readers.animal3d import reader as animal3d
@@ -24,10 +24,23 @@ from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
 from animal3dbox.datasets.readers.tolerance import Visibility
 from animal3dbox.errors import ConfigError
+from animal3dbox.files import user_path
 from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 Split = Literal["train", "test", "all"]
+
+
+class ReadingOptions(Options, total=False):
+    """Options of AnnotatedDataset that the Datasets of all formats take, and LabelDataset's.
+
+    Example:
+        >>> options: ReadingOptions = {"categories": ("deer",), "on_bad": "skip"}
+    """
+
+    visibility: Visibility
+    categories: Sequence[str]
+    keep: Sequence[Keep]
 
 
 class AnnotatedDataset(LabelDataset):
@@ -49,6 +62,7 @@ class AnnotatedDataset(LabelDataset):
         visibility: what stands beside a keypoint: "flags" (0, 1, 2), or a network's "scores".
         categories: names of those that are read, of files that list some; none: all with an
             animal's keypoints.
+        keep: what the file says and meta["sightings"] holds only if asked: ("location",).
         **options: LabelDataset's.
 
     Raises:
@@ -81,17 +95,18 @@ class AnnotatedDataset(LabelDataset):
         focal_px: float | None = None,
         visibility: Visibility = "flags",
         categories: Sequence[str] = (),
+        keep: Sequence[Keep] = (),
         **options: Unpack[Options],
     ) -> None:
         if isinstance(categories, str):
             raise ConfigError(
                 f"categories must be several names, got {categories!r}: write [{categories!r}]"
             )
-        folder, file = (None if p is None else Path(p) for p in (images, model))
+        folder, file = (None if p is None else user_path(p) for p in (images, model))
         if isinstance(vocabulary, str):
             vocabulary = vocabulary_of_option(vocabulary)
         fitted = file if body == FIT else None
-        self.root, self.split = Path(root), split
+        self.root, self.split = user_path(root), split
         dataset = read_dataset(
             _split_file(self.root, format, split),
             format,
@@ -103,6 +118,7 @@ class AnnotatedDataset(LabelDataset):
                 optional=options.get("optional", "fault"),
                 visibility=visibility,
                 categories=tuple(categories),
+                keep=tuple(keep),
             ),
         )
         own_body = body_source(body, model=fitted) if isinstance(body, str) else body
@@ -157,7 +173,7 @@ class Animal3DDataset(AnnotatedDataset):
         images: the folder that img_path is relative to; None: the json's.
         body: one body for all animals instead of their own.
         focal_px: see AnnotatedDataset.
-        **options: LabelDataset's.
+        **options: ReadingOptions, and LabelDataset's.
 
     Example:
         >>> import tempfile, pathlib
@@ -180,7 +196,7 @@ class Animal3DDataset(AnnotatedDataset):
         images: Path | str | None = None,
         body: str | BodySource | None = None,
         focal_px: float | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[ReadingOptions],
     ) -> None:
         super().__init__(
             root,
@@ -208,7 +224,7 @@ class StanfordExtraDataset(AnnotatedDataset):
         images: the folder that img_path is relative to.
         body: of all animals.
         focal_px: see AnnotatedDataset.
-        **options: LabelDataset's.
+        **options: ReadingOptions, and LabelDataset's.
 
     Example:
         >>> import tempfile, pathlib
@@ -229,7 +245,7 @@ class StanfordExtraDataset(AnnotatedDataset):
         images: Path | str | None = None,
         body: str | BodySource = DEFAULT_BODY,
         focal_px: float | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[ReadingOptions],
     ) -> None:
         super().__init__(
             root,
@@ -250,7 +266,7 @@ class NamedKeypointsDataset(AnnotatedDataset):
         vocabulary: what the keypoints are, if their names do not tell.
         body: of all animals.
         focal_px: see AnnotatedDataset.
-        **options: LabelDataset's.
+        **options: ReadingOptions, and LabelDataset's.
 
     """
 
@@ -264,7 +280,7 @@ class NamedKeypointsDataset(AnnotatedDataset):
         vocabulary: str | Vocabulary | None = None,
         body: str | BodySource = DEFAULT_BODY,
         focal_px: float | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[ReadingOptions],
     ) -> None:
         super().__init__(
             root,
@@ -319,7 +335,7 @@ class MeshFolderDataset(AnnotatedDataset):
         root: the folder.
         model: the SMAL file that the meshes correspond to, if they do.
         vocabulary: what the keypoints are, if the folder does not say.
-        **options: LabelDataset's.
+        **options: ReadingOptions, and LabelDataset's.
 
     Example:
         >>> MeshFolderDataset("nowhere")
@@ -333,7 +349,7 @@ class MeshFolderDataset(AnnotatedDataset):
         *,
         model: Path | str | None = None,
         vocabulary: str | Vocabulary | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[ReadingOptions],
     ) -> None:
         super().__init__(
             root, format=mesh_folder.FORMAT, model=model, vocabulary=vocabulary, **options

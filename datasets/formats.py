@@ -23,10 +23,10 @@ from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
 from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
 from animal3dbox.datasets.readers.tolerance import of_categories
+from animal3dbox.datasets.record_changes import of_unicode, with_focal, without_places
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
-from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
-from animal3dbox.geometry.camera import intrinsics
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 
@@ -294,8 +294,10 @@ def read_dataset(
     if options.visibility == "scores" and kind not in (coco.FORMAT, animal3d.FORMAT):
         raise ConfigError(f"visibility 'scores' is for COCO and Animal3D, and {path} is {kind}")
     dataset = _read_as(kind, path, options)
-    records = of_categories(_of_unicode(dataset.records), options.categories)
-    return replace(dataset, records=_with_focal(records, options.focal_px))
+    records = of_categories(of_unicode(dataset.records), options.categories)
+    if "location" not in options.keep:
+        records = without_places(records)
+    return replace(dataset, records=with_focal(records, options.focal_px))
 
 
 def _read_as(kind: str, path: Path, options: ReadOptions) -> ReadDataset:
@@ -309,70 +311,6 @@ def _read_as(kind: str, path: Path, options: ReadOptions) -> ReadDataset:
         raise type(error)(
             f"{error}; it looks like {format}: read it with --format {format}"
         ) from error
-
-
-def _with_focal(records: RecordSet, focal_px: float | None) -> RecordSet:
-    """The records with the user's focal length where an image has no camera of its own.
-
-    The dataset's one pose is dropped there, since it held for another camera.
-    """
-    if focal_px is None:
-        return records
-    own = {
-        id(record)
-        for record in records.records
-        if record.K is not None and (record.K_source == "given" or record.pose is not None)
-    }
-    changed = (
-        (
-            record
-            if id(record) in own
-            else replace(
-                record,
-                K=intrinsics(focal_px, record.image_hw).numpy(),
-                K_source="given",
-                stored_pose=None,
-            )
-        )
-        for record in records.records
-    )
-    note = (
-        f"the focal length given, {focal_px:g} px, is that of {len(records.records) - len(own)} of"
-        f" {len(records.records)} animals"
-    )
-    if own:
-        note += "; the images of the others have cameras of their own"
-    return replace(records, records=tuple(changed), notes=(*records.notes, note))
-
-
-def _of_unicode(records: RecordSet) -> RecordSet:
-    """The records whose names are Unicode, as reports and JSON are.
-
-    The others, of files whose names are no UTF-8, are faults.
-    """
-    bad = [record.sample_id for record in records.records if not _is_unicode(record.sample_id)]
-    if not bad and all(_is_unicode(str(fault)) for fault in records.faults):
-        return records
-    faults = [
-        SampleError(_escaped(str(fault.sample_id)), fault.field, _escaped(str(fault.problem)))
-        for fault in records.faults
-    ]
-    faults += [
-        SampleError(_escaped(name), "sample_id", "the file's name is not UTF-8: rename it")
-        for name in bad
-    ]
-    unicode = tuple(record for record in records.records if _is_unicode(record.sample_id))
-    return replace(records, records=unicode, faults=tuple(faults))
-
-
-def _is_unicode(text: str) -> bool:
-    """Whether a text holds no byte of a name that is not UTF-8."""
-    return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
-
-
-def _escaped(text: str) -> str:
-    """A text in which bytes that are no UTF-8 are spelt out."""
-    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def bodies_for(dataset: ReadDataset, own: BodySource | None) -> BodySource:

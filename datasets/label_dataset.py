@@ -318,6 +318,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             sample,
             labels,
             masks=masks,
+            taken=photo.facts.time,
             class_numbers=self._numbers,
             named_faces=self.source.named_faces,
         )
@@ -379,11 +380,10 @@ def _check_choices(on_bad: str, partial: str, scale: object) -> None:
 def _first_fault(faults: Sequence[SampleError]) -> SampleError:
     """The error that a dataset with unreadable annotations raises where none may be left out."""
     first, more = faults[0], len(faults) - 1
-    problem = (
-        f"{first.problem} (and {more} more that cannot be read; on_bad='skip' leaves them out and"
-        " reports them)"
+    others = (
+        f"(and {more} more that cannot be read; on_bad='skip' leaves them out and reports them)"
     )
-    return SampleError(first.sample_id, first.field, problem)
+    return SampleError(first.sample_id, first.field, f"{first.problem} {others}")
 
 
 def default_config(stored_cameras: CameraPolicy, filters: LabelFilter) -> LabelConfig:

@@ -7,6 +7,7 @@ from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
+from animal3dbox.files import user_path
 
 
 class Omni3DDataset(LabelDataset):
@@ -38,6 +39,6 @@ class Omni3DDataset(LabelDataset):
         heading_known: bool | None = None,
         **options: Unpack[Options],
     ) -> None:
-        folder = None if images is None else Path(images)
-        cuboids = read_omni3d(Path(root), folder, heading_known=heading_known)
+        folder = None if images is None else user_path(images)
+        cuboids = read_omni3d(user_path(root), folder, heading_known=heading_known)
         super().__init__(FileSource(cuboids), **options)

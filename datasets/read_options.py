@@ -3,11 +3,14 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Literal, get_args
 
 from animal3dbox.datasets.readers.tolerance import BadParts, Tolerance, Visibility
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+
+Keep = Literal["location"]
+"""What a dataset's file says that is left behind unless somebody asks for it."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class ReadOptions:
         visibility: what stands beside a keypoint: "flags" (0, 1, 2), or "scores" of a network.
         categories: names of those that are read, of files that list some; none: all with an
             animal's keypoints.
+        keep: what of the file travels into labels only if asked for: "location", the place.
 
     Example:
         >>> ReadOptions(images=Path("photos"), focal_px=1200.0).focal_px
@@ -40,6 +44,7 @@ class ReadOptions:
     optional: BadParts = "fault"
     visibility: Visibility = "flags"
     categories: tuple[str, ...] = ()
+    keep: tuple[Keep, ...] = ()
 
     def __post_init__(self) -> None:
         for name, kind in (("optional", BadParts), ("visibility", Visibility)):
@@ -48,6 +53,8 @@ class ReadOptions:
                     f"{name} must be one of {', '.join(get_args(kind))}, got"
                     f" {getattr(self, name)!r}"
                 )
+        if unknown := [word for word in self.keep if word not in get_args(Keep)]:
+            raise ConfigError(f"keep must be of {', '.join(get_args(Keep))}, got {unknown}")
         if self.focal_px is not None and not 0 < self.focal_px < math.inf:
             raise ConfigError(f"focal_px must be a positive number of pixels, got {self.focal_px}")
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.masks import record_mask
+from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
@@ -40,6 +41,7 @@ class AnimalRecord:
         box: (4,) xyxy px that the dataset gives, pixels from their least edge to their greatest;
             None without.
         metres_per_unit: metres in a unit of the body's frame; None if it is not known.
+        sighting: when, where and of whom the picture is, as the dataset says.
 
     Example:
         >>> from animal3dbox.smal import VOCABULARIES
@@ -76,6 +78,7 @@ class AnimalRecord:
     distortion: NDArray[np.float64] | None = None
     box: NDArray[np.float64] | None = None
     metres_per_unit: float | None = None
+    sighting: Sighting = NO_SIGHTING
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:
@@ -110,6 +113,7 @@ class CuboidRecord:
         heading_known: whether forward and left mean something, so that the faces have names.
         box: (4,) xyxy px of the visible thing; None if it is not known.
         truncation: part outside the image, as the dataset says; None if it says nothing.
+        sighting: when, where and of whom the picture is, as the dataset says.
 
     Example:
         >>> record = CuboidRecord(
@@ -141,6 +145,7 @@ class CuboidRecord:
     heading_known: bool = True
     box: NDArray[np.float64] | None = None
     truncation: float | None = None
+    sighting: Sighting = NO_SIGHTING
 
 
 @dataclass(frozen=True)

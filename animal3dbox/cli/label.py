@@ -119,8 +119,11 @@ def _labelled(
         if isinstance(outcome, SampleError):
             results[place] = outcome
         else:
-            record, pixels = records[place], photos[place].pixels
-            results[place] = Labelled(outcome, record.image_id, record.category, pixels)
+            record, photo = records[place], photos[place]
+            sighting = record.sighting.with_picture_time(photo.facts.time)
+            results[place] = Labelled(
+                outcome, record.image_id, record.category, photo.pixels, sighting
+            )
     return [result for result in results if result is not None]
 
 

@@ -4,8 +4,12 @@
 until a command runs, so that `--help` answers at once.
 """
 
+import os
 import sys
 from collections.abc import Sequence
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import tyro
 
@@ -13,6 +17,7 @@ from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import COMMANDS, Job
 from animal3dbox.cli.runners import run_job
 from animal3dbox.errors import Animal3DBoxError, ConfigError
+from animal3dbox.files import user_path
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -24,13 +29,36 @@ def main(arguments: Sequence[str] | None = None) -> None:
         args=arguments,
         config=(tyro.conf.OmitArgPrefixes,),  # --images, not --dataset.images
     )
-    sys.exit(exit_code(job))
+    sys.exit(exit_code(with_user_paths(job)))
+
+
+def with_user_paths(options: Any) -> Any:
+    """Options, and groups of them, whose paths mean what shells mean by "~".
+
+    A shell itself leaves it as it is in `--cache=~/labels`.
+    """
+    changes: dict[str, Any] = {}
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if isinstance(value, Path):
+            changes[field.name] = user_path(value)
+        elif isinstance(value, str) and value.startswith("~/"):  # of a body or a vocabulary
+            changes[field.name] = str(user_path(value))
+        elif is_dataclass(value):
+            changes[field.name] = with_user_paths(value)
+    return replace(options, **changes)
 
 
 def exit_code(job: Job) -> ExitCode:
     """Run a job; what it raises on purpose becomes a line on stderr and a code."""
     try:
-        return run_job(job)
+        code = run_job(job)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        # What is left in the buffer would be complained of when Python ends.
+        sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
+        return ExitCode.CLOSED_PIPE
     except ConfigError as error:
         return _complain(error, ExitCode.USAGE)
     except Animal3DBoxError as error:

@@ -78,6 +78,8 @@ class KeypointDatasetOptions(DatasetOptions):
     """what stands beside a keypoint: 0, 1 or 2, or how sure a network was of it"""
     categories: tuple[str, ...] = ()
     """names of those that are read; none: all with an animal's keypoints"""
+    keep: tuple[Literal["location"], ...] = ()
+    """what the dataset's file says and labels hold only if asked: the place of the camera"""
 
     def read_options(self, focal_px: float | None = None) -> "ReadOptions":
         """The options as `read_dataset` takes them, with the vocabulary.
@@ -96,6 +98,7 @@ class KeypointDatasetOptions(DatasetOptions):
             optional=self.optional or "drop",
             visibility=self.visibility,
             categories=self.categories,
+            keep=self.keep,
         )
         if self.vocabulary is None:
             return options

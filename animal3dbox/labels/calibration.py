@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from animal3dbox.errors import ConfigError
-from animal3dbox.files import write_whole
+from animal3dbox.files import user_path, write_whole
 
 SCHEMA = "animal3dbox-calibration"
 VERSION = 2
@@ -169,7 +169,7 @@ def load_calibration(path: Path | str) -> Calibration:
         ()
     """
     try:
-        content = msgspec.json.decode(Path(path).read_bytes(), type=_CalibrationFile)
+        content = msgspec.json.decode(user_path(path).read_bytes(), type=_CalibrationFile)
     except OSError as error:
         raise ConfigError(f"calibration {path} cannot be read: {error}") from error
     except msgspec.DecodeError as error:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import msgspec
 import numpy as np
 
+from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import DatasetFormatError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
@@ -113,6 +114,7 @@ class AnimalRow(_Numbers, kw_only=True):
     scale_m_per_unit: float | None = None
     scale_source: str = "unknown"
     distortion: list[float] | None = None
+    sighting: Sighting = NO_SIGHTING
     fit: FitRow | msgspec.UnsetType = msgspec.UNSET
 
 
@@ -151,7 +153,14 @@ class LabelFile(msgspec.Struct, kw_only=True):
     rejected: list[RejectedRow]
 
 
-def animal_row(label: CuboidLabel, *, image: str, animal: int, category: str) -> AnimalRow:
+def animal_row(
+    label: CuboidLabel,
+    *,
+    image: str,
+    animal: int,
+    category: str,
+    sighting: Sighting = NO_SIGHTING,
+) -> AnimalRow:
     """The row of a label; what is unknown is null.
 
     Args:
@@ -159,6 +168,7 @@ def animal_row(label: CuboidLabel, *, image: str, animal: int, category: str) ->
         image: its image.
         animal: its number there.
         category: what the dataset calls it.
+        sighting: when, where and of whom the picture is.
 
     Example:
         >>> from animal3dbox import LabelConfig, label_animal
@@ -204,6 +214,7 @@ def animal_row(label: CuboidLabel, *, image: str, animal: int, category: str) ->
         scale_m_per_unit=label.scale_m_per_unit,
         scale_source=label.scale_source,
         distortion=None if label.lens is None else label.lens.tolist(),
+        sighting=sighting,
         fit=msgspec.UNSET if label.fit is None else _fit_row(label.fit, label.keypoints_2d),
     )
 

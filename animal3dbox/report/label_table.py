@@ -5,6 +5,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
+from animal3dbox.datasets.sightings import SIGHTING_FIELDS
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import FACE_NAMES
 from animal3dbox.report.label_files import AnimalRow
@@ -16,8 +17,11 @@ CSV_COLUMNS = (
     *(f"share_{name}" for name in FACE_NAMES),
     *(f"surface_{name}" for name in FACE_NAMES),
     *("azimuth_deg", "elevation_deg", "confidence"),
+    *SIGHTING_FIELDS,
 )
 """The columns of labels.csv; an empty cell is unknown."""
+FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
+"""What a cell begins with that spreadsheets take for a formula."""
 UNSURE_FOCAL = ("guessed", "estimated")
 """Sources of a focal length that make a distance unsure by as much as they are."""
 
@@ -52,12 +56,12 @@ def _cells(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int]:
     shares = dict(zip(FACE_NAMES, row.face_share, strict=True))
     surface = dict(zip(FACE_NAMES, row.surface_share or [None] * len(FACE_NAMES), strict=True))
     return {
-        "image": row.image,
+        "image": _text_cell(row.image),
         "animal": row.animal,
         "side": row.side or "",
         "viewpoint": row.viewpoint,
-        "sample_id": row.sample_id,
-        "category": row.category,
+        "sample_id": _text_cell(row.sample_id),
+        "category": _text_cell(row.category),
         "flank": row.flank or "",
         "flank_confidence": _cell(row.flank_confidence, 3),
         "flags": ";".join(_flags(row, raised)),
@@ -69,12 +73,18 @@ def _cells(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int]:
         "azimuth_deg": _cell(row.azimuth_deg, 1),
         "elevation_deg": _cell(row.elevation_deg, 1),
         "confidence": _cell(row.confidence, 3),
+        **{name: _text_cell(value) for name, value in row.sighting.known.items()},
     }
 
 
 def _cell(number: float | None, decimals: int) -> str:
     """A number with so many decimals; empty if it is not known."""
     return "" if number is None else f"{number:.{decimals}f}"
+
+
+def _text_cell(text: str) -> str:
+    """A text with a mark before it where spreadsheets would run it as a formula."""
+    return f"'{text}" if text.startswith(FORMULA_SIGNS) else text
 
 
 def _flags(row: AnimalRow, raised: Sequence[str]) -> list[str]:

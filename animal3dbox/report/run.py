@@ -4,7 +4,7 @@ import io
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import msgspec
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
 from animal3dbox.labels.config import LabelConfig
@@ -39,6 +40,7 @@ class Labelled:
         image_id: its image.
         category: its species, as the dataset says.
         picture: (H, W, 3) uint8 RGB.
+        sighting: when, where and of whom the picture is.
 
     Example:
         >>> picture = np.zeros((4, 4, 3), dtype=np.uint8)
@@ -50,6 +52,7 @@ class Labelled:
     image_id: str
     category: str
     picture: NDArray[np.uint8]
+    sighting: Sighting = NO_SIGHTING
 
 
 def write_run(
@@ -181,11 +184,19 @@ class RunWriter:
         name = overlay_name(result.image_id, number, self._overlay_names)
         overlay = f"overlays/{name}"
         write_whole(self.out / overlay, _png(picture))
-        row = animal_row(label, image=result.image_id, animal=number, category=result.category)
+        row = animal_row(
+            label,
+            image=result.image_id,
+            animal=number,
+            category=result.category,
+            sighting=result.sighting,
+        )
         self._animals.append(row)
         self._flags.append(flags)
         title, small = _name(result, number), card_picture(picture)
-        self._cards.append(_card(label, title=title, picture=small, flags=flags, overlay=overlay))
+        seen = ", ".join(f"{name} {value}" for name, value in result.sighting.known.items())
+        card = _card(label, title=title, picture=small, flags=flags, overlay=overlay)
+        self._cards.append(replace(card, facts=(*card.facts, seen)) if seen else card)
 
 
 def overlay_name(image_id: str, number: int, taken: set[str]) -> str:

@@ -4,8 +4,10 @@ A header that is damaged or no longer fits its picture gives no focal length, bu
 """
 
 import math
+import re
 import warnings
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from PIL import ExifTags, Image
@@ -27,6 +29,8 @@ FOCAL_RANGE = (0.2, 100.0)
 
 What lies outside is a writing error.
 """
+_TIME = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)")
+_OFFSET = re.compile(r"[+-]\d\d:\d\d")
 
 
 @dataclass(frozen=True)
@@ -37,11 +41,13 @@ class PhotoFacts:
         orientation: EXIF's number from 1 to 8; 1 is upright.
         focal_px: focal length in px of the picture as stored; None if the header does not tell.
         warnings: what a careful person should know of the header, in whole sentences.
+        time: when it was taken, ISO 8601, in local time; None if the header does not tell.
     """
 
     orientation: int = 1
     focal_px: float | None = None
     warnings: tuple[str, ...] = ()
+    time: str | None = None
 
 
 def header_facts(path: Path) -> PhotoFacts:
@@ -73,8 +79,10 @@ def facts_of(image: Image.Image) -> PhotoFacts:
             f"the image's EXIF orientation {orientation} was not applied: are the annotations for"
             " the pixels as stored?"
         )
+    time = None
     try:
         camera = exif.get_ifd(ExifTags.IFD.Exif)
+        time = _time(camera)
         focal, problem = _focal(camera, image.size)
     except (ValueError, TypeError, KeyError, OverflowError, SyntaxError) as error:
         # Pillow decodes a tag only when it is looked up.
@@ -82,7 +90,21 @@ def facts_of(image: Image.Image) -> PhotoFacts:
         problem = f"the image's EXIF header is damaged ({error}): no focal length was taken from it"
     if problem is not None:
         messages.append(problem)
-    return PhotoFacts(orientation, focal, tuple(messages))
+    return PhotoFacts(orientation, focal, tuple(messages), time)
+
+
+def _time(camera: dict[int, object]) -> str | None:
+    """When a picture was taken, by the clock of its camera; None if its header does not tell."""
+    taken = _TIME.fullmatch(str(camera.get(ExifTags.Base.DateTimeOriginal, "")).strip("\0 "))
+    if taken is None:
+        return None
+    year, month, day, clock = taken.groups()
+    try:
+        time = datetime.fromisoformat(f"{year}-{month}-{day}T{clock}")
+    except ValueError:  # 0000:00:00 is how cameras without a clock write it
+        return None
+    offset = str(camera.get(ExifTags.Base.OffsetTimeOriginal, "")).strip("\0 ")
+    return time.isoformat() + (offset if _OFFSET.fullmatch(offset) else "")
 
 
 def _focal(camera: dict[int, object], size: tuple[int, int]) -> tuple[float | None, str | None]:

@@ -2,8 +2,8 @@
 
 Pixels stay as the file stores them: an EXIF orientation is not applied, because annotations are
 made on stored pixels more often than not and because decoders disagree (OpenCV turns them, Pillow
-does not). 16-bit images are scaled to 8, palettes are looked up, transparency is dropped. Masks are
-read by rules of their own, see masks.py.
+does not). Images of 12 or 16 bits are scaled to 8, palettes are looked up, transparency is dropped.
+Masks are read by rules of their own, see masks.py.
 """
 
 import warnings
@@ -26,6 +26,8 @@ IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 MAX_PIXELS = 100_000_000
 """A file whose header promises more is not decoded: 100 megapixels are 300 MB."""
 
+_BITS_PER_SAMPLE = 258
+"""TIFF's tag of that name."""
 _T = TypeVar("_T")
 
 
@@ -181,13 +183,26 @@ def rgb_pixels(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:
     if image.mode.startswith("I"):
         deep = deep_values(image, sample_id)
         has_8_bits = image.mode == "I" and deep.max() <= 255  # in a file of 32
-        grey = deep if has_8_bits else deep // 257
+        grey = deep if has_8_bits else 255 * deep // _greatest_grey(image, int(deep.max()))
         return np.repeat(grey.astype(np.uint8)[:, :, None], 3, axis=2)
     if image.mode == "F":
         raise SampleError(sample_id, "image", "holds floating-point values; save it as 8-bit first")
     if image.mode == "P" and "transparency" in image.info:
         image = image.convert("RGBA")
     return np.array(image.convert("RGB"))
+
+
+def _greatest_grey(image: Image.Image, greatest: int) -> int:
+    """The value of white in an image of more than 8 bits a pixel.
+
+    A TIFF says its bits. Of other files, whose 16 bits often hold the 12 of a camera, a picture
+    without a greater value is one of 12.
+    """
+    tags = getattr(image, "tag_v2", {})
+    bits = int(tags.get(_BITS_PER_SAMPLE, (16,))[0])
+    if not 8 < bits < 16:
+        bits = 12 if greatest < 1 << 12 else 16
+    return (1 << bits) - 1
 
 
 def deep_values(image: Image.Image, sample_id: str) -> NDArray[np.int64]:

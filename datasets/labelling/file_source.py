@@ -23,6 +23,7 @@ from animal3dbox.datasets.records import (
     CuboidSet,
     RecordSet,
 )
+from animal3dbox.datasets.sightings import NO_SIGHTING
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest
 from animal3dbox.datasets.storage.packed import PackedList
 from animal3dbox.errors import ConfigError, SampleError
@@ -61,7 +62,7 @@ class FileSource:
         kind = CuboidRecord if isinstance(records, CuboidSet) else AnimalRecord
         vocabularies = {id(v): v for v in map(_vocabulary, every_record) if v}
         words = tuple(vocabularies.values())
-        self._records = PackedList(kind, (_without_paths(every_record[i]) for i in order), words)
+        self._records = PackedList(kind, (_label_content(every_record[i]) for i in order), words)
         without_paths = (replace(image, image_path=None) for image in listed)
         self._listed = PackedList(CuboidImage, without_paths)
         paths = {image.image_id: image.image_path for image in listed}
@@ -144,7 +145,7 @@ class FileSource:
             {"mask_path": Path(animal.mask_path)} if animal.mask_path else {} for animal in animals
         )
         return tuple(
-            self._records.unpacked(first + k, image_path=path, **mask)
+            self._records.unpacked(first + k, image_path=path, sighting=animals[k].sighting, **mask)
             for k, mask in enumerate(masks)
         )
 
@@ -210,13 +211,12 @@ def images_of(sample_id: str) -> tuple[str, ...]:
     return (sample_id, name) if mark and number.isdecimal() else (sample_id,)
 
 
-def _without_paths(record: Any) -> Any:
-    """A record that says the same wherever its files lie."""
-    return (
-        replace(record, image_path=None, mask_path=None)
-        if isinstance(record, AnimalRecord)
-        else replace(record, image_path=None)
-    )
+def _label_content(record: Any) -> Any:
+    """A record with what its label depends on: not where its files lie, nor when it was seen."""
+    paths = {"image_path": None, "sighting": NO_SIGHTING}
+    if isinstance(record, AnimalRecord):
+        paths["mask_path"] = None
+    return replace(record, **paths)
 
 
 def _vocabulary(record: Any) -> Any:

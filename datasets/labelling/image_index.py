@@ -9,10 +9,11 @@ from typing import NamedTuple
 import msgspec
 
 from animal3dbox.datasets.records import AnimalRecord, CuboidRecord
+from animal3dbox.datasets.sightings import Sighting
 from animal3dbox.datasets.storage.packed import Arena
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
-_FlatEntry = tuple[str, str, tuple[int, int], int, bool, bytes, bytes]
+_FlatEntry = tuple[str, str, tuple[int, int], int, bool, bytes, Sighting, bytes]
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER = msgspec.msgpack.Decoder(tuple[str, bytes, bool, int, tuple[_FlatEntry, ...]])
 
@@ -27,6 +28,7 @@ class AnimalEntry(NamedTuple):
         vocabulary: what the keypoints are; None of a box.
         mask_in_runs: whether the mask comes as runs.
         mask_path: the mask as a picture; "" without.
+        sighting: when, where and of whom the picture is.
         content: bytes that name what is said of the animal and of a lasting body, the same in every
             process and place.
     """
@@ -37,6 +39,7 @@ class AnimalEntry(NamedTuple):
     vocabulary: Vocabulary | None
     mask_in_runs: bool
     mask_path: str
+    sighting: Sighting
     content: bytes
 
 
@@ -52,9 +55,9 @@ def entry_of(record: AnimalRecord | CuboidRecord, content: bytes) -> AnimalEntry
     height, width = record.image_hw
     known = str(record.sample_id), str(record.category), (int(height), int(width))
     if isinstance(record, CuboidRecord):
-        return AnimalEntry(*known, None, False, "", content)
+        return AnimalEntry(*known, None, False, "", record.sighting, content)
     in_runs, mask_path = record.mask_runs is not None, str(record.mask_path or "")
-    return AnimalEntry(*known, record.vocabulary, in_runs, mask_path, content)
+    return AnimalEntry(*known, record.vocabulary, in_runs, mask_path, record.sighting, content)
 
 
 class PackedImageIndex(Sequence[IndexRow]):
@@ -77,8 +80,8 @@ class PackedImageIndex(Sequence[IndexRow]):
     def __getitem__(self, index: int) -> IndexRow:  # type: ignore[override]  # no slices
         image_id, path, has_unread, first, animals = _DECODER.decode(self._arena[index])
         entries = [
-            AnimalEntry(i, category, hw, self._vocabularies[n], runs, _name(mask), content)
-            for i, category, hw, n, runs, mask, content in animals
+            AnimalEntry(i, category, hw, self._vocabularies[n], runs, _name(mask), seen, content)
+            for i, category, hw, n, runs, mask, seen, content in animals
         ]
         return image_id, _name(path), has_unread, first, tuple(entries)
 
@@ -86,7 +89,7 @@ class PackedImageIndex(Sequence[IndexRow]):
 def _flat(row: IndexRow, numbers: dict[int, int]) -> tuple[object, ...]:
     image_id, path, has_unread, first, entries = row
     animals = [
-        (*e[:3], numbers[id(e.vocabulary)], e.mask_in_runs, _name_bytes(e.mask_path), e.content)
+        (*e[:3], numbers[id(e.vocabulary)], e.mask_in_runs, _name_bytes(e.mask_path), *e[6:])
         for e in entries
     ]
     return image_id, _name_bytes(path), has_unread, first, animals

@@ -60,6 +60,7 @@ def image_target(
     labels: Mapping[int, CuboidLabel],
     *,
     masks: Sequence[NDArray[np.bool_] | None],
+    taken: str | None,
     class_numbers: Mapping[str, int],
     named_faces: bool,
 ) -> Target:
@@ -69,6 +70,7 @@ def image_target(
         sample: the image.
         labels: at least one, by the places of their animals.
         masks: (H, W) of these animals, None of one without; empty if targets hold none.
+        taken: when, by the picture's own header; None if it does not tell.
         class_numbers: category -> number.
         named_faces: whether forward and left mean something.
 
@@ -90,6 +92,7 @@ def image_target(
         masks=masks_of(all_masks) if len(all_masks) == len(labels) else None,
         vocabulary=next(iter(vocabularies.values())) if is_one_vocabulary else None,
         named_faces=named_faces,
+        sightings=[entry.sighting.with_picture_time(taken) for entry in entries],
     )
 
 

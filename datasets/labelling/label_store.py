@@ -30,6 +30,7 @@ from animal3dbox.datasets.storage.fingerprint import (
     file_digest,
 )
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.files import user_path
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
@@ -104,7 +105,7 @@ class LabelStore:
                 optional.encode(),
                 b"" if calibration is None else calibration.digest.encode(),
             )
-            self.cache = LabelCache(Path(cache), fingerprint)
+            self.cache = LabelCache(user_path(cache), fingerprint)
 
     def request(self, sample: ImageSample, place: int, facts: PhotoFacts) -> LabelRequest:
         """The request for an animal's label, its mask not decoded yet.

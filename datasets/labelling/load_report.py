@@ -15,6 +15,7 @@ from uuid import uuid4
 import msgspec
 
 from animal3dbox.errors import Animal3DBoxError
+from animal3dbox.files import user_path
 
 
 class CaseFileError(Animal3DBoxError, OSError):
@@ -89,7 +90,7 @@ class CaseFile:
             self._mode = 0o600  # in a folder of everybody's
             weakref.finalize(self, _remove_in, os.getpid(), self.path)
         else:
-            self.path, self._mode = Path(path), 0o644
+            self.path, self._mode = user_path(path), 0o644
             self.path.parent.mkdir(parents=True, exist_ok=True)
         self._written: set[Case] | None = None
 

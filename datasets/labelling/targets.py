@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.frame import in_frame
 from animal3dbox.labels.label_row import FIRST_FLAG, FIRST_WHOLE, SPANS, WIDTH
@@ -39,6 +40,7 @@ def target_of(
     masks: NDArray[np.uint8] | None = None,
     vocabulary: Vocabulary | None = None,
     named_faces: bool = True,
+    sightings: Sequence[Sighting] = (),
 ) -> dict[str, Any]:
     """The target of one image, float32.
 
@@ -51,6 +53,7 @@ def target_of(
         masks: (N, H, W) 0 and 1; None without.
         vocabulary: of the keypoints; None: no keypoints.
         named_faces: whether forward and left mean something; else there are no face fields.
+        sightings: when, where and of whom the picture is, by animal; none: nothing is known.
 
     Returns:
         The fields of target_schema.FIELDS that a Dataset has; surface_share (N, 6) if it was
@@ -78,6 +81,7 @@ def target_of(
         "quality": [_quality_record(label, vocabulary) for label in labels],
         "scale_source": [label.scale_source for label in labels],
         "K_source": labels[0].quality.K_source,
+        "sightings": [one.known for one in sightings or [NO_SIGHTING] * len(labels)],
     }
     return target
 
@@ -109,7 +113,13 @@ def empty_target(
         "scale_known": torch.zeros(0, dtype=torch.bool),
         "scale_m_per_unit": torch.zeros(0),
         "image_id": image_id,
-        "meta": {"sample_ids": [], "quality": [], "scale_source": [], "K_source": "given"},
+        "meta": {
+            "sample_ids": [],
+            "quality": [],
+            "scale_source": [],
+            "K_source": "given",
+            "sightings": [],
+        },
     }
 
 

@@ -15,6 +15,7 @@ from animal3dbox.datasets.readers.elements import (
 )
 from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.sightings import SightingKeys, sighting_of
 from animal3dbox.datasets.storage.json_files import read_json_list
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
@@ -27,7 +28,7 @@ VOCABULARY = VOCABULARIES["stanfordextra24"]
 """The keypoints of every animal."""
 
 
-class _ImageName(msgspec.Struct):
+class _ImageName(SightingKeys):
     """The part of an entry that names its sample, readable even where the rest is not."""
 
     img_path: str
@@ -165,4 +166,5 @@ def _record(
         mask_runs=runs,
         category=CATEGORY,
         box=tolerance.part(lambda: read_box(bbox, sample_id, "img_bbox")),
+        sighting=sighting_of(entry),
     )

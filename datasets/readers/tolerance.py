@@ -88,7 +88,7 @@ class Tolerance:
                 )
             rows[marks < LEAST_SCORE] = 0.0
             return rows
-        if not np.isin(marks, (0, 1, 2)).all():
+        if not ((marks == 0) | (marks == 1) | (marks == 2)).all():
             raise SampleError(
                 sample_id,
                 field,

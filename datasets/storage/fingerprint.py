@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from torch import Tensor
 
@@ -45,7 +46,7 @@ def digest(*parts: bytes) -> bytes:
 
 
 def content_digest(value: Any) -> bytes:
-    """16 bytes that name a value: dataclasses, arrays, mappings, sequences and plain values.
+    """16 bytes that name a value of dataclasses, structs, arrays, mappings, sequences or numbers.
 
     Raises:
         TypeError: something in it is of another kind, whose content is not known.
@@ -67,6 +68,8 @@ def content_digest(value: Any) -> bytes:
             for part in (field.name.encode(), content_digest(getattr(value, field.name)))
         ]
         return digest(b"dataclass", type(value).__name__.encode(), *parts)
+    if isinstance(value, msgspec.Struct):
+        return content_digest({"struct": type(value).__name__, **msgspec.structs.asdict(value)})
     if isinstance(value, Mapping):
         pairs = [content_digest(part) for item in value.items() for part in item]
         return digest(b"mapping", *pairs)

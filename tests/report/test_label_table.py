@@ -9,6 +9,7 @@ from animals import IMAGE_HW, K, camera_round, keypoints_seen, toy_landmarks, to
 
 from animal3dbox import CuboidLabel, LabelConfig, label_animal
 from animal3dbox.datasets.labelling.scale import in_metres
+from animal3dbox.datasets.sightings import Sighting
 from animal3dbox.geometry.cuboid import FACE_NAMES
 from animal3dbox.report.label_files import animal_row
 from animal3dbox.report.label_table import CSV_COLUMNS, write_labels_csv
@@ -109,3 +110,14 @@ def test_a_rows_side_may_be_unknown(tmp_path: Path) -> None:
 def test_labels_csv_without_animals_is_its_header(tmp_path: Path) -> None:
     write_labels_csv(tmp_path / "labels.csv", [])
     assert (tmp_path / "labels.csv").read_text().splitlines() == [",".join(CSV_COLUMNS)]
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-2.jpg", "@me", "\t=1"])
+def test_no_text_is_a_formula_for_a_spreadsheet(tmp_path: Path, text: str) -> None:
+    row = animal_row(
+        labelled(), image=text, animal=0, category=text, sighting=Sighting(individual=text)
+    )
+    write_labels_csv(tmp_path / "labels.csv", [row])
+    with (tmp_path / "labels.csv").open(newline="", encoding="utf-8") as file:
+        (cells,) = csv.DictReader(file)
+    assert cells["image"] == cells["category"] == cells["individual"] == f"'{text}"

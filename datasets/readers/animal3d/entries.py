@@ -13,6 +13,7 @@ from animal3dbox.datasets.images.photos import stored_size
 from animal3dbox.datasets.readers.elements import decoded, image_size, read_rows
 from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.sightings import SightingKeys, sighting_of
 from animal3dbox.errors import DatasetNotFoundError, SampleError, ShapeError
 from animal3dbox.geometry.camera import intrinsics
 from animal3dbox.geometry.checks import check_intrinsics
@@ -38,7 +39,7 @@ class SplitFile(msgspec.Struct):
     keypoint_vids: list[list[int]] | None = None
 
 
-class _ImageName(msgspec.Struct):
+class _ImageName(SightingKeys):
     """The part of an entry that names its sample, readable even where the rest is not."""
 
     img_path: str
@@ -134,6 +135,7 @@ def record_of_entry(
         mask_source=mask_source,
         K=_intrinsics(entry, split, image_hw, sample_id),
         K_source="dataset" if entry.K is None else "given",
+        sighting=sighting_of(entry),
     )
 
 

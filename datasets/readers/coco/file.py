@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from animal3dbox.datasets.readers.elements import decoded
+from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting, SightingKeys, sighting_of
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -36,7 +37,7 @@ class CocoFile(msgspec.Struct):
     categories: list[_Category] = []
 
 
-class _ImageName(msgspec.Struct):
+class _ImageName(SightingKeys):
     """The part of an image's element that names it, readable even where the rest is not."""
 
     file_name: str
@@ -66,11 +67,13 @@ class CocoImage:
         name: the image's file, as the dataset names it.
         image_hw: height and width, each None if the file does not say it.
         annotations: place in the file and content of each annotation, without crowds.
+        sighting: when, where and of whom it is, as the file says.
     """
 
     name: str
     image_hw: tuple[int | None, int | None]
     annotations: list[tuple[int, msgspec.Raw]]
+    sighting: Sighting = NO_SIGHTING
 
 
 @dataclass(frozen=True)
@@ -171,7 +174,7 @@ def _images(
                 raise SampleError(
                     name, "id", f"{key} is the id of another image, too: give each its own"
                 )
-            by_id[key] = CocoImage(name, (image.height, image.width), [])
+            by_id[key] = CocoImage(name, (image.height, image.width), [], sighting_of(image))
         except SampleError as error:
             faults.append(error)
     return list(by_id.items()), faults

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +33,7 @@ from animal3dbox.datasets.readers.elements import (
 )
 from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.sightings import SightingKeys, sighting_of
 from animal3dbox.errors import DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
@@ -48,7 +48,7 @@ It is below LabelConfig.occluded_below, so that the keypoint weighs less than a 
 """
 
 
-class CocoEntry(msgspec.Struct):
+class CocoEntry(SightingKeys):
     """One element of "annotations", by the keys that we use; others are left alone."""
 
     category_id: int | str
@@ -174,7 +174,8 @@ def _animals(
     """The animals of a file's images; arguments as read_coco has them."""
     found = _Found([], [], Counter())
     for listed in parts.images:
-        image = replace(listed, name=portable_name(root, listed.name))
+        name = portable_name(root, listed.name)
+        image = listed if name == listed.name else replace(listed, name=name)
         for k, (i, raw) in enumerate(image.annotations):
             try:
                 sample_id = image.name if k == 0 else f"{image.name}#{k}"
@@ -258,6 +259,7 @@ def _animal(
         mask_runs=runs,
         category=kind.name,
         box=tolerance.part(lambda: _box(entry.bbox, image_hw, sample_id, form)),
+        sighting=sighting_of(entry, image.sighting),
     )
     return _Animal(record, entry.num_keypoints not in (None, int((marked[:, 2] > 0).sum())))
 

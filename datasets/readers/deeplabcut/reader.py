@@ -18,6 +18,7 @@ from animal3dbox.datasets.readers.deeplabcut.h5 import SUFFIXES, read_h5_table
 from animal3dbox.datasets.readers.deeplabcut.table import DlcTable, is_csv_table, read_csv_table
 from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.sightings import Sighting
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.keypoints.vocabulary_match import NameMatch, match_by_name
@@ -103,7 +104,7 @@ def read_deeplabcut(
                 sample_id = f"{picture.name}#{k}" if k else picture.name
                 _check_row(table, row, picture, sample_id)
                 points = counts.without_minus_ones(_points(table, row, name, sample_id), sample_id)
-                record = _record(points, picture, matches[name], sample_id)
+                record = _record(points, picture, matches[name], sample_id, individual=name)
             except SampleError as error:
                 faults.append(error)
                 continue
@@ -130,6 +131,11 @@ class _Picture:
     root: Path
     relative: str
     first: int | None
+
+    @property
+    def sequence(self) -> str | None:
+        """The folder that holds the image, one a video in DeepLabCut's projects; None without."""
+        return self.name.rpartition("/")[0].rpartition("/")[2] or None
 
 
 def _path_pictures(table: DlcTable, file: Path, images: Path | None) -> list[tuple[int, _Picture]]:
@@ -223,7 +229,12 @@ def _check_row(table: DlcTable, row: int, picture: _Picture, sample_id: str) -> 
 
 
 def _record(
-    points: NDArray[np.float64], picture: _Picture, match: NameMatch, sample_id: str
+    points: NDArray[np.float64],
+    picture: _Picture,
+    match: NameMatch,
+    sample_id: str,
+    *,
+    individual: str,
 ) -> AnimalRecord | None:
     """The record of one animal in one image; None if the animal is not in the image.
 
@@ -232,6 +243,7 @@ def _record(
         picture: the image.
         match: of the bodyparts with a vocabulary.
         sample_id: named in every error.
+        individual: the animal's name in the table; "" in tables of one animal.
 
     Raises:
         SampleError: there is no such image, or it cannot be read.
@@ -249,6 +261,7 @@ def _record(
         keypoints_2d=match.rows(points),
         mask_runs=None,
         category="animal",
+        sighting=Sighting(sequence=picture.sequence, individual=individual or None),
     )
 
 

@@ -4,6 +4,7 @@ Pixels as stored, whatever the file's mode, or an error that names the sample.
 """
 
 import io
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -74,6 +75,29 @@ def test_big_endian_16_bit_grey_is_scaled_to_8_bits(tmp_path: Path) -> None:
     path = tmp_path / "photo.pgm"
     path.write_bytes(b"P5\n4 1\n65535\n" + deep.tobytes())
     assert first_row(path) == [BLACK, (1, 1, 1), (100, 100, 100), WHITE]
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_the_12_bits_of_a_camera_are_scaled_to_8(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    grey = np.array([[0, 300, 2_048, 4_095]], dtype=np.uint16)
+    if suffix == ".png":  # in 16 bits, of which the highest four are never used
+        assert cv2.imwrite(str(path), grey)
+    else:
+        path.write_bytes(twelve_bit_tiff(grey))
+    assert read_image(path, "s5")[0, :, 0].tolist() == [0, 18, 127, 255]
+
+
+def twelve_bit_tiff(grey: NDArray[np.uint16]) -> bytes:
+    """A TIFF (little endian, not compressed) of two 12-bit values in three bytes."""
+    height, width = grey.shape
+    bits = np.unpackbits(grey.astype(">u2").view(np.uint8).reshape(height, width, 2), axis=2)
+    data = np.packbits(bits[:, :, 4:].reshape(height, -1), axis=1).tobytes()
+    tags = ((256, width), (257, height), (258, 12), (259, 1), (262, 1), (273, 8), (277, 1))
+    entries = [struct.pack("<HHII", tag, 3, 1, value) for tag, value in (*tags, (278, height))]
+    entries.append(struct.pack("<HHII", 279, 4, 1, len(data)))
+    directory = struct.pack("<H", len(entries)) + b"".join(entries) + struct.pack("<I", 0)
+    return b"II*\0" + struct.pack("<I", 8 + len(data)) + data + directory
 
 
 def test_16_bit_rgb_is_scaled_to_8_bits(tmp_path: Path) -> None:
