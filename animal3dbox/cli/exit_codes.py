@@ -12,6 +12,7 @@ class ExitCode(IntEnum):
         INPUT: the input cannot be found, or cannot be read as a whole.
         FAULTY: done, but some samples were faulty and are listed.
         OUTPUT: the results could not be written.
+        INTERRUPTED: the user stopped it (Ctrl-C); as shells write it.
         CLOSED_PIPE: nobody reads what is printed any more, as after `| head`; as shells write it.
     """
 
@@ -20,4 +21,5 @@ class ExitCode(IntEnum):
     INPUT = 3
     FAULTY = 4
     OUTPUT = 5
+    INTERRUPTED = 130
     CLOSED_PIPE = 141

@@ -15,6 +15,7 @@ from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.images.photos import Photo, read_photo
+from animal3dbox.datasets.labelling.calibrate import lesson_notes
 from animal3dbox.datasets.labelling.file_source import has_camera
 from animal3dbox.datasets.labelling.label_records import check_camera_policy, label_records
 from animal3dbox.datasets.labelling.label_requests import LabelRequest, request_of_record
@@ -43,7 +44,8 @@ def _write_labels(job: LabelJob) -> ExitCode:
     options = job.body.read_options(job.dataset, job.camera.focal_px)
     dataset = read_dataset(job.path, job.dataset.format, options)
     bodies, records = bodies_for(dataset, own_body), dataset.records
-    for note in records.notes:
+    words = (record.vocabulary for record in records.records)
+    for note in (*records.notes, *lesson_notes(calibration, bodies, words)):
         print(note, file=sys.stderr)
     check_camera_policy(
         job.camera.stored_camera,

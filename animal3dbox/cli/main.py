@@ -59,6 +59,9 @@ def exit_code(job: Job) -> ExitCode:
         # What is left in the buffer would be complained of when Python ends.
         sys.stdout = Path(os.devnull).open("w")  # noqa: SIM115
         return ExitCode.CLOSED_PIPE
+    except KeyboardInterrupt:
+        print("animal3dbox: interrupted", file=sys.stderr)
+        return ExitCode.INTERRUPTED
     except ConfigError as error:
         return _complain(error, ExitCode.USAGE)
     except Animal3DBoxError as error:

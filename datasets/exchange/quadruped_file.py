@@ -17,7 +17,12 @@ from animal3dbox.datasets.exchange.fitted_animals import FittedAnimal
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, ShapeError
 from animal3dbox.files import write_whole
-from animal3dbox.geometry.checks import check_shape
+from animal3dbox.geometry.checks import (
+    check_image_hw,
+    check_intrinsics,
+    check_rotation,
+    check_shape,
+)
 from animal3dbox.labels.fit_parameters import FitParameters, check_whose
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
@@ -113,8 +118,16 @@ def read_quadruped(path: Path) -> tuple[FittedAnimal, ...]:
         try:
             check_shape("betas", animal.parameters.betas, f"{model.beta_count}")
             check_shape("pose", animal.parameters.pose, f"{model.joint_count} 3")
-        except ShapeError as error:
+            check_image_hw("image_hw", animal.image_hw)
+            check_rotation("R", animal.R)
+            check_intrinsics("K", animal.K)
+        except (ShapeError, ValueError) as error:
             raise DatasetFormatError(f"{path}: {animal.sample_id}: {error}") from error
+    if file.joint_names != tuple(model.joint_names):
+        raise DatasetFormatError(
+            f"{path}: joint_names are not those of the body, in its order: rows of pose could not"
+            " be told apart"
+        )
     return animals
 
 

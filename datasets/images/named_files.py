@@ -66,7 +66,7 @@ def resolve_inside(root: Path, relative: str, sample_id: str, field: str) -> Pat
 
 
 def portable_name(root: Path, name: str) -> str:
-    """A file's name as outputs may hold it: absolute ones, and URLs, from the root on.
+    """A file's name as outputs may hold it: absolute ones, URLs and Windows' from the root on.
 
     One that leads to no file stays, for the error that says so.
 
@@ -77,11 +77,23 @@ def portable_name(root: Path, name: str) -> str:
     """
     plain = name.replace("\\", "/")
     is_absolute = plain.startswith("/") or "://" in plain or plain[1:3] == ":/"
-    if not is_absolute:
+    if not is_absolute and plain == name:
         return name
     home = root.resolve()
+    if not is_absolute and (home / name).is_file():
+        return name
     found = _as_others_mean_it(home, name)
     return found[0].relative_to(home).as_posix() if len(found) == 1 else name
+
+
+def is_end_of_path(name: str, path: str) -> bool:
+    """Whether a path ends in all the folders of a name, however these are written."""
+    parts = [_plain(part) for part in path.split("/")]
+    return any(
+        parts[-len(reading) :] == [_plain(part) for part in reading]
+        for reading in _readings(name)
+        if reading
+    )
 
 
 def _as_others_mean_it(home: Path, name: str) -> list[Path]:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.labelling.image_samples import Record, SampleSource
@@ -18,10 +19,14 @@ from animal3dbox.labels.axes.placement import (
 )
 from animal3dbox.labels.calibration import Calibration, calibration_of
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.fit.request import check_lessons
 from animal3dbox.labels.observation import observe
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 MOST_ANIMALS = 500
 """Animals that "auto" learns from at most: the first of the dataset; more tell nothing new."""
+FIRST_LOOKED_AT = 100
+"""Images whose vocabularies a calibration is compared with before anything is labelled."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,11 @@ def dataset_calibration(
 
     """
     if calibration != "auto":
-        return calibration_of(calibration), ()
+        given = calibration_of(calibration)
+        samples = [source.sample(place) for place in range(min(len(source), FIRST_LOOKED_AT))]
+        bodies = next((sample.bodies for sample in samples if sample.bodies is not None), None)
+        words = [entry.vocabulary for sample in samples for entry in sample.animals]
+        return given, lesson_notes(given, bodies, (one for one in words if one is not None))
     learned = calibrate_animals(_animals_of(source, MOST_ANIMALS), config)
     if learned.used < LEAST_ANIMALS:
         note = (
@@ -100,6 +109,34 @@ def dataset_calibration(
     return learned.calibration, (
         f"calibration='auto' learned from {learned.used} animals where keypoints lie"
         f" ({learned.calibration.digest}).",
+    )
+
+
+def lesson_notes(
+    calibration: Calibration | None, bodies: BodySource | None, vocabularies: Iterable[Vocabulary]
+) -> tuple[str, ...]:
+    """A note if a calibration's places and shapes have no part in labels.
+
+    Args:
+        calibration: or None, of which there is nothing to say.
+        bodies: that animals are labelled with.
+        vocabularies: of the animals.
+
+    Raises:
+        ConfigError: bodies are fitted, and the places and shapes are another body's.
+
+    """
+    if calibration is None or not (calibration.places or calibration.shapes):
+        return ()
+    if isinstance(bodies, FittedBodies):
+        for vocabulary in {one.name: one for one in vocabularies}.values():
+            check_lessons(calibration, vocabulary, bodies.model)
+        return ()
+    return (
+        "the calibration's places and shapes are for bodies that are fitted"
+        f" (body='fit', --body fit): they have no part in labels of the bodies of {bodies.name}"
+        if bodies is not None
+        else "the calibration's places and shapes have no part in labels without bodies",
     )
 
 

@@ -3,7 +3,6 @@
 A bad element is an error that names its sample and its field, and spoils no other element.
 """
 
-from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -13,6 +12,8 @@ from numpy.typing import NDArray
 from animal3dbox.datasets.images.photos import MAX_PIXELS
 from animal3dbox.errors import SampleError
 
+MOST_EXACT = 2.0**53
+"""From here on floats stand for several whole numbers: as ids they would merge."""
 _Entry = TypeVar("_Entry", bound=msgspec.Struct)
 
 
@@ -38,7 +39,8 @@ def _with_whole_numbers(value: Any) -> Any:
         return {key: _with_whole_numbers(one) for key, one in value.items()}
     if isinstance(value, list):
         return [_with_whole_numbers(one) for one in value]
-    return int(value) if isinstance(value, float) and value.is_integer() else value
+    is_whole = isinstance(value, float) and value.is_integer() and abs(value) < MOST_EXACT
+    return int(value) if is_whole else value
 
 
 def _field_and_problem(error: msgspec.ValidationError) -> tuple[str, str]:
@@ -104,12 +106,13 @@ def read_rows(
 
 
 def read_box(
-    numbers: Sequence[float], sample_id: str, field: str, form: str = "x, y, w, h"
+    numbers: Any, sample_id: str, field: str, form: str = "x, y, w, h"
 ) -> NDArray[np.float64]:
     """The upright box (4,) of four numbers, xyxy in our pixels, whose centres are whole numbers.
 
     Args:
-        numbers: as the file has them: a pixel goes from its whole number to the next.
+        numbers: as the file has them, whatever they are; a pixel goes from its whole number to the
+            next.
         sample_id: named in the error.
         field: the file's key, named in the error.
         form: "x, y, w, h", or "xmin, ymin, xmax, ymax".
@@ -118,11 +121,12 @@ def read_box(
         SampleError: not four finite numbers of a positive area.
 
     """
-    box = np.array(numbers, dtype=np.float64)
-    if len(box) == 4 and form == "x, y, w, h":
+    try:
+        box = np.array(numbers, dtype=np.float64)
+    except (TypeError, ValueError):
+        box = np.zeros(0)
+    if box.shape == (4,) and form == "x, y, w, h":
         box[2:] += box[:2]
-    if len(box) != 4 or not np.isfinite(box).all() or not (box[2:] > box[:2]).all():
-        raise SampleError(
-            sample_id, field, f"must be [{form}] with a positive area, got {list(numbers)}"
-        )
+    if box.shape != (4,) or not np.isfinite(box).all() or not (box[2:] > box[:2]).all():
+        raise SampleError(sample_id, field, f"must be [{form}] with a positive area, got {numbers}")
     return box - 0.5

@@ -2,6 +2,7 @@
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -40,8 +41,8 @@ class StanfordExtraEntry(_ImageName):
     img_width: int
     img_height: int
     joints: list[list[float | None]]
-    img_bbox: list[float]
-    seg: str | dict[str, object] | None = None
+    img_bbox: Any = None
+    seg: Any = None
     is_multiple_dogs: bool = False
 
 

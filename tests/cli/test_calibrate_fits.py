@@ -160,6 +160,28 @@ def test_label_and_dataset_take_the_file_and_say_so(dogs: Path, file: Path, tmp_
     assert quality["calibration"] == (digest if quality["body"] == "fit" else None)
 
 
+def test_labels_of_rigid_bodies_say_that_the_file_has_no_part_in_them(
+    dogs: Path, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, words = str(tmp_path / "out"), "they have no part in labels of the bodies of quadruped:dog"
+    with pytest.raises(SystemExit):
+        main(["label", str(dogs), "--out", out, "--calibration", str(file), "--body", "preset"])
+    assert words in capsys.readouterr().err
+    notes = AnnotatedDataset(dogs, calibration=file, body="preset").notes
+    assert any(words in note for note in notes)
+    assert not any("no part" in note for note in AnnotatedDataset(dogs, calibration=file).notes)
+
+
+def test_a_file_of_another_body_is_refused_before_the_first_sample(
+    dogs: Path, file: Path, tmp_path: Path
+) -> None:
+    content = json.loads(file.read_text())
+    content["places"][0]["body"] = "0" * 12
+    (tmp_path / "other.json").write_text(json.dumps(content))
+    with pytest.raises(ConfigError, match="learned with another body"):
+        AnnotatedDataset(dogs, calibration=tmp_path / "other.json")
+
+
 def test_it_says_in_words_what_it_learned(
     dogs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

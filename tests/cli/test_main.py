@@ -43,3 +43,15 @@ def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
     command.stdout.close()
     _, complaints = command.communicate(timeout=120)
     assert (command.returncode, complaints) == (141, b"")
+
+
+def test_what_the_user_stops_ends_in_a_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stopped(job: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("animal3dbox.cli.main.run_job", stopped)
+    with pytest.raises(SystemExit) as caught:
+        main(["vocabularies"])
+    assert (caught.value.code, capsys.readouterr().err) == (130, "animal3dbox: interrupted\n")

@@ -114,28 +114,41 @@ def _lessons(
     """What a calibration says of an animal's body: its keypoints' places and its class's shape."""
     if calibration is None:
         return None, None
-    places = calibration.places_of(words.name)
-    shape = calibration.shape_of(words.name, category)
+    check_lessons(calibration, words, model)
+    return calibration.places_of(words.name), calibration.shape_of(words.name, category)
+
+
+def check_lessons(calibration: Calibration, words: Vocabulary, model: SmalModel) -> None:
+    """Raise a ConfigError unless a calibration's places and shapes are a model's.
+
+    Args:
+        calibration: of which those of one vocabulary are looked at.
+        words: the vocabulary.
+        model: that is to be fitted.
+
+    """
     again = "learn anew with animal3dbox calibrate --learn places,shapes"
-    own = body_digest(model, words)
-    for lesson in (places, shape):
-        if lesson is not None and lesson.body != own:
+    shapes = [shape for shape in calibration.shapes if shape.vocabulary == words.name]
+    places = [one for one in calibration.places if one.vocabulary == words.name]
+    own = body_digest(model, words) if shapes or places else ""
+    for body in (*(one.body for one in places), *(shape.body for shape in shapes)):
+        if body != own:
             raise ConfigError(
                 "the calibration's places and shapes were learned with another body than the one to"
-                f" be fitted, or with {words.name}'s keypoints elsewhere on it ({lesson.body}, not"
-                f" {own}): fit that body, or {again}"
+                f" be fitted, or with {words.name}'s keypoints elsewhere on it ({body}, not {own}):"
+                f" fit that body, or {again}"
             )
-    if places is not None and places.keypoints != words.keypoints:
+    if any(one.keypoints != words.keypoints for one in places):
         raise ConfigError(
             f"the calibration's places are of other keypoints than vocabulary {words.name} has now:"
             f" {again}"
         )
-    if shape is not None and len(shape.betas) != model.beta_count:
-        raise ConfigError(
-            f"the calibration's shape of {shape.category} has {len(shape.betas)} betas, the model"
-            f" {model.beta_count}: {again}"
-        )
-    return places, shape
+    for shape in shapes:
+        if len(shape.betas) != model.beta_count:
+            raise ConfigError(
+                f"the calibration's shape of {shape.category} has {len(shape.betas)} betas, the"
+                f" model {model.beta_count}: {again}"
+            )
 
 
 def _check_body(model: SmalModel, species: str | None) -> None:

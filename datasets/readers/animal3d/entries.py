@@ -2,6 +2,7 @@
 
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -54,8 +55,8 @@ class Animal3DEntry(_ImageName):
     keypoint_2d: list[list[float | None]]
     height: int | None = None
     width: int | None = None
-    mask_path: str | None = None
-    rd_mask_path: str | None = None
+    mask_path: Any = None
+    rd_mask_path: Any = None
     category: int | str | None = None
     pose: list[float | list[float]] | None = None
     shape: list[float] | None = None
@@ -174,6 +175,8 @@ def _mask_path(entry: Animal3DEntry, root: Path, sample_id: str) -> tuple[Path |
         path = getattr(entry, field)
         if path and path != entry.img_path:
             try:
+                if not isinstance(path, str):
+                    raise SampleError(sample_id, field, f"must be a path, got {path!r}")
                 return resolve_inside(root, path, sample_id, field), (
                     "dataset" if field == "mask_path" else "rendered"
                 )

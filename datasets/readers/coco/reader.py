@@ -54,7 +54,7 @@ class CocoEntry(SightingKeys):
     category_id: int | str
     keypoints: list[float | list[float | None] | None] | None = None
     num_keypoints: int | None = None
-    bbox: list[float] | None = None
+    bbox: Any = None
     segmentation: Any = None
 
 
@@ -294,7 +294,7 @@ def _keypoints(
 
 
 def _box(
-    numbers: list[float] | None, image_hw: tuple[int, int], sample_id: str, form: str
+    numbers: Any, image_hw: tuple[int, int], sample_id: str, form: str
 ) -> NDArray[np.float64] | None:
     """The box (4,) xyxy px of an animal; raises a SampleError if it lies outside its image."""
     if numbers is None:

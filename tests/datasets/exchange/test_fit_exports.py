@@ -207,6 +207,17 @@ def test_a_quadruped_file_of_another_body_or_form_is_refused(home: Path, tmp_pat
         ({"digest": "0" * 32}, ConfigError, "fit the animal again"),
         ({"schema": "other"}, DatasetFormatError, "schema"),
         ({"animals": [{**content["animals"][0], "betas": [1.0]}]}, DatasetFormatError, "betas"),
+        (
+            {"animals": [{**content["animals"][0], "R": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]}]},
+            DatasetFormatError,
+            "R must hold",
+        ),
+        (
+            {"animals": [{**content["animals"][0], "K": [[0, 0, 0]] * 3}]},
+            DatasetFormatError,
+            "K must",
+        ),
+        ({"joint_names": content["joint_names"][::-1]}, DatasetFormatError, "joint_names"),
     ):
         path.write_text(json.dumps({**content, **change}))
         with pytest.raises(error, match=words):

@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,10 +91,57 @@ def test_images_that_lie_elsewhere_are_noted(made: JsonSet) -> None:
 def test_two_names_of_one_file_are_a_fault(made: JsonSet) -> None:
     second, key = made.images[1]
     first, _ = made.images[0]
-    second[key] = f"other/{first[key]}"
+    second[key] = first[key].upper()
     faults = read(made).faults
     assert faults
     assert all("two images of a dataset are two files" in fault.problem for fault in faults)
+
+
+def test_a_lost_image_does_not_get_another_of_the_same_name(made: JsonSet) -> None:
+    plain = read(made)
+    lost, key = made.images[0]
+    lost[key] = f"other/{lost[key]}"
+    found = read(made)
+    assert found.faults
+    assert all("is not taken for it, since other images" in one.problem for one in found.faults)
+    kept = [record.image_id for record in plain.records if record.image_id != lost[key][6:]]
+    assert [record.image_id for record in found.records] == kept
+
+
+def test_names_of_windows_do_not_travel(made: JsonSet) -> None:
+    plain = read(made)
+    made.rename_images(lambda name: name.replace("/", "\\"))
+    assert [one.image_id for one in read(made).records] == [one.image_id for one in plain.records]
+
+
+@pytest.mark.parametrize("value", [None, "10 10 5 5", [1, 2, "x", 4], {"x": 1}, [[1, 2, 3, 4]]])
+@pytest.mark.parametrize("made", ["coco", "stanfordextra"], indirect=True)  # Animal3D's: not read
+def test_a_box_of_any_wrong_form_costs_only_itself(made: JsonSet, value: Any) -> None:
+    made.animals[0][box_key(made)] = value
+    path = made.write()
+    dropped = read_dataset(path, options=made.options(optional="drop")).records
+    assert not dropped.faults
+    assert sum(record.box is None for record in dropped.records) == 1
+    faults = read_dataset(path, options=made.options()).records.faults
+    is_absent = made.format == "coco" and value is None
+    assert {fault.field for fault in faults} == (set() if is_absent else {box_key(made)})
+
+
+def box_key(made: JsonSet) -> str:
+    return "bbox" if made.format == "coco" else "img_bbox"
+
+
+def test_ids_that_floats_cannot_tell_apart_are_faults(tmp_path: Path, view: View) -> None:
+    made = json_set("coco", tmp_path / "set", view)
+    first = 2.0**53
+    for k, image in enumerate(made.content["images"]):
+        for animal in made.animals:
+            if animal["image_id"] == image["id"]:
+                animal["image_id"] = first + 2 * k
+        image["id"] = first + 2 * k
+    found = read(made)
+    assert not found.records
+    assert {fault.field for fault in found.faults} >= {"id"}
 
 
 def minus_ones(rows: Rows) -> Rows:
