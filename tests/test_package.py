@@ -132,7 +132,7 @@ def test_importing_the_package_or_its_command_line_does_not_load_torch() -> None
 DATASET_ROOMS = (
     {"records", "sightings", "images", "storage"},
     {"readers", "bodies", "synthetic"},
-    {"formats", "labelling", "read_options", "record_changes"},
+    {"formats", "cuboid_formats", "labelling", "read_options", "record_changes"},
     {"label_dataset", "batches", "format_datasets", "omni3d_dataset", "synthetic_dataset"},
     {"exchange", "inspection"},
 )

@@ -5,6 +5,11 @@ from pathlib import Path
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import ExportJob
+from animal3dbox.datasets.cuboid_formats import (
+    CuboidOptions,
+    cuboid_format,
+    read_cuboid_set,
+)
 from animal3dbox.datasets.exchange.animal3d_writer import check_fits_of_model, write_animal3d_fits
 from animal3dbox.datasets.exchange.coco_writer import write_coco
 from animal3dbox.datasets.exchange.export import ExportSummary, in_metres
@@ -12,7 +17,6 @@ from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.exchange.quadruped_file import write_quadruped
 from animal3dbox.datasets.formats import path_summary
-from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.report.label_cuboids import read_label_cuboids
@@ -36,7 +40,7 @@ def run_export(job: ExportJob) -> ExitCode:
         return _export_fits(job)
     if job.model is not None:
         raise ConfigError("--model is for --to animal3d, which poses the fits of a SMAL model")
-    cuboids = read_cuboids(job.path, job.images)
+    cuboids = read_cuboids(job.path, CuboidOptions(job.images, metric=job.metric))
     if not cuboids.records and not cuboids.images:
         raise DatasetFormatError(
             f"{job.path} holds no box that could be written ({len(cuboids.faults)} faulty)"
@@ -92,24 +96,25 @@ def _export_fits(job: ExportJob) -> ExitCode:
     return ExitCode.FAULTY if faults or exported.faults else ExitCode.OK
 
 
-def read_cuboids(path: Path, images: Path | None = None) -> CuboidSet:
-    """The cuboids of a labels.json, of the folder that `label` wrote, or of Omni3D's JSON.
+def read_cuboids(path: Path, options: CuboidOptions) -> CuboidSet:
+    """The cuboids of a labels.json, of the folder that `label` wrote, or of a format of cuboids.
 
     Raises:
-        ConfigError: images for labels, whose paths are written as they stand.
+        ConfigError: options for labels, which say all themselves.
         DatasetNotFoundError: nothing there.
         DatasetFormatError: another file.
 
     """
     if is_labels(path):
-        if images is not None:
+        if options.images is not None:
             raise ConfigError(
-                "--images is for Omni3D files: image paths of labels are written as they stand"
+                "--images is for files of cuboids: image paths of labels are written as they stand"
             )
+        if options.metric != "info":
+            raise ConfigError("--metric is for files of cuboids: labels say their scale")
         return read_label_cuboids(path)
-    keys = path_summary(path).keys
-    if keys is not None and {"images", "annotations"} <= keys:
-        return read_omni3d(path, images)
+    if cuboid_format(path) is not None:
+        return read_cuboid_set(path, options)
     if path.is_dir():
         raise DatasetNotFoundError(
             f"{path} holds no labels.json; give the folder that animal3dbox label wrote, or a JSON"

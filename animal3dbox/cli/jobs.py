@@ -20,6 +20,7 @@ from animal3dbox.cli.options import (
     FaultOptions,
     KeypointDatasetOptions,
     MethodOptions,
+    Metric,
     ScaleOptions,
     StoredCamera,
 )
@@ -161,6 +162,8 @@ class ExportJob:
     """for animal3d: the SMAL model that was fitted (.pkl, .safetensors)"""
     images: Path | None = None
     """folder that an Omni3D file's image paths are relative to"""
+    metric: Metric = "info"
+    """of an Omni3D file: lengths are metres, or not, or as its info says, which few do"""
     metres_per_unit: float | None = None
     """scale of the boxes whose scale is not known"""
     scale_free: bool = False
@@ -185,6 +188,8 @@ class CheckJob:
     """of a dataset: take its stored camera as a guess or as known"""
     cache: Path | None = None
     """of a dataset: its label cache"""
+    metric: Metric = "info"
+    """of an Omni3D file: lengths are metres, or not, or as its info says, which few do"""
     workers: int = 0
     """of a dataset: processes"""
     json: bool = False

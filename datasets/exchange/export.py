@@ -91,7 +91,8 @@ def checked_units(cuboids: CuboidSet, convention: Convention, *, scale_free: boo
         raise ConfigError(
             f"{convention.name} is in metres, and the scale of {len(unknown)} of"
             f" {len(cuboids.records)} boxes is not known (first: {unknown[0].sample_id}); give"
-            " --metres-per-unit, or --scale-free to write the lengths as they are"
+            " --metres-per-unit, or --scale-free to write the lengths as they are, or --metric yes"
+            " if a file's are metres"
         )
     return "unknown" if len(unknown) == len(cuboids.records) else "mixed"
 

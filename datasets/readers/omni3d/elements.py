@@ -220,7 +220,7 @@ def numbers(value: object, shape: tuple[int, ...], sample_id: str, field: str) -
     """The finite numbers of a field, of a shape; None if it is missing, empty or all -1.
 
     Args:
-        value: as the file has it.
+        value: as the file has it: rows, or a matrix row by row in one list.
         shape: that the numbers must have.
         sample_id: named in the error.
         field: the file's key, named in the error.
@@ -241,6 +241,8 @@ def numbers(value: object, shape: tuple[int, ...], sample_id: str, field: str) -
         ) from error
     if (values == -1).all():
         return None
+    if len(shape) == 2 and values.shape == (shape[0] * shape[1],):
+        values = values.reshape(shape)
     if values.shape != shape:
         raise SampleError(
             sample_id,

@@ -12,34 +12,37 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from animal3dbox.datasets.readers.cuboid_conventions import OMNI3D, Convention
+from animal3dbox.datasets.readers.cuboid_checks import (
+    Metric,
+    check_metric,
+    size_note,
+    without_repeats,
+)
+from animal3dbox.datasets.readers.cuboid_conventions import Convention
 from animal3dbox.datasets.readers.elements import decoded
+from animal3dbox.datasets.readers.omni3d.consistency import (
+    all_behind_note,
+    behind_camera_problems,
+    with_consistent_boxes_2d,
+)
 from animal3dbox.datasets.readers.omni3d.elements import (
     StatedBox,
-    box_2d,
     category_names,
     cuboid_image,
     stated_box,
 )
+from animal3dbox.datasets.readers.omni3d.head import StatedHead, stated_head
 from animal3dbox.datasets.readers.omni3d.image_roots import TRIED, image_root
 from animal3dbox.datasets.readers.omni3d.layout import Layout, StatedBoxes, infer_layout
 from animal3dbox.datasets.readers.omni3d.schema import (
-    GENERATOR,
     Key,
     Omni3DAnnotation,
-    Omni3DInfo,
     RawOmni3DFile,
 )
-from animal3dbox.datasets.readers.visible_boxes import visible_boxes
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 
-LEAST_OVERLAP = 0.5
-"""Least overlap of bbox2D_proj with the projected box.
-
-Less means that K, or the box, belongs to another image.
-"""
 _OF_FAULTY_IMAGES = "annotations belong to faulty images and were left out"
 _WITHOUT_3D = "annotations say that they have no 3D box (valid3D false) and were left out"
 _IGNORED_BY_TRAINER = (
@@ -54,6 +57,7 @@ def read_omni3d(
     *,
     convention: Convention | None = None,
     heading_known: bool | None = None,
+    metric: Metric = "info",
 ) -> CuboidSet:
     """The cuboids of a file in Omni3D's format, in our frames and corner order.
 
@@ -66,12 +70,16 @@ def read_omni3d(
             the file states if this package wrote it.
         heading_known: whether forward and left mean something; by default as the file says if this
             package wrote it, else not.
+        metric: whether lengths are metres: "yes", "no", or "info": as the file says, which files of
+            this package do, others in info.units ("m"); of a file that says nothing the scale is
+            not known.
 
     Returns:
-        The boxes in our frames, in metres unless the file says otherwise; every usable image; one
-        fault each unusable box or image; notes about the corner order and left-out boxes.
+        The boxes in our frames; every usable image; one fault each unusable box or image; notes
+        about units, the corner order and left-out boxes.
 
     Raises:
+        ConfigError: another word for metric.
         DatasetNotFoundError: no such file.
         DatasetFormatError: not JSON, or without images, categories and annotations.
 
@@ -98,49 +106,41 @@ def read_omni3d(
         ('dog', [0.9, 0.3, 0.6])
 
     """
+    check_metric(metric)
     file: RawOmni3DFile = decode_json(path, RawOmni3DFile)
-    info = _info(file.info)
-    own = info is not None and info.generator == GENERATOR
-    if convention is None:
-        convention = (
-            replace(OMNI3D, first_pixel=info.first_pixel)
-            if info is not None and own and info.first_pixel is not None
-            else OMNI3D
-        )
+    head = stated_head(file.info)
+    convention = convention or head.convention()
     by_id, image_faults, image_notes = _images(file.images, path, images, convention)
     names, category_faults = category_names(file.categories)
     boxes, box_faults, box_notes = _stated_boxes(file.annotations, by_id, names, convention)
     layout = infer_layout(_stacked(boxes))
+    problems = {**behind_camera_problems(boxes), **layout.problems}
     records, layout_faults = _records(
-        boxes, layout, convention, own=own, heading_known=heading_known
+        boxes,
+        replace(layout, problems=problems),
+        convention,
+        head=head,
+        heading_known=heading_known,
+        metric=metric,
     )
-    consistent, projection_faults = _with_consistent_projections(records, boxes, convention)
+    consistent, projection_faults = with_consistent_boxes_2d(records, boxes, convention)
+    kept, repeats = without_repeats(consistent)
+    unit_notes = (*head.unit_note(metric), *(size_note(kept) if metric != "no" else ()))
     return CuboidSet(
         name=convention.name,
-        records=tuple(consistent),
+        records=kept,
         faults=(
             *image_faults,
             *category_faults,
             *box_faults,
             *layout_faults,
             *projection_faults,
+            *repeats,
         ),
-        notes=(*image_notes, *box_notes, *layout.notes),
+        notes=(*image_notes, *box_notes, *layout.notes, *all_behind_note(boxes), *unit_notes),
         images=tuple(image for image in by_id.values() if image is not None),
         categories=tuple(dict.fromkeys(names.values())),
     )
-
-
-def _info(raw: msgspec.Raw) -> Omni3DInfo | None:
-    """The head of a file, if it has the form of this package's files; None otherwise.
-
-    Omni3D's own heads are lists or have ids that are words.
-    """
-    try:
-        info: Omni3DInfo = msgspec.json.decode(raw, type=Omni3DInfo)
-    except msgspec.ValidationError:
-        return None
-    return info
 
 
 def _images(
@@ -224,6 +224,7 @@ def _stated_boxes(
 
     """
     boxes, faults, numbers, counts = [], [], Counter[Key](), Counter[str]()
+    owners: dict[Key, str] = {}
     for number, raw in enumerate(raws):
         key = _ids_of(raw).image_id
         image = None if key is None else images.get(key)
@@ -236,6 +237,13 @@ def _stated_boxes(
             if key is not None and key not in images:
                 raise SampleError(sample_id, "image_id", f"{key} is not among the file's images")
             annotation = decoded(raw, Omni3DAnnotation, sample_id)
+            if owners.setdefault(annotation.id, sample_id) != sample_id:
+                raise SampleError(
+                    sample_id,
+                    "id",
+                    f"{annotation.id} is that of {owners[annotation.id]} too: evaluators count"
+                    " one of them; give each annotation an id of its own",
+                )
             if image is None:
                 counts[_OF_FAULTY_IMAGES] += 1
             elif not annotation.valid3D:
@@ -280,8 +288,9 @@ def _records(
     layout: Layout,
     convention: Convention,
     *,
-    own: bool,
+    head: StatedHead,
     heading_known: bool | None,
+    metric: Metric,
 ) -> tuple[list[tuple[int, CuboidRecord]], list[SampleError]]:
     """The records of the consistent boxes with their indices, and an error for each other box.
 
@@ -289,8 +298,9 @@ def _records(
         boxes: of the file.
         layout: of the boxes.
         convention: of the file.
-        own: whether this package wrote the file.
+        head: of the file.
         heading_known: as the user says; None: as the file does.
+        metric: likewise.
 
     """
     records, faults = [], []
@@ -311,59 +321,14 @@ def _records(
             center=center[index],
             rotation=rotation[index],
             size=size[index],
-            metric=True if annotation.metric is None or not own else annotation.metric,
+            metric=head.is_metric(annotation.metric, metric),
             heading_known=(
-                bool(own and annotation.heading_known) if heading_known is None else heading_known
+                bool(head.is_own and annotation.heading_known)
+                if heading_known is None
+                else heading_known
             ),
             box=box.box,
             truncation=box.truncation,
         )
         records.append((index, record))
     return records, faults
-
-
-def _with_consistent_projections(
-    records: Sequence[tuple[int, CuboidRecord]], boxes: Sequence[StatedBox], convention: Convention
-) -> tuple[list[CuboidRecord], list[SampleError]]:
-    """The records whose bbox2D_proj, if any, is where K projects the box; others are errors.
-
-    Args:
-        records: each with its index among the boxes.
-        boxes: of the file.
-        convention: of the file.
-
-    """
-    visible = visible_boxes([record for _, record in records])
-    consistent, faults = [], []
-    for number, (index, record) in enumerate(records):
-        try:
-            stated = box_2d(
-                boxes[index].annotation.bbox2D_proj, record.sample_id, "bbox2D_proj", convention
-            )
-            ours = [
-                box
-                for box in (visible.projected[number], visible.in_frame[number])
-                if not np.isnan(box).any()
-            ]
-            overlap = 1.0
-            if stated is not None and ours:
-                overlap = max(_overlap(stated, box) for box in ours)
-            if overlap < LEAST_OVERLAP:
-                raise SampleError(
-                    record.sample_id,
-                    "bbox2D_proj",
-                    f"is not where K projects bbox3D_cam (overlap {overlap:.2f}): K, the image size"
-                    " or the box belongs to another image",
-                )
-        except SampleError as error:
-            faults.append(error)
-        else:
-            consistent.append(record)
-    return consistent, faults
-
-
-def _overlap(a: np.ndarray, b: np.ndarray) -> float:
-    """Intersection over union of two upright boxes (4,), xyxy."""
-    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
-    common = float(np.prod(np.maximum(sides, 0)))
-    return common / (float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2])) - common)

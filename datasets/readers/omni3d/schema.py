@@ -13,16 +13,19 @@ GENERATOR: Final = "animal3dbox"
 Key = int | str
 """An id: Omni3D's own are whole numbers, files made after it have words, too."""
 
+Matrix = list[list[float] | float]
+"""Rows of numbers, or the same numbers one after the other."""
+
 
 class Omni3DImage(msgspec.Struct, kw_only=True):
-    """One element of "images"; K is written row by row."""
+    """One element of "images"; K is written row by row, by some others as nine numbers."""
 
     id: Key
     dataset_id: Key = 0
     width: int
     height: int
     file_path: str
-    K: list[list[float]]
+    K: Matrix
 
 
 class Omni3DCategory(msgspec.Struct, kw_only=True):
@@ -49,10 +52,10 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     bbox2D_tight: list[float] | None = None
     bbox2D_proj: list[float] | None = None
     bbox2D_trunc: list[float] | None = None
-    bbox3D_cam: list[list[float]] | float | None = None
+    bbox3D_cam: Matrix | float | None = None
     center_cam: list[float] | None = None
     dimensions: list[float] | None = None
-    R_cam: list[list[float]] | float | None = None
+    R_cam: Matrix | float | None = None
     behind_camera: bool | int | None = None
     visibility: float | None = None
     truncation: float | None = None
