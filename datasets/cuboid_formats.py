@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from animal3dbox.datasets.readers.cuboid_checks import Metric
+from animal3dbox.datasets.readers.cuboid_conventions import KITTI, OMNI3D
+from animal3dbox.datasets.readers.kitti.layout import is_kitti
+from animal3dbox.datasets.readers.kitti.reader import read_kitti
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
 from animal3dbox.datasets.records import CuboidSet
@@ -45,7 +48,19 @@ def _read_omni3d(path: Path, options: CuboidOptions) -> CuboidSet:
     )
 
 
-CUBOID_READERS = {"omni3d": CuboidReader(is_omni3d, _read_omni3d, "Omni3DDataset")}
+def _read_kitti(path: Path, options: CuboidOptions) -> CuboidSet:
+    return read_kitti(
+        path,
+        options.images,
+        heading_known=options.heading_known is not False,
+        metric=options.metric,
+    )
+
+
+CUBOID_READERS = {
+    OMNI3D.name: CuboidReader(is_omni3d, _read_omni3d, "Omni3DDataset"),
+    KITTI.name: CuboidReader(is_kitti, _read_kitti, "KittiDataset"),
+}
 """Every format of cuboids that is read, by name, in the order in which a path is tried."""
 
 

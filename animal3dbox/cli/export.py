@@ -1,4 +1,4 @@
-"""The command `export`: labels, or cuboids in Omni3D's format, for other people's tools."""
+"""The command `export`: labels, or cuboids in any format that is read, for other people's tools."""
 
 import sys
 from pathlib import Path
@@ -117,7 +117,8 @@ def read_cuboids(path: Path, options: CuboidOptions) -> CuboidSet:
         return read_cuboid_set(path, options)
     if path.is_dir():
         raise DatasetNotFoundError(
-            f"{path} holds no labels.json; give the folder that animal3dbox label wrote, or a JSON"
+            f"{path} holds neither labels.json nor KITTI's label_2/; give the folder that"
+            " animal3dbox label wrote, one of KITTI's, or a JSON"
         )
     raise DatasetFormatError(
         f"{path} is neither labels.json nor in Omni3D's format (images, categories, annotations)"

@@ -153,7 +153,7 @@ class ExportJob:
     """
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
-    """labels.json, the folder that label wrote, or a JSON in Omni3D's format"""
+    """labels.json, the folder that label wrote, an Omni3D JSON, or a folder of KITTI's"""
     to: Literal["omni3d", "coco", "kitti", "animal3d", "quadruped"]
     """the format to write"""
     out: Path
@@ -161,9 +161,9 @@ class ExportJob:
     model: Path | None = None
     """for animal3d: the SMAL model that was fitted (.pkl, .safetensors)"""
     images: Path | None = None
-    """folder that an Omni3D file's image paths are relative to"""
+    """folder that an Omni3D file's image paths are relative to, or of KITTI's pictures"""
     metric: Metric = "info"
-    """of an Omni3D file: lengths are metres, or not, or as its info says, which few do"""
+    """of cuboids: lengths are metres, or not, or as the file's info says (few Omni3D files do)"""
     metres_per_unit: float | None = None
     """scale of the boxes whose scale is not known"""
     scale_free: bool = False
@@ -180,7 +180,8 @@ class CheckJob:
     """
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
-    """labels.json, the folder that label wrote, an Omni3D JSON, or a dataset, which is labelled"""
+    """labels.json, the folder that label wrote, an Omni3D JSON, a folder of KITTI's, or a dataset,
+    which is labelled"""
     dataset: KeypointDatasetOptions
     body: str | None = None
     """of a dataset: one body for all, a preset's name or a model's file"""
@@ -189,7 +190,7 @@ class CheckJob:
     cache: Path | None = None
     """of a dataset: its label cache"""
     metric: Metric = "info"
-    """of an Omni3D file: lengths are metres, or not, or as its info says, which few do"""
+    """of cuboids: lengths are metres, or not, or as the file's info says (few Omni3D files do)"""
     workers: int = 0
     """of a dataset: processes"""
     json: bool = False

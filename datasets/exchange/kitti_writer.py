@@ -18,6 +18,7 @@ from animal3dbox.datasets.exchange.export import (
 from animal3dbox.datasets.readers.cuboid_conventions import KITTI, Floats, yaw_of, yaw_rotation
 from animal3dbox.datasets.readers.kitti.files import (
     OCCLUSION_UNKNOWN,
+    UNITS,
     KittiLine,
     calibration_text,
     image_line,
@@ -95,10 +96,9 @@ def write_kitti(cuboids: CuboidSet, folder: Path, *, scale_free: bool = False) -
         calibration = calibration_text(KITTI.K_out(image.K))
         write_whole(folder / "label_2" / f"{number:06d}.txt", "".join(lines).encode())
         write_whole(folder / "calib" / f"{number:06d}.txt", calibration.encode())
-    write_whole(
-        folder / "images.txt",
-        "".join(image_line(number, image) for number, (image, _) in enumerate(members)).encode(),
-    )
+    index = [image_line(number, image) for number, (image, _) in enumerate(members)]
+    index = index if units == "m" else [f"{UNITS}{units}\n", *index]
+    write_whole(folder / "images.txt", "".join(index).encode())
     iou = yaw_only_iou(records)
     unit_note = () if units == "m" else (f"lengths are not all in metres ({units})",)
     return ExportSummary(
@@ -125,6 +125,15 @@ def _lines(
                     record.sample_id,
                     "box",
                     "nothing of it lies in the frame, so that there is no 2D box",
+                )
+            )
+            continue
+        if record.center[2] <= 0:
+            faults.append(
+                SampleError(
+                    record.sample_id,
+                    "center",
+                    f"has z = {record.center[2]:.4g}: KITTI's boxes stand in front of the camera",
                 )
             )
             continue

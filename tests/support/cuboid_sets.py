@@ -75,10 +75,10 @@ def random_set(seed: int = 0, *, upright: bool = False, in_view: bool = False) -
     return CuboidSet("labels", tuple(records), (), (), tuple(images))
 
 
-def visible_part(record: CuboidRecord) -> np.ndarray | None:
-    """The 2D box of a thing that fills its cuboid in the frame, but for a tenth on each side."""
+def visible_part(record: CuboidRecord, margin: float = 0.1) -> np.ndarray | None:
+    """The 2D box of a thing that fills its cuboid in the frame, but for a margin on each side."""
     box = visible_boxes([record]).in_frame[0]
     if np.isnan(box).any():
         return None
-    margin = (box[2:] - box[:2]) / 10
-    return np.concatenate((box[:2] + margin, box[2:] - margin))
+    px = margin * (box[2:] - box[:2])
+    return np.concatenate((box[:2] + px, box[2:] - px))
