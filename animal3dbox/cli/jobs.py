@@ -168,6 +168,16 @@ class ExportJob:
     """scale of the boxes whose scale is not known"""
     scale_free: bool = False
     """write lengths of unknown scale as they are"""
+    first_id: int | None = None
+    """number of the first image and box: 1, but for kitti's images 0; an export that is to be
+    joined with another one goes on where that ended"""
+    dataset_id: int | None = None
+    """of omni3d: the dataset's own, 0; another one for each that is joined"""
+    split: str | None = None
+    """of omni3d's info, or kitti's ImageSets: train"""
+    categories: tuple[str, ...] = ()
+    """of omni3d and coco: names in the order of their numbers, the same for exports that are
+    joined; none: the boxes' own"""
 
 
 @dataclass(frozen=True, kw_only=True)

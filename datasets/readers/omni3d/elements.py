@@ -39,6 +39,7 @@ class StatedBox:
         rotation: (3, 3), a rotation; NaN if missing.
         box: (4,) xyxy in our px; None if it is not known.
         truncation: 0 to 1; None if it is not known.
+        visibility: likewise.
     """
 
     sample_id: str
@@ -51,6 +52,7 @@ class StatedBox:
     rotation: Floats
     box: Floats | None
     truncation: float | None
+    visibility: float | None
 
 
 def cuboid_image(
@@ -133,11 +135,6 @@ def stated_box(
     if dimensions.min() <= 0:
         raise SampleError(sample_id, "dimensions", f"must be positive, got {dimensions.tolist()}")
     corners, rotation = _corners_and_rotation(annotation, sample_id)
-    truncation = annotation.truncation
-    if truncation is not None and truncation != -1 and not 0 <= truncation <= 1:
-        raise SampleError(
-            sample_id, "truncation", f"must lie in 0 to 1, or be -1 if unknown, got {truncation}"
-        )
     return StatedBox(
         sample_id=sample_id,
         image=image,
@@ -148,8 +145,20 @@ def stated_box(
         dimensions=dimensions,
         rotation=rotation,
         box=box_2d(annotation.bbox2D_tight, sample_id, "bbox2D_tight", convention),
-        truncation=None if truncation in (None, -1) else truncation,
+        truncation=_part(annotation.truncation, sample_id, "truncation"),
+        visibility=_part(annotation.visibility, sample_id, "visibility"),
     )
+
+
+def _part(value: float | None, sample_id: str, field: str) -> float | None:
+    """A part, 0 to 1, of a thing; None if it is not known. Raises SampleError."""
+    if value is None or value == -1:
+        return None
+    if not 0 <= value <= 1:
+        raise SampleError(
+            sample_id, field, f"must lie in 0 to 1, or be -1 if unknown, got {value:g}"
+        )
+    return value
 
 
 def _category(annotation: Omni3DAnnotation, sample_id: str, categories: dict[Key, str]) -> str:

@@ -329,6 +329,7 @@ def _records(
             ),
             box=box.box,
             truncation=box.truncation,
+            visibility=box.visibility,
         )
         records.append((index, record))
     return records, faults

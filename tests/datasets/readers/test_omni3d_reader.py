@@ -397,9 +397,9 @@ BAD: dict[str, tuple[Callable[[Content], None], str, str]] = {
         "file_path: is that of image",
     ),
     "the same id twice": (
-        image_changed("id", lambda _: 1),
+        image_changed("id", lambda _: 2),
         "images/1.jpg",
-        "id: 1 is another image's too",
+        "id: 2 is another image's too",
     ),
 }
 
