@@ -6,10 +6,13 @@ Run: python benchmarks/cases.py ../shared/cases
 import argparse
 import contextlib
 import io
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from PIL import Image
 
 from animal3dbox.cli.main import main as animal3dbox
 
@@ -25,12 +28,14 @@ class Case:
         is_right: whether what the command printed, and its exit code, are as they should be.
         options: of `label` beside the rigid preset, or of another command.
         command: that reads it.
+        with_pictures: whether blank pictures are made for the file's images and given (--images).
     """
 
     name: str
     is_right: Said
     options: tuple[str, ...] = ()
     command: str = "label"
+    with_pictures: bool = False
 
 
 def checked(count: int, *words: str, faults: int = 0) -> Said:
@@ -88,8 +93,17 @@ CASES = (
     Case("omni3d-opengl/omni.json", checked(4, "OpenGL", faults=4), command="check"),
     Case("omni3d-mm/omni.json", checked(4, "millimetres"), command="check"),
     Case("omni3d-flat-K/omni.json", checked(4), command="check"),
+    Case("wildbox-abs/WildBox_train.json", checked(21), command="check", with_pictures=True),
     Case("wildlift-flatK/RHINO_train.json", checked(21, "[L, H, W]"), command="check"),
 )
+
+
+def blank_pictures(file: Path, folder: Path) -> Path:
+    """A folder with a blank picture for each image of an Omni3D file, under its last name."""
+    for image in json.loads(file.read_text())["images"]:
+        size = (image["width"], image["height"])
+        Image.new("L", size).save(folder / Path(image["file_path"]).name)
+    return folder
 
 
 def run(case: Case, path: Path) -> tuple[str, int]:
@@ -102,6 +116,7 @@ def run(case: Case, path: Path) -> tuple[str, int]:
     ):
         try:
             own = ["--body", "preset", "--out", out] if case.command == "label" else []
+            own += ["--images", str(blank_pictures(path, Path(out)))] if case.with_pictures else []
             animal3dbox([case.command, str(path), *own, *case.options])
         except SystemExit as end:
             return printed.getvalue(), end.code if isinstance(end.code, int) else 1

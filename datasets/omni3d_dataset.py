@@ -23,7 +23,7 @@ class Omni3DDataset(LabelDataset):
         root: the json.
         images: the folder that file_path is relative to.
         heading_known: whether forward and left mean something; None: what the file says if this
-            package wrote it, else not.
+            package wrote it, or where it tells by face_locks or heading_alpha; else not.
         metric: whether lengths are metres: "yes", "no", or "info": what the file says; of one that
             says nothing, scale is not known.
         **options: LabelDataset's; those about labelling have no effect.

@@ -229,6 +229,7 @@ def _annotations(
             depth_error=-1,
             metric=record.metric,
             heading_known=record.heading_known,
+            track_id=record.sighting.track or msgspec.UNSET,
         )
         annotations.append(annotation)
     return annotations

@@ -75,13 +75,17 @@ def portable_name(root: Path, name: str) -> str:
         name: as the annotation has it.
 
     """
-    plain = name.replace("\\", "/")
-    is_absolute = plain.startswith("/") or "://" in plain or plain[1:3] == ":/"
-    if not is_absolute:
+    if not is_absolute_name(name):
         return name
     home = root.resolve()
     found = _as_others_mean_it(home, name)
     return found[0].relative_to(home).as_posix() if len(found) == 1 else name
+
+
+def is_absolute_name(name: str) -> bool:
+    """Whether a name begins at the root of some machine: /a, C:/a, or a URL."""
+    plain = name.replace("\\", "/")
+    return plain.startswith("/") or "://" in plain or plain[1:3] == ":/"
 
 
 def _as_others_mean_it(home: Path, name: str) -> list[Path]:

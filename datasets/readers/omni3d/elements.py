@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from animal3dbox.datasets.images.named_files import portable_name
 from animal3dbox.datasets.readers.cuboid_conventions import Convention, Floats
 from animal3dbox.datasets.readers.elements import decoded, image_size
 from animal3dbox.datasets.readers.omni3d.image_roots import image_path
@@ -15,8 +16,10 @@ from animal3dbox.datasets.readers.omni3d.schema import (
     Omni3DAnnotation,
     Omni3DCategory,
     Omni3DImage,
+    StatedAnnotation,
 )
 from animal3dbox.datasets.records import CuboidImage
+from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting, SightingKeys, sighting_of
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.checks import check_intrinsics
 
@@ -40,12 +43,13 @@ class StatedBox:
         box: (4,) xyxy in our px; None if it is not known.
         truncation: 0 to 1; None if it is not known.
         visibility: likewise.
+        sighting: when and of whom the picture is, as the file says.
     """
 
     sample_id: str
     image: CuboidImage
     category: str
-    annotation: Omni3DAnnotation
+    annotation: StatedAnnotation
     corners: Floats
     center: Floats
     dimensions: Floats
@@ -53,6 +57,18 @@ class StatedBox:
     box: Floats | None
     truncation: float | None
     visibility: float | None
+    sighting: Sighting = NO_SIGHTING
+
+
+def sighting_in(raw: msgspec.Raw, image: Sighting = NO_SIGHTING) -> Sighting:
+    """When and of whom an element of "images" or "annotations" is, as the file says; never where.
+
+    Args:
+        raw: the element, which has been decoded before.
+        image: what its image says.
+
+    """
+    return sighting_of(msgspec.json.decode(raw, type=SightingKeys), image).without_place()
 
 
 def cuboid_image(
@@ -83,6 +99,7 @@ def cuboid_image(
     except ShapeError as error:
         raise SampleError(name, "K", str(error)) from error
     path = image_path(root, annotations, element.file_path, name)
+    name = name if root is None else portable_name(root, name)
     return element.id, CuboidImage(name, path, image_hw, K)
 
 
@@ -105,7 +122,7 @@ def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[Sa
 
 
 def stated_box(
-    annotation: Omni3DAnnotation,
+    annotation: StatedAnnotation,
     sample_id: str,
     *,
     image: CuboidImage,

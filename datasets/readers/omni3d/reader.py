@@ -29,17 +29,21 @@ from animal3dbox.datasets.readers.omni3d.elements import (
     StatedBox,
     category_names,
     cuboid_image,
+    sighting_in,
     stated_box,
 )
 from animal3dbox.datasets.readers.omni3d.head import StatedHead, stated_head
+from animal3dbox.datasets.readers.omni3d.headings import with_named_faces
 from animal3dbox.datasets.readers.omni3d.image_roots import TRIED, image_root
 from animal3dbox.datasets.readers.omni3d.layout import Layout, StatedBoxes, infer_layout
 from animal3dbox.datasets.readers.omni3d.schema import (
     Key,
     Omni3DAnnotation,
     RawOmni3DFile,
+    StatedAnnotation,
 )
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
+from animal3dbox.datasets.sightings import NO_SIGHTING
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 
@@ -69,7 +73,7 @@ def read_omni3d(
         convention: the meaning of the file's numbers; by default OMNI3D, with the pixel origin that
             the file states if this package wrote it.
         heading_known: whether forward and left mean something; by default as the file says if this
-            package wrote it, else not.
+            package wrote it, or where it tells by face_locks or heading_alpha; else not.
         metric: whether lengths are metres: "yes", "no", or "info": as the file says, which files of
             this package do, others in info.units ("m"); of a file that says nothing the scale is
             not known.
@@ -112,35 +116,53 @@ def read_omni3d(
     convention = convention or head.convention()
     by_id, image_faults, image_notes = _images(file.images, path, images, convention)
     names, category_faults = category_names(file.categories)
-    boxes, box_faults, box_notes = _stated_boxes(file.annotations, by_id, names, convention)
-    layout = infer_layout(_stacked(boxes))
-    problems = {**behind_camera_problems(boxes), **layout.problems}
-    records, layout_faults = _records(
-        boxes,
-        replace(layout, problems=problems),
-        convention,
-        head=head,
-        heading_known=heading_known,
-        metric=metric,
+    boxes, box_faults, box_notes = _stated_boxes(file, by_id, names, convention)
+    records, record_faults, record_notes = _sound_records(
+        boxes, convention, head=head, heading_known=heading_known, metric=metric
     )
-    consistent, projection_faults = with_consistent_boxes_2d(records, boxes, convention)
-    kept, repeats = without_repeats(consistent)
-    unit_notes = (*head.unit_note(metric), *(size_note(kept) if metric != "no" else ()))
+    unit_notes = (*head.unit_note(metric), *(size_note(records) if metric != "no" else ()))
     return CuboidSet(
         name=convention.name,
-        records=kept,
-        faults=(
-            *image_faults,
-            *category_faults,
-            *box_faults,
-            *layout_faults,
-            *projection_faults,
-            *repeats,
-        ),
-        notes=(*image_notes, *box_notes, *layout.notes, *all_behind_note(boxes), *unit_notes),
+        records=records,
+        faults=(*image_faults, *category_faults, *box_faults, *record_faults),
+        notes=(*image_notes, *box_notes, *record_notes, *unit_notes),
         images=tuple(image for image in by_id.values() if image is not None),
         categories=tuple(dict.fromkeys(names.values())),
     )
+
+
+def _sound_records(
+    boxes: Sequence[StatedBox],
+    convention: Convention,
+    *,
+    head: StatedHead,
+    heading_known: bool | None,
+    metric: Metric,
+) -> tuple[tuple[CuboidRecord, ...], list[SampleError], list[str]]:
+    """The records of the boxes that contradict nothing, an error for each other one, and notes.
+
+    Args:
+        boxes: of the file.
+        convention: of the file.
+        head: of the file.
+        heading_known: as the user says; None: as the file does.
+        metric: likewise.
+
+    """
+    layout = infer_layout(_stacked(boxes))
+    problems = {**behind_camera_problems(boxes), **layout.problems}
+    layout = replace(layout, problems=problems)
+    records, faults = _records(
+        boxes, layout, convention, head=head, heading_known=heading_known, metric=metric
+    )
+    notes = list(layout.notes)
+    if heading_known is None:
+        records, heading_faults, heading_notes = with_named_faces(records, boxes)
+        faults += heading_faults
+        notes += heading_notes
+    consistent, projection_faults = with_consistent_boxes_2d(records, boxes, convention)
+    kept, repeats = without_repeats(consistent)
+    return kept, [*faults, *projection_faults, *repeats], [*notes, *all_behind_note(boxes)]
 
 
 def _images(
@@ -158,7 +180,7 @@ def _images(
     root = image_root(path, images, [_ids_of(raw).file_path for raw in raws[:TRIED]])
     by_id: dict[Key, CuboidImage | None] = {}
     faults: list[SampleError] = []
-    paths: dict[str, Key] = {}
+    paths: dict[Path, Key] = {}
     for number, raw in enumerate(raws):
         try:
             key, image = cuboid_image(
@@ -170,12 +192,12 @@ def _images(
                     "id",
                     f"{key} is another image's too: which boxes are whose cannot be told",
                 )
-            if paths.setdefault(image.image_id, key) != key:
+            place = image.image_path  # of which a file may have two names
+            if place is not None and paths.setdefault(place, key) != key:
                 raise SampleError(
                     image.image_id,
                     "file_path",
-                    f"is that of image {paths[image.image_id]} too, not only of {key}: give it"
-                    " once",
+                    f"is that of image {paths[place]} too, not only of {key}: give it once",
                 )
         except SampleError as error:
             faults.append(error)
@@ -209,7 +231,7 @@ def _ids_of(raw: msgspec.Raw) -> _Ids:
 
 
 def _stated_boxes(
-    raws: Sequence[msgspec.Raw],
+    file: RawOmni3DFile,
     images: dict[Key, CuboidImage | None],
     names: dict[Key, str],
     convention: Convention,
@@ -217,7 +239,7 @@ def _stated_boxes(
     """The boxes that annotations state, an error a faulty annotation, and notes on the others.
 
     Args:
-        raws: the elements of "annotations".
+        file: with the elements of "annotations", and of "images" for what they say of all animals.
         images: by id, None for faulty ones.
         names: of the categories, by id.
         convention: of the file.
@@ -225,7 +247,8 @@ def _stated_boxes(
     """
     boxes, faults, numbers, counts = [], [], Counter[Key](), Counter[str]()
     owners: dict[Key, str] = {}
-    for number, raw in enumerate(raws):
+    seen = {one: sighting_in(raw) for raw in file.images if (one := _ids_of(raw).id) is not None}
+    for number, raw in enumerate(file.annotations):
         key = _ids_of(raw).image_id
         image = None if key is None else images.get(key)
         sample_id = f"annotation {number}"
@@ -236,7 +259,7 @@ def _stated_boxes(
         try:
             if key is not None and key not in images:
                 raise SampleError(sample_id, "image_id", f"{key} is not among the file's images")
-            annotation = decoded(raw, Omni3DAnnotation, sample_id)
+            annotation = decoded(raw, StatedAnnotation, sample_id)
             if owners.setdefault(annotation.id, sample_id) != sample_id:
                 raise SampleError(
                     sample_id,
@@ -249,11 +272,11 @@ def _stated_boxes(
             elif not annotation.valid3D:
                 counts[_WITHOUT_3D] += 1
             else:
-                boxes.append(
-                    stated_box(
-                        annotation, sample_id, image=image, categories=names, convention=convention
-                    )
+                box = stated_box(
+                    annotation, sample_id, image=image, categories=names, convention=convention
                 )
+                sighting = sighting_in(raw, seen.get(annotation.image_id, NO_SIGHTING))
+                boxes.append(replace(box, sighting=sighting))
                 counts[_IGNORED_BY_TRAINER] += _is_ignored(annotation)
         except SampleError as error:
             faults.append(error)
@@ -330,6 +353,7 @@ def _records(
             box=box.box,
             truncation=box.truncation,
             visibility=box.visibility,
+            sighting=box.sighting,
         )
         records.append((index, record))
     return records, faults

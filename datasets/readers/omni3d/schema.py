@@ -39,8 +39,8 @@ class Omni3DCategory(msgspec.Struct, kw_only=True):
 class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     """One element of "annotations": a box in its image.
 
-    The last two keys are this package's own: metric says that lengths are metres, heading_known
-    that sides have names.
+    metric and heading_known are this package's own: that lengths are metres, that sides have names.
+    track_id, the same animal's in all images of its sequence, is there if it is known.
     """
 
     id: Key
@@ -64,6 +64,7 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     depth_error: float | None = None
     metric: bool | None = None
     heading_known: bool | None = None
+    track_id: Key | msgspec.UnsetType | None = msgspec.UNSET
 
     def __post_init__(self) -> None:
         """Take a single -1 or 0 in the place of a rotation or corners for None.
@@ -72,6 +73,14 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
         """
         self.R_cam = None if self.R_cam in (-1, 0) else self.R_cam
         self.bbox3D_cam = None if self.bbox3D_cam in (-1, 0) else self.bbox3D_cam
+
+
+class StatedAnnotation(Omni3DAnnotation, kw_only=True):
+    """An annotation as others write it: with the keys of follow-ups, see `headings`."""
+
+    face_locks: dict[str, int | None] | None = None
+    heading_alpha: float | None = None
+    heading_valid: bool | int | None = None
 
 
 class Omni3DInfo(msgspec.Struct, kw_only=True):
