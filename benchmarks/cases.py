@@ -6,10 +6,13 @@ Run: python benchmarks/cases.py ../shared/cases
 import argparse
 import contextlib
 import io
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from PIL import Image
 
 from animal3dbox.cli.main import main as animal3dbox
 
@@ -23,12 +26,25 @@ class Case:
     Attributes:
         name: of the folder, and of the file in it that is read.
         is_right: whether what the command printed, and its exit code, are as they should be.
-        options: of `label` beside the rigid preset.
+        options: of `label` beside the rigid preset, or of another command.
+        command: that reads it.
+        with_pictures: whether blank pictures are made for the file's images and given (--images).
     """
 
     name: str
     is_right: Said
     options: tuple[str, ...] = ()
+    command: str = "label"
+    with_pictures: bool = False
+
+
+def checked(count: int, *words: str, faults: int = 0) -> Said:
+    """So many boxes checked, with so many faults, and some words in what is printed."""
+    return lambda text, code: (
+        f"{count} animals in" in text
+        and f": {faults} faults" in text
+        and all(word in text for word in words)
+    )
 
 
 def labelled(count: int, *words: str) -> Said:
@@ -70,11 +86,28 @@ CASES = (
     Case("coco-person-too", labelled(2, "'person'")),
     Case("coco-names-spaces", labelled(3)),
     Case("coco-names-camel", labelled(3)),
+    Case("kitti-degrees", checked(1, "degrees", "rotation_y", faults=1), command="check"),
+    Case("kitti-alpha", checked(1, "alpha", faults=1), command="check"),
+    Case("kitti-lwh", checked(1, "length, width, height", faults=1), command="check"),
+    Case("kitti-centre", checked(1, "centre", faults=1), command="check"),
+    Case("omni3d-opengl/omni.json", checked(4, "OpenGL", faults=4), command="check"),
+    Case("omni3d-mm/omni.json", checked(4, "millimetres"), command="check"),
+    Case("omni3d-flat-K/omni.json", checked(4), command="check"),
+    Case("wildbox-abs/WildBox_train.json", checked(21), command="check", with_pictures=True),
+    Case("wildlift-flatK/RHINO_train.json", checked(21, "[L, H, W]"), command="check"),
 )
 
 
-def run(path: Path, options: tuple[str, ...]) -> tuple[str, int]:
-    """What `label` prints of a path, and its exit code."""
+def blank_pictures(file: Path, folder: Path) -> Path:
+    """A folder with a blank picture for each image of an Omni3D file, under its last name."""
+    for image in json.loads(file.read_text())["images"]:
+        size = (image["width"], image["height"])
+        Image.new("L", size).save(folder / Path(image["file_path"]).name)
+    return folder
+
+
+def run(case: Case, path: Path) -> tuple[str, int]:
+    """What a case's command prints of a path, and its exit code."""
     printed = io.StringIO()
     with (
         tempfile.TemporaryDirectory() as out,
@@ -82,7 +115,9 @@ def run(path: Path, options: tuple[str, ...]) -> tuple[str, int]:
         contextlib.redirect_stderr(printed),
     ):
         try:
-            animal3dbox(["label", str(path), "--body", "preset", "--out", out, *options])
+            own = ["--body", "preset", "--out", out] if case.command == "label" else []
+            own += ["--images", str(blank_pictures(path, Path(out)))] if case.with_pictures else []
+            animal3dbox([case.command, str(path), *own, *case.options])
         except SystemExit as end:
             return printed.getvalue(), end.code if isinstance(end.code, int) else 1
     return printed.getvalue(), 0
@@ -95,7 +130,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     names = {case.name.split("/")[0] for case in CASES}
     for case in CASES:
-        text, code = run(folder / case.name, case.options)
+        text, code = run(case, folder / case.name)
         first = " / ".join(text.strip().splitlines()[:3])
         print(f"{case.name}: {'right' if case.is_right(text, code) else f'WRONG, {first}'}")
     others = [p.name for p in sorted(folder.iterdir()) if p.name not in names and p.is_dir()]

@@ -12,6 +12,7 @@ import msgspec
 
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
 from animal3dbox.datasets.bodies.sources import BodySource
+from animal3dbox.datasets.cuboid_formats import CUBOID_READERS, cuboid_format
 from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers import stanfordextra
 from animal3dbox.datasets.readers.animal3d import entries as animal3d_entries
@@ -21,7 +22,6 @@ from animal3dbox.datasets.readers.deeplabcut import h5 as deeplabcut_h5
 from animal3dbox.datasets.readers.deeplabcut import project as deeplabcut_project
 from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
-from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
 from animal3dbox.datasets.readers.tolerance import of_categories
 from animal3dbox.datasets.record_changes import of_unicode, with_focal, without_places
 from animal3dbox.datasets.records import RecordSet
@@ -283,13 +283,9 @@ def read_dataset(
         raise ConfigError(f"format must be auto, {' or '.join(FORMATS)}, got {format!r}")
     if not path.exists():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
+    if format in ("auto", coco.FORMAT):
+        _refuse_cuboids(path)
     kind = recognised_format(path) if format == "auto" else format
-    if kind == coco.FORMAT and is_omni3d(path):
-        raise ConfigError(
-            f"{path} holds cuboids in Omni3D's format, so there is nothing to label: load them with"
-            " animal3dbox.datasets.Omni3DDataset, look at them with animal3dbox check, or convert"
-            " them with animal3dbox export"
-        )
     options = options or ReadOptions()
     if options.visibility == "scores" and kind not in (coco.FORMAT, animal3d.FORMAT):
         raise ConfigError(f"visibility 'scores' is for COCO and Animal3D, and {path} is {kind}")
@@ -298,6 +294,17 @@ def read_dataset(
     if "location" not in options.keep:
         records = without_places(records)
     return replace(dataset, records=with_focal(records, options.focal_px))
+
+
+def _refuse_cuboids(path: Path) -> None:
+    """Raise a ConfigError for a file or folder of cuboids."""
+    cuboids = cuboid_format(path)
+    if cuboids is not None:
+        raise ConfigError(
+            f"{path} holds cuboids ({cuboids}), so there is nothing to label: load them with"
+            f" animal3dbox.datasets.{CUBOID_READERS[cuboids].dataset}, look at them with"
+            " animal3dbox check, or convert them with animal3dbox export"
+        )
 
 
 def _read_as(kind: str, path: Path, options: ReadOptions) -> ReadDataset:

@@ -6,6 +6,7 @@ from typing import Unpack
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
+from animal3dbox.datasets.readers.cuboid_checks import Metric
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.files import user_path
 
@@ -22,7 +23,9 @@ class Omni3DDataset(LabelDataset):
         root: the json.
         images: the folder that file_path is relative to.
         heading_known: whether forward and left mean something; None: what the file says if this
-            package wrote it, else not.
+            package wrote it, or where it tells by face_locks or heading_alpha; else not.
+        metric: whether lengths are metres: "yes", "no", or "info": what the file says; of one that
+            says nothing, scale is not known.
         **options: LabelDataset's; those about labelling have no effect.
 
     Example:
@@ -37,8 +40,9 @@ class Omni3DDataset(LabelDataset):
         *,
         images: Path | str | None = None,
         heading_known: bool | None = None,
+        metric: Metric = "info",
         **options: Unpack[Options],
     ) -> None:
         folder = None if images is None else user_path(images)
-        cuboids = read_omni3d(user_path(root), folder, heading_known=heading_known)
+        cuboids = read_omni3d(user_path(root), folder, heading_known=heading_known, metric=metric)
         super().__init__(FileSource(cuboids), **options)

@@ -113,6 +113,8 @@ class CuboidRecord:
         heading_known: whether forward and left mean something, so that the faces have names.
         box: (4,) xyxy px of the visible thing; None if it is not known.
         truncation: part outside the image, as the dataset says; None if it says nothing.
+        visibility: part that nothing in front hides, 0 to 1, as the dataset says; None likewise.
+        score: of a detector's box, as it says; None of an annotation.
         sighting: when, where and of whom the picture is, as the dataset says.
 
     Example:
@@ -145,6 +147,8 @@ class CuboidRecord:
     heading_known: bool = True
     box: NDArray[np.float64] | None = None
     truncation: float | None = None
+    visibility: float | None = None
+    score: float | None = None
     sighting: Sighting = NO_SIGHTING
 
 

@@ -132,8 +132,9 @@ def test_importing_the_package_or_its_command_line_does_not_load_torch() -> None
 DATASET_ROOMS = (
     {"records", "sightings", "images", "storage"},
     {"readers", "bodies", "synthetic"},
-    {"formats", "labelling", "read_options", "record_changes"},
-    {"label_dataset", "batches", "format_datasets", "omni3d_dataset", "synthetic_dataset"},
+    {"formats", "cuboid_formats", "labelling", "read_options", "record_changes"},
+    {"label_dataset", "batches", "format_datasets", "synthetic_dataset"}
+    | {"kitti_dataset", "omni3d_dataset"},
     {"exchange", "inspection"},
 )
 """The rooms and files of datasets/ from the lowest: each imports from its own tier and from those

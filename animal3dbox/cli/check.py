@@ -14,8 +14,8 @@ from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.export import is_labels, read_cuboids
 from animal3dbox.cli.jobs import CheckJob
 from animal3dbox.datasets.batches import collate
+from animal3dbox.datasets.cuboid_formats import CuboidOptions, cuboid_format
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
-from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.drafts import EXCHANGED_SIDES
 from animal3dbox.labels.pose.problem import AS_GIVEN
@@ -62,8 +62,8 @@ def run_check(job: CheckJob) -> ExitCode:
         raise ConfigError(f"--workers must not be negative, got {job.workers}")
     if is_labels(job.path):
         report = check_labels(job.path)
-    elif is_omni3d(job.path):
-        report = check_cuboids(job.path, job.dataset.images)
+    elif cuboid_format(job.path) is not None:
+        report = check_cuboids(job.path, CuboidOptions(job.dataset.images, metric=job.metric))
     else:
         report = check_dataset(job)
     if job.json:
@@ -100,15 +100,15 @@ def check_labels(path: Path) -> CheckReport:
     return _report(path, len(targets), faults, findings, notes=())
 
 
-def check_cuboids(path: Path, images: Path | None) -> CheckReport:
-    """The faults of a JSON in Omni3D's format.
+def check_cuboids(path: Path, options: CuboidOptions) -> CheckReport:
+    """The faults of cuboids in a format of datasets.cuboid_formats.
 
     Raises:
         DatasetNotFoundError: nothing there.
         DatasetFormatError: not readable as a whole.
 
     """
-    cuboids = read_cuboids(path, images)
+    cuboids = read_cuboids(path, options)
     targets = [target_of_record(record) for record in cuboids.records]
     findings = _findings_of_targets(targets, [record.image_hw for record in cuboids.records])
     faults = [_unreadable(error) for error in cuboids.faults]
@@ -124,6 +124,8 @@ def check_dataset(job: CheckJob) -> CheckReport:
         DatasetFormatError: not readable as a whole.
 
     """
+    if job.metric != "info":
+        raise ConfigError("--metric is for files of cuboids: animals' scale comes from elsewhere")
     dataset = _dataset_of(job)
     loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
     findings: list[CheckedFault] = []

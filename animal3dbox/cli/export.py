@@ -1,10 +1,16 @@
-"""The command `export`: labels, or cuboids in Omni3D's format, for other people's tools."""
+"""The command `export`: labels, or cuboids in any format that is read, for other people's tools."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import ExportJob
+from animal3dbox.datasets.cuboid_formats import (
+    CuboidOptions,
+    cuboid_format,
+    read_cuboid_set,
+)
 from animal3dbox.datasets.exchange.animal3d_writer import check_fits_of_model, write_animal3d_fits
 from animal3dbox.datasets.exchange.coco_writer import write_coco
 from animal3dbox.datasets.exchange.export import ExportSummary, in_metres
@@ -12,9 +18,14 @@ from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.exchange.quadruped_file import write_quadruped
 from animal3dbox.datasets.formats import path_summary
-from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
-from animal3dbox.datasets.records import CuboidSet
-from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.datasets.images.named_files import resolve_inside
+from animal3dbox.datasets.records import CuboidRecord, CuboidSet
+from animal3dbox.errors import (
+    ConfigError,
+    DatasetFormatError,
+    DatasetNotFoundError,
+    SampleError,
+)
 from animal3dbox.report.label_cuboids import read_label_cuboids
 from animal3dbox.report.label_files import labels_file
 from animal3dbox.report.label_fits import read_label_fits
@@ -36,7 +47,7 @@ def run_export(job: ExportJob) -> ExitCode:
         return _export_fits(job)
     if job.model is not None:
         raise ConfigError("--model is for --to animal3d, which poses the fits of a SMAL model")
-    cuboids = read_cuboids(job.path, job.images)
+    cuboids = _cuboids_of(job)
     if not cuboids.records and not cuboids.images:
         raise DatasetFormatError(
             f"{job.path} holds no box that could be written ({len(cuboids.faults)} faulty)"
@@ -49,7 +60,8 @@ def run_export(job: ExportJob) -> ExitCode:
     faults = (*cuboids.faults, *exported.faults)
     print(
         f"{exported.boxes} boxes in {exported.images} images written as {job.to}:"
-        f" {', '.join(map(str, exported.files))}"
+        f" {', '.join(map(str, exported.files))}; an export to be joined with this one goes on with"
+        f" --first-id {exported.next_id}"
     )
     for note in exported.notes:
         print(f"warning: {note}", file=sys.stderr)
@@ -58,8 +70,30 @@ def run_export(job: ExportJob) -> ExitCode:
     return ExitCode.FAULTY if faults else ExitCode.OK
 
 
+def _cuboids_of(job: ExportJob) -> CuboidSet:
+    """The cuboids to write; KITTI's pictures of labels are in the folder that --images names."""
+    if job.to != "kitti" or not is_labels(job.path):
+        return read_cuboids(job.path, CuboidOptions(job.images, metric=job.metric))
+    cuboids = read_cuboids(job.path, CuboidOptions(metric=job.metric))
+    records = (
+        replace(record, image_path=_picture(record, job.images)) for record in cuboids.records
+    )
+    return replace(cuboids, records=tuple(records))
+
+
+def _picture(record: CuboidRecord, images: Path | None) -> Path | None:
+    """The file of a label's image in the user's folder; None, which is noted, if there is none."""
+    if images is None:
+        return None
+    try:
+        return resolve_inside(images, record.image_id, record.sample_id, "image")
+    except SampleError:
+        return None
+
+
 def _export_fits(job: ExportJob) -> ExitCode:
     """Write the parameters of fitted bodies, and say what has none."""
+    _refuse_options(job)
     for name, value in (
         ("--images", job.images),
         ("--metres-per-unit", job.metres_per_unit),
@@ -92,27 +126,30 @@ def _export_fits(job: ExportJob) -> ExitCode:
     return ExitCode.FAULTY if faults or exported.faults else ExitCode.OK
 
 
-def read_cuboids(path: Path, images: Path | None = None) -> CuboidSet:
-    """The cuboids of a labels.json, of the folder that `label` wrote, or of Omni3D's JSON.
+def read_cuboids(path: Path, options: CuboidOptions) -> CuboidSet:
+    """The cuboids of a labels.json, of the folder that `label` wrote, or of a format of cuboids.
 
     Raises:
-        ConfigError: images for labels, whose paths are written as they stand.
+        ConfigError: options for labels, which say all themselves.
         DatasetNotFoundError: nothing there.
         DatasetFormatError: another file.
 
     """
     if is_labels(path):
-        if images is not None:
+        if options.images is not None:
             raise ConfigError(
-                "--images is for Omni3D files: image paths of labels are written as they stand"
+                "--images is for files of cuboids, and of labels for --to kitti, which writes"
+                " pictures: image paths of labels are written as they stand"
             )
+        if options.metric != "info":
+            raise ConfigError("--metric is for files of cuboids: labels say their scale")
         return read_label_cuboids(path)
-    keys = path_summary(path).keys
-    if keys is not None and {"images", "annotations"} <= keys:
-        return read_omni3d(path, images)
+    if cuboid_format(path) is not None:
+        return read_cuboid_set(path, options)
     if path.is_dir():
         raise DatasetNotFoundError(
-            f"{path} holds no labels.json; give the folder that animal3dbox label wrote, or a JSON"
+            f"{path} holds neither labels.json nor KITTI's label_2/; give the folder that"
+            " animal3dbox label wrote, one of KITTI's, or a JSON"
         )
     raise DatasetFormatError(
         f"{path} is neither labels.json nor in Omni3D's format (images, categories, annotations)"
@@ -136,14 +173,42 @@ def is_labels(path: Path) -> bool:
 
 
 def _written(cuboids: CuboidSet, job: ExportJob) -> ExportSummary:
+    _refuse_options(job)
     if job.to == "kitti":
         if job.out.is_file():
             raise ConfigError(f"--out {job.out} is a file: KITTI is a folder")
-        return write_kitti(cuboids, job.out, scale_free=job.scale_free)
+        return write_kitti(
+            cuboids,
+            job.out,
+            scale_free=job.scale_free,
+            split=job.split or "train",
+            first_id=job.first_id or 0,
+        )
     path = _json_path(job, FILE_NAME)
+    first_id = 1 if job.first_id is None else job.first_id
     if job.to == "coco":
-        return write_coco(cuboids, path)
-    return write_omni3d(cuboids, path, scale_free=job.scale_free)
+        return write_coco(cuboids, path, first_id=first_id, categories=job.categories)
+    return write_omni3d(
+        cuboids,
+        path,
+        scale_free=job.scale_free,
+        split=job.split or "train",
+        dataset_id=job.dataset_id or 0,
+        first_id=first_id,
+        categories=job.categories,
+    )
+
+
+def _refuse_options(job: ExportJob) -> None:
+    """Raise a ConfigError for an option that the format to write has no use for."""
+    for name, value, formats in (
+        ("--first-id", job.first_id, ("omni3d", "coco", "kitti")),
+        ("--dataset-id", job.dataset_id, ("omni3d",)),
+        ("--split", job.split, ("omni3d", "kitti")),
+        ("--categories", job.categories or None, ("omni3d", "coco")),
+    ):
+        if value is not None and job.to not in formats:
+            raise ConfigError(f"{name} is for --to {' or '.join(formats)}, not {job.to}")
 
 
 def _json_path(job: ExportJob, name: str) -> Path:

@@ -20,6 +20,7 @@ from animal3dbox.cli.options import (
     FaultOptions,
     KeypointDatasetOptions,
     MethodOptions,
+    Metric,
     ScaleOptions,
     StoredCamera,
 )
@@ -152,7 +153,7 @@ class ExportJob:
     """
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
-    """labels.json, the folder that label wrote, or a JSON in Omni3D's format"""
+    """labels.json, the folder that label wrote, an Omni3D JSON, or a folder of KITTI's"""
     to: Literal["omni3d", "coco", "kitti", "animal3d", "quadruped"]
     """the format to write"""
     out: Path
@@ -160,11 +161,23 @@ class ExportJob:
     model: Path | None = None
     """for animal3d: the SMAL model that was fitted (.pkl, .safetensors)"""
     images: Path | None = None
-    """folder that an Omni3D file's image paths are relative to"""
+    """folder that an Omni3D file's image paths are relative to, or of KITTI's pictures"""
+    metric: Metric = "info"
+    """of cuboids: lengths are metres, or not, or as the file's info says (few Omni3D files do)"""
     metres_per_unit: float | None = None
     """scale of the boxes whose scale is not known"""
     scale_free: bool = False
     """write lengths of unknown scale as they are"""
+    first_id: int | None = None
+    """number of the first image and box: 1, but for kitti's images 0; an export that is to be
+    joined with another one goes on where that ended"""
+    dataset_id: int | None = None
+    """of omni3d: the dataset's own, 0; another one for each that is joined"""
+    split: str | None = None
+    """of omni3d's info, or kitti's ImageSets: train"""
+    categories: tuple[str, ...] = ()
+    """of omni3d and coco: names in the order of their numbers, the same for exports that are
+    joined; none: the boxes' own"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +190,8 @@ class CheckJob:
     """
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
-    """labels.json, the folder that label wrote, an Omni3D JSON, or a dataset, which is labelled"""
+    """labels.json, the folder that label wrote, an Omni3D JSON, a folder of KITTI's, or a dataset,
+    which is labelled"""
     dataset: KeypointDatasetOptions
     body: str | None = None
     """of a dataset: one body for all, a preset's name or a model's file"""
@@ -185,6 +199,8 @@ class CheckJob:
     """of a dataset: take its stored camera as a guess or as known"""
     cache: Path | None = None
     """of a dataset: its label cache"""
+    metric: Metric = "info"
+    """of cuboids: lengths are metres, or not, or as the file's info says (few Omni3D files do)"""
     workers: int = 0
     """of a dataset: processes"""
     json: bool = False

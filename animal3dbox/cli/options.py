@@ -35,6 +35,9 @@ Format = Literal["auto", "animal3d", "mesh_folder", "coco", "deeplabcut", "stanf
 StoredCamera = Literal["hypothesis", "exact"]
 """The policies of datasets.labelling.label_records, likewise."""
 
+Metric = Literal["yes", "no", "info"]
+"""Whether lengths are metres, of datasets.readers.cuboid_checks, likewise."""
+
 Swap = Literal["none", "all", "legs", "fore", "hind", "head"]
 """The exchanges of datasets.synthetic.faults, likewise."""
 

@@ -10,6 +10,8 @@ import numpy as np
 from animal3dbox.datasets.exchange.export import (
     SUPERCATEGORY,
     ExportSummary,
+    category_ids,
+    checked_first_id,
     heading_note,
     images_with_boxes,
 )
@@ -40,7 +42,9 @@ NOT_LABELLED, OUTSIDE, IN_FRAME = 0, 1, 2
 """COCO's visibility of a keypoint, as write_coco uses it."""
 
 
-def write_coco(cuboids: CuboidSet, path: Path) -> ExportSummary:
+def write_coco(
+    cuboids: CuboidSet, path: Path, *, first_id: int = 1, categories: Sequence[str] = ()
+) -> ExportSummary:
     """Write cuboids as a COCO keypoint file.
 
     A keypoint has v = 2 if it lies in the frame and in front of the camera, 1 if in front but
@@ -51,10 +55,15 @@ def write_coco(cuboids: CuboidSet, path: Path) -> ExportSummary:
     Args:
         cuboids: boxes of any unit; their scale is not written.
         path: the JSON file; one that is there is replaced.
+        first_id: id of the first image and of the first annotation; see write_omni3d.
+        categories: names in the order of their ids, from 1; none: those of the boxes.
 
     Returns:
         The summary; its faults are the boxes that were left out, those outside the frame among
         them.
+
+    Raises:
+        ConfigError: first_id is below 1, or categories lacks one of a box.
 
     Example:
         >>> import tempfile
@@ -79,10 +88,11 @@ def write_coco(cuboids: CuboidSet, path: Path) -> ExportSummary:
     """
     members, faults = images_with_boxes(cuboids)
     records = [record for _, boxes in members for record in boxes]
-    names = sorted({record.category.strip() or "unknown" for record in records})
-    ids = {name: number for number, name in enumerate(names, start=1)}
-    numbers = {image.image_id: number for number, (image, _) in enumerate(members, start=1)}
-    annotations, outside = _annotations(records, numbers, ids)
+    used = {record.category.strip() or "unknown" for record in records}
+    ids = category_ids(used, categories, first_id=1)
+    start = checked_first_id(first_id)
+    numbers = {image.image_id: number for number, (image, _) in enumerate(members, start)}
+    annotations, outside = _annotations(records, numbers, ids, first_id=start)
     file = {
         "info": {"description": "projected cuboids, written by animal3dbox", "version": "1"},
         "licenses": [],
@@ -106,6 +116,7 @@ def write_coco(cuboids: CuboidSet, path: Path) -> ExportSummary:
         boxes=len(annotations),
         faults=(*faults, *outside),
         notes=heading_note(records),
+        next_id=start + max(len(members), len(annotations)),
     )
 
 
@@ -122,7 +133,11 @@ def _category(name: str, number: int) -> dict[str, Any]:
 
 
 def _annotations(
-    records: Sequence[CuboidRecord], numbers: dict[str, int], ids: dict[str, int]
+    records: Sequence[CuboidRecord],
+    numbers: dict[str, int],
+    ids: dict[str, int],
+    *,
+    first_id: int,
 ) -> tuple[list[dict[str, Any]], list[SampleError]]:
     """The annotations of the boxes that have a bbox, and an error for each other box.
 
@@ -130,6 +145,7 @@ def _annotations(
         records: the boxes.
         numbers: image id -> number.
         ids: category -> number.
+        first_id: of the annotations.
 
     """
     visible = visible_boxes(records)
@@ -149,7 +165,7 @@ def _annotations(
         x1, y1, x2, y2 = COCO.boxes_2d_out(box).tolist()
         keypoints = corner_keypoints(record, visible, index)
         annotation = {
-            "id": len(annotations) + 1,
+            "id": first_id + len(annotations),
             "image_id": numbers[record.image_id],
             "category_id": ids[record.category.strip() or "unknown"],
             "bbox": [x1, y1, x2 - x1, y2 - y1],

@@ -29,6 +29,8 @@ class ExportSummary:
         notes: what a careful person should know, in whole sentences.
         iou: intersection over union of each box with what the format keeps of it; None where the
             format keeps everything.
+        next_id: the first number that no image and no box has, for an export that is to be joined
+            with this one.
     """
 
     files: tuple[Path, ...]
@@ -37,6 +39,48 @@ class ExportSummary:
     faults: tuple[SampleError, ...]
     notes: tuple[str, ...]
     iou: tuple[float, ...] | None = None
+    next_id: int = 1
+
+
+def category_ids(used: set[str], listed: Sequence[str], first_id: int) -> dict[str, int]:
+    """The number of each category by name, in the order listed, else of the alphabet.
+
+    Args:
+        used: names of the boxes' categories.
+        listed: names in the order of their numbers; none: those that are used.
+        first_id: number of the first.
+
+    Raises:
+        ConfigError: a category of the boxes is not listed, or one is listed twice.
+
+    """
+    names = list(listed) or sorted(used)
+    if len(set(names)) != len(names):
+        raise ConfigError(f"categories must differ, got {', '.join(names)}")
+    if missing := sorted(used.difference(names)):
+        raise ConfigError(
+            f"categories must list every category of the boxes, and lacks {', '.join(missing)}"
+        )
+    return {name: first_id + number for number, name in enumerate(names)}
+
+
+def checked_first_id(first_id: int, least: int = 1) -> int:
+    """A number to begin with, checked.
+
+    Args:
+        first_id: the user's.
+        least: 1 where evaluators take 0 for "none".
+
+    Raises:
+        ConfigError: it is smaller.
+
+    """
+    if first_id < least:
+        raise ConfigError(
+            f"the first id must be {least} or greater, got {first_id}"
+            + (": evaluators take 0 for no box" if least else "")
+        )
+    return first_id
 
 
 def in_metres(cuboids: CuboidSet, metres_per_unit: float) -> CuboidSet:
@@ -91,7 +135,8 @@ def checked_units(cuboids: CuboidSet, convention: Convention, *, scale_free: boo
         raise ConfigError(
             f"{convention.name} is in metres, and the scale of {len(unknown)} of"
             f" {len(cuboids.records)} boxes is not known (first: {unknown[0].sample_id}); give"
-            " --metres-per-unit, or --scale-free to write the lengths as they are"
+            " --metres-per-unit, or --scale-free to write the lengths as they are, or --metric yes"
+            " if a file's are metres"
         )
     return "unknown" if len(unknown) == len(cuboids.records) else "mixed"
 

@@ -12,6 +12,8 @@ import numpy as np
 from animal3dbox.datasets.exchange.export import (
     SUPERCATEGORY,
     ExportSummary,
+    category_ids,
+    checked_first_id,
     checked_units,
     heading_note,
     images_with_boxes,
@@ -32,6 +34,8 @@ from animal3dbox.files import write_whole
 
 UNKNOWN_BOX = [-1.0, -1.0, -1.0, -1.0]
 """Value of a 2D box that is not known."""
+STATISTICS = ("id", "name", "n_anns", "dimensions_mean", "dimensions_std")
+"""Keys of a category in X_stats.json."""
 
 
 def write_omni3d(
@@ -42,11 +46,18 @@ def write_omni3d(
     split: str = "train",
     dataset_id: int = 0,
     first_category_id: int = 0,
+    first_id: int = 1,
+    categories: Sequence[str] = (),
 ) -> ExportSummary:
     """Write cuboids in Omni3D's format as X.json, X_category_meta.json and X_stats.json.
 
     Category names are in lower case, as the trainer's priors look them up; ids follow their
-    alphabet. Values that are not known are -1, never 0, for which the trainer ignores a box.
+    alphabet. Values that are not known are -1, never 0, for which the trainer ignores a box. Ids of
+    images and annotations begin at 1, because evaluators made after pycocotools take a match with
+    annotation 0 for none.
+
+    Exports that are to be joined need ids that differ and one list of categories: give the second
+    one the first's next_id as first_id, another dataset_id, and both the same categories.
 
     Args:
         cuboids: boxes in metres.
@@ -57,12 +68,16 @@ def write_omni3d(
         dataset_id: info.id, which images and annotations repeat; another one for each dataset that
             is trained together.
         first_category_id: id of the first category; 1000, for example, keeps clear of Omni3D's own.
+        first_id: id of the first image and of the first annotation.
+        categories: names in the order of their ids, which may be more than the boxes have; none:
+            those of the boxes.
 
     Returns:
         The summary; its faults are the boxes that were left out.
 
     Raises:
-        ConfigError: the scale of a box is not known, and scale_free is false.
+        ConfigError: the scale of a box is not known, and scale_free is false; first_id is below 1;
+            or categories lacks one of a box.
 
     Example:
         >>> import tempfile
@@ -88,9 +103,10 @@ def write_omni3d(
     units = checked_units(cuboids, OMNI3D, scale_free=scale_free)
     members, faults = images_with_boxes(cuboids)
     records = [record for _, boxes in members for record in boxes]
-    names = sorted({category_name(record.category) for record in records})
-    ids = {name: first_category_id + number for number, name in enumerate(names)}
-    numbers = {image.image_id: number for number, (image, _) in enumerate(members)}
+    used = {category_name(record.category) for record in records}
+    ids = category_ids(used, [category_name(name) for name in categories], first_category_id)
+    start = checked_first_id(first_id)
+    numbers = {image.image_id: number for number, (image, _) in enumerate(members, start)}
     file = Omni3DFile(
         info=_info(ids, split=split, dataset_id=dataset_id, units=units),
         images=_images(members, numbers, dataset_id),
@@ -98,7 +114,7 @@ def write_omni3d(
             Omni3DCategory(id=number, name=name, supercategory=SUPERCATEGORY)
             for name, number in ids.items()
         ],
-        annotations=_annotations(records, numbers, ids, dataset_id),
+        annotations=_annotations(records, numbers, ids, dataset_id=dataset_id, first_id=start),
     )
     meta, stats = (
         path.with_name(f"{path.stem}_{name}.json") for name in ("category_meta", "stats")
@@ -112,6 +128,7 @@ def write_omni3d(
         boxes=len(records),
         faults=tuple(faults),
         notes=(*heading_note(records), *_unit_note(units)),
+        next_id=start + max(len(members), len(records)),
     )
 
 
@@ -166,7 +183,12 @@ def category_name(category: str) -> str:
 
 
 def _annotations(
-    records: Sequence[CuboidRecord], numbers: dict[str, int], ids: dict[str, int], dataset_id: int
+    records: Sequence[CuboidRecord],
+    numbers: dict[str, int],
+    ids: dict[str, int],
+    *,
+    dataset_id: int,
+    first_id: int,
 ) -> list[Omni3DAnnotation]:
     """The elements of "annotations".
 
@@ -175,6 +197,7 @@ def _annotations(
         numbers: image id -> number.
         ids: category name -> id.
         dataset_id: repeated in each.
+        first_id: id of the first.
 
     """
     visible = visible_boxes(records)
@@ -185,7 +208,7 @@ def _annotations(
         )
         name = category_name(record.category)
         annotation = Omni3DAnnotation(
-            id=index,
+            id=first_id + index,
             image_id=numbers[record.image_id],
             dataset_id=dataset_id,
             category_id=ids[name],
@@ -199,13 +222,14 @@ def _annotations(
             dimensions=dimensions.tolist(),
             R_cam=rotation.tolist(),
             behind_camera=bool(visible.behind_camera[index]),
-            visibility=-1,
+            visibility=-1 if record.visibility is None else record.visibility,
             truncation=stated_truncation(record, visible, index),
             segmentation_pts=-1,
             lidar_pts=-1,
             depth_error=-1,
             metric=record.metric,
             heading_known=record.heading_known,
+            track_id=record.sighting.track or msgspec.UNSET,
         )
         annotations.append(annotation)
     return annotations
@@ -232,7 +256,8 @@ def dimension_stats(
         units: unit of the lengths.
 
     Returns:
-        The content; a standard deviation is None where there is one box only.
+        The content; a standard deviation is None where there is one box only, a mean where there
+        is none.
 
     """
     rows = []
@@ -240,19 +265,15 @@ def dimension_stats(
         sizes = np.array(
             [record.size for record in records if category_name(record.category) == name]
         )
+        if not len(sizes):
+            rows.append(dict(zip(STATISTICS, (number, name, 0, None, None), strict=True)))
+            continue
         dimensions = OMNI3D.boxes_out(
             np.zeros_like(sizes), np.broadcast_to(np.eye(3), (len(sizes), 3, 3)), sizes
         )[2]
         spread = dimensions.std(axis=0, ddof=1).tolist() if len(sizes) > 1 else None
-        rows.append(
-            {
-                "id": number,
-                "name": name,
-                "n_anns": len(sizes),
-                "dimensions_mean": dimensions.mean(axis=0).tolist(),
-                "dimensions_std": spread,
-            }
-        )
+        values = (number, name, len(sizes), dimensions.mean(axis=0).tolist(), spread)
+        rows.append(dict(zip(STATISTICS, values, strict=True)))
     priors = [[row["dimensions_mean"], row["dimensions_std"]] for row in rows]
     counts = {"n_datasets": 1, "n_ims": images, "n_anns": len(records), "units": units}
     return {

@@ -75,9 +75,8 @@ def portable_name(root: Path, name: str) -> str:
         name: as the annotation has it.
 
     """
-    plain = name.replace("\\", "/")
-    is_absolute = plain.startswith("/") or "://" in plain or plain[1:3] == ":/"
-    if not is_absolute and plain == name:
+    is_absolute = is_absolute_name(name)
+    if not is_absolute and "\\" not in name:
         return name
     home = root.resolve()
     if not is_absolute and (home / name).is_file():
@@ -94,6 +93,12 @@ def is_end_of_path(name: str, path: str) -> bool:
         for reading in _readings(name)
         if reading
     )
+
+
+def is_absolute_name(name: str) -> bool:
+    """Whether a name begins at the root of some machine: /a, C:/a, or a URL."""
+    plain = name.replace("\\", "/")
+    return plain.startswith("/") or "://" in plain or plain[1:3] == ":/"
 
 
 def _as_others_mean_it(home: Path, name: str) -> list[Path]:

@@ -186,7 +186,7 @@ def test_an_omni3d_file_is_checked_too(tmp_path: Path) -> None:
     assert report["animals"] == 10
     assert {(f["check"], f["sample_id"]) for f in report["faults"]} == {
         ("reading", "images/0.jpg"),
-        ("boxes_in_frame", "images/0.jpg#1"),
+        ("reading", "images/0.jpg#1"),
     }
 
 

@@ -35,10 +35,11 @@ from photo_dataset import (
 
 from animal3dbox.cli.jobs import COMMANDS
 from animal3dbox.cli.main import main
-from animal3dbox.cli.options import FaultOptions, Format, StoredCamera, Swap
+from animal3dbox.cli.options import FaultOptions, Format, Metric, StoredCamera, Swap
 from animal3dbox.datasets.bodies.sources import preset_body
 from animal3dbox.datasets.formats import FORMATS
 from animal3dbox.datasets.labelling.label_records import CameraPolicy
+from animal3dbox.datasets.readers.cuboid_checks import Metric as ReaderMetric
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.synthetic import faults
 from animal3dbox.report.label_files import AnimalRow
@@ -504,7 +505,7 @@ def test_help_answers_without_loading_torch() -> None:
 import sys
 from animal3dbox.cli.jobs import COMMANDS
 from animal3dbox.cli.main import main
-from animal3dbox.cli.options import FaultOptions, Format, StoredCamera, Swap
+from animal3dbox.cli.options import FaultOptions, Format, Metric, StoredCamera, Swap
 try:
     main(sys.argv[1:])
 except SystemExit as left:
@@ -545,6 +546,7 @@ def test_the_options_name_exactly_the_formats_that_can_be_read() -> None:
 
 def test_the_options_name_exactly_the_choices_of_the_code_that_takes_them() -> None:
     assert get_args(StoredCamera) == get_args(CameraPolicy)
+    assert get_args(Metric) == get_args(ReaderMetric)
     assert get_args(Swap) == get_args(faults.Swap)
 
 

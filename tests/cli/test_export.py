@@ -143,6 +143,20 @@ def test_an_omni3d_file_becomes_any_format_and_its_faults_set_the_exit_code(tmp_
     assert "faulty: images/0.jpg: category_id: 5" in output
 
 
+def test_a_foreign_file_needs_a_word_on_its_unit_to_be_exported_in_metres(tmp_path: Path) -> None:
+    write_omni3d(random_set(in_view=True), tmp_path / "in.json")
+    content = json.loads((tmp_path / "in.json").read_text())
+    content["info"] = {"id": 0, "name": "made"}
+    (tmp_path / "in.json").write_text(json.dumps(content))
+    asked = ("export", tmp_path / "in.json", "--to", "omni3d", "--out", tmp_path / "out.json")
+    code, output = ran(*asked)
+    assert (code, "--metric yes" in output) == (2, True)
+    assert not (tmp_path / "out.json").exists()
+    assert ran(*asked, "--metric", "yes")[0] == 0
+    assert all(record.metric for record in read_omni3d(tmp_path / "out.json").records)
+    assert ran("check", tmp_path / "in.json", "--metric", "yes")[0] == 0
+
+
 def test_wrong_use_of_export_has_its_exit_codes(labels: Path, tmp_path: Path) -> None:
     (tmp_path / "other.json").write_text('{"data": []}')
     (tmp_path / "file").write_text("")
@@ -166,6 +180,7 @@ def test_wrong_use_of_export_has_its_exit_codes(labels: Path, tmp_path: Path) ->
             ),
         ),
         (2, (labels, "--to", "coco", "--out", tmp_path / "x", "--images", tmp_path)),
+        (2, (labels, "--to", "coco", "--out", tmp_path / "x", "--metric", "yes")),
         (5, (labels, "--to", "coco", "--out", tmp_path / "file" / "x.json")),
     ]
     for expected, arguments in cases:

@@ -3,11 +3,13 @@
 In front of the camera, cut by the frame, behind it, several an image, and none.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from animal3dbox.datasets.readers.visible_boxes import visible_boxes
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 
@@ -53,21 +55,30 @@ def random_set(seed: int = 0, *, upright: bool = False, in_view: bool = False) -
         for k in range(count):
             center = rng.uniform((-1, -1, 7), (1, 1, 9))
             if not in_view and k == 1:
-                center = np.array([5.5, 0.3, 7.0])  # cut by the right border
+                center = np.array([3.6, 0.3, 7.0])  # cut by the right border
             if not in_view and k == 2:
                 center = rng.uniform(-0.3, 0.3, 3)  # round the camera
             angles = np.array([0, rng.uniform(-3, 3), 0]) if upright else rng.normal(size=3)
             rotation = np.asarray(rotation_from_axis_angle(torch.from_numpy(angles)).numpy())
             if upright:
                 rotation = rotation @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-            box = None if k == 3 else np.array([10.5, 12.25, 60.5, 80.0]) + k
-            records.append(
+            record = (
                 simple_record(
                     sample_id=f"{name}#{k}" if k else name, image_id=name,
                     image_path=Path(name), image_hw=hw, K=K,
                     center=center, rotation=rotation, size=rng.uniform(0.3, 2.5, 3),
-                    category=("dog", "brown bear")[k % 2], box=box,
+                    category=("dog", "brown bear")[k % 2], box=None,
                     truncation=None if k == 2 else k / 4, heading_known=k != 1,
                 )
             )  # fmt: skip
+            records.append(record if k == 3 else replace(record, box=visible_part(record)))
     return CuboidSet("labels", tuple(records), (), (), tuple(images))
+
+
+def visible_part(record: CuboidRecord, margin: float = 0.1) -> np.ndarray | None:
+    """The 2D box of a thing that fills its cuboid in the frame, but for a margin on each side."""
+    box = visible_boxes([record]).in_frame[0]
+    if np.isnan(box).any():
+        return None
+    px = margin * (box[2:] - box[:2])
+    return np.concatenate((box[:2] + px, box[2:] - px))

@@ -1,9 +1,9 @@
 """KITTI's text files, read and written: for each image a file of boxes and a calibration.
 
-images.txt is this package's own file, which keeps the images' paths and sizes.
+A line has 15 columns, 16 in a detector's results, and two more in front in tracking. images.txt is
+this package's own file, which keeps the images' paths and sizes.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,11 +13,17 @@ from animal3dbox.datasets.records import CuboidImage
 from animal3dbox.errors import SampleError
 
 FIELDS = 15
-"""Number of fields of a line without a score."""
+"""Number of fields of a line without a score and without a track."""
+TRACK_FIELDS = 2
+"""Number of fields in front of these in tracking: the frame, the track."""
 OCCLUSION_UNKNOWN = 3
 """Value of occluded that KITTI writes where it is not known."""
 NO_LOCATION = -1000.0
 """Value of a coordinate that KITTI writes for a box without a 3D location."""
+VISIBILITY = {0: 1.0, 1: 0.7, 2: 0.3}
+"""Part that is visible of a thing, which KITTI gives as a level of occlusion."""
+UNITS = "# lengths: "
+"""Beginning of the line of images.txt that says that lengths are not metres."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +33,15 @@ class KittiLine:
     Attributes:
         kind: the category, one word.
         truncated: part outside the image, 0 to 1, or -1 if unknown.
-        occluded: 0 to 3; 3 is unknown.
+        occluded: 0 fully visible, 1 partly occluded, 2 largely, 3 unknown; -1 in results.
         alpha: rotation_y about the line of sight.
         box: (4,) left, top, right, bottom.
         dimensions: (3,) height, width, length.
         location: (3,) of the middle of the bottom.
         rotation_y: about the camera's y axis; 0 faces along x.
+        score: of a result; None of a label.
+        frame: the image of a sequence, from 0; None outside tracking.
+        track: the thing's number in its sequence; None outside tracking.
     """
 
     kind: str
@@ -43,6 +52,15 @@ class KittiLine:
     dimensions: Floats
     location: Floats
     rotation_y: float
+    score: float | None = None
+    frame: int | None = None
+    track: int | None = None
+
+    @property
+    def truncation(self) -> float | None:
+        """The part outside the image, 0 to 1; None if unknown, as tracking's levels 1 and 2 are."""
+        is_level = self.frame is not None and self.truncated > 0
+        return None if is_level or self.truncated < 0 else self.truncated
 
     def text(self) -> str:
         """The line as it stands in a file, without its end."""
@@ -58,39 +76,48 @@ class KittiLine:
         )
 
 
-def parsed_lines(text: str, sample_id: str) -> Iterator[KittiLine | SampleError]:
-    """The lines of a label file, or an error in the place of a faulty line.
+def parsed_line(line: str, sample_id: str) -> KittiLine:
+    """One line of a label file, of results or of tracking.
 
-    Results with a sixteenth number, the score, are taken, too.
+    Args:
+        line: its text.
+        sample_id: named in the error.
+
+    Raises:
+        SampleError: another number of fields, or one that is no finite number.
+
     """
-    for number, line in enumerate(line for line in text.splitlines() if line.strip()):
-        fields = line.split()
-        name = f"{sample_id}#{number}" if number else sample_id
-        if len(fields) not in (FIELDS, FIELDS + 1):
-            yield SampleError(
-                name,
-                "line",
-                f"must have {FIELDS} fields, or {FIELDS + 1} with a score, got {len(fields)}",
-            )
-            continue
-        try:
-            values = np.array([float(field) for field in fields[1:FIELDS]])
-        except ValueError as error:
-            yield SampleError(name, "line", f"holds a field that is no number: {error}")
-            continue
-        if not np.isfinite(values).all():
-            yield SampleError(name, "line", "holds a number that is not finite")
-            continue
-        yield KittiLine(
-            kind=fields[0],
-            truncated=float(values[0]),
-            occluded=int(values[1]),
-            alpha=float(values[2]),
-            box=values[3:7],
-            dimensions=values[7:10],
-            location=values[10:13],
-            rotation_y=float(values[13]),
+    fields = line.split()
+    of_tracking = bool(fields) and fields[0].lstrip("-").isdecimal()
+    frame, track = fields[:TRACK_FIELDS] if of_tracking else (None, None)
+    fields = fields[TRACK_FIELDS:] if of_tracking else fields
+    if len(fields) not in (FIELDS, FIELDS + 1):
+        raise SampleError(
+            sample_id,
+            "line",
+            f"must have {FIELDS} fields, or {FIELDS + 1} with a score, and in tracking a frame and"
+            f" a track before them; got {len(line.split())}",
         )
+    try:
+        values = np.array([float(field) for field in fields[1:]])
+        numbers = None if frame is None or track is None else (int(frame), int(track))
+    except ValueError as error:
+        raise SampleError(sample_id, "line", f"holds a field that is no number: {error}") from error
+    if not np.isfinite(values).all():
+        raise SampleError(sample_id, "line", "holds a number that is not finite")
+    return KittiLine(
+        kind=fields[0],
+        truncated=float(values[0]),
+        occluded=int(values[1]),
+        alpha=float(values[2]),
+        box=values[3:7],
+        dimensions=values[7:10],
+        location=values[10:13],
+        rotation_y=float(values[13]),
+        score=float(values[14]) if len(values) == FIELDS else None,
+        frame=numbers[0] if numbers else None,
+        track=numbers[1] if numbers else None,
+    )
 
 
 def calibration_text(K: Floats) -> str:
@@ -139,6 +166,8 @@ def parsed_images(text: str) -> dict[str, tuple[tuple[int, int], str]]:
     """
     images: dict[str, tuple[tuple[int, int], str]] = {}
     for line in text.splitlines():
+        if line.startswith(UNITS):
+            continue
         fields = line.split(" ", 3)
         if len(fields) != 4 or not (fields[1].isdecimal() and fields[2].isdecimal()):
             raise SampleError(
@@ -147,3 +176,8 @@ def parsed_images(text: str) -> dict[str, tuple[tuple[int, int], str]]:
         number, width, height, path = fields
         images[number] = ((int(height), int(width)), path)
     return images
+
+
+def states_metres(text: str) -> bool:
+    """Whether images.txt leaves it at KITTI's unit, the metre."""
+    return not any(line.startswith(UNITS) for line in text.splitlines())

@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from animal3dbox.datasets.images.named_files import portable_name
 from animal3dbox.datasets.readers.cuboid_conventions import Convention, Floats
 from animal3dbox.datasets.readers.elements import decoded, image_size
 from animal3dbox.datasets.readers.omni3d.image_roots import image_path
@@ -15,8 +16,10 @@ from animal3dbox.datasets.readers.omni3d.schema import (
     Omni3DAnnotation,
     Omni3DCategory,
     Omni3DImage,
+    StatedAnnotation,
 )
 from animal3dbox.datasets.records import CuboidImage
+from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting, SightingKeys, sighting_of
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.checks import check_intrinsics
 
@@ -39,18 +42,33 @@ class StatedBox:
         rotation: (3, 3), a rotation; NaN if missing.
         box: (4,) xyxy in our px; None if it is not known.
         truncation: 0 to 1; None if it is not known.
+        visibility: likewise.
+        sighting: when and of whom the picture is, as the file says.
     """
 
     sample_id: str
     image: CuboidImage
     category: str
-    annotation: Omni3DAnnotation
+    annotation: StatedAnnotation
     corners: Floats
     center: Floats
     dimensions: Floats
     rotation: Floats
     box: Floats | None
     truncation: float | None
+    visibility: float | None
+    sighting: Sighting = NO_SIGHTING
+
+
+def sighting_in(raw: msgspec.Raw, image: Sighting = NO_SIGHTING) -> Sighting:
+    """When and of whom an element of "images" or "annotations" is, as the file says; never where.
+
+    Args:
+        raw: the element, which has been decoded before.
+        image: what its image says.
+
+    """
+    return sighting_of(msgspec.json.decode(raw, type=SightingKeys), image).without_place()
 
 
 def cuboid_image(
@@ -81,6 +99,7 @@ def cuboid_image(
     except ShapeError as error:
         raise SampleError(name, "K", str(error)) from error
     path = image_path(root, annotations, element.file_path, name)
+    name = name if root is None else portable_name(root, name)
     return element.id, CuboidImage(name, path, image_hw, K)
 
 
@@ -103,7 +122,7 @@ def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[Sa
 
 
 def stated_box(
-    annotation: Omni3DAnnotation,
+    annotation: StatedAnnotation,
     sample_id: str,
     *,
     image: CuboidImage,
@@ -133,11 +152,6 @@ def stated_box(
     if dimensions.min() <= 0:
         raise SampleError(sample_id, "dimensions", f"must be positive, got {dimensions.tolist()}")
     corners, rotation = _corners_and_rotation(annotation, sample_id)
-    truncation = annotation.truncation
-    if truncation is not None and truncation != -1 and not 0 <= truncation <= 1:
-        raise SampleError(
-            sample_id, "truncation", f"must lie in 0 to 1, or be -1 if unknown, got {truncation}"
-        )
     return StatedBox(
         sample_id=sample_id,
         image=image,
@@ -148,8 +162,20 @@ def stated_box(
         dimensions=dimensions,
         rotation=rotation,
         box=box_2d(annotation.bbox2D_tight, sample_id, "bbox2D_tight", convention),
-        truncation=None if truncation in (None, -1) else truncation,
+        truncation=_part(annotation.truncation, sample_id, "truncation"),
+        visibility=_part(annotation.visibility, sample_id, "visibility"),
     )
+
+
+def _part(value: float | None, sample_id: str, field: str) -> float | None:
+    """A part, 0 to 1, of a thing; None if it is not known. Raises SampleError."""
+    if value is None or value == -1:
+        return None
+    if not 0 <= value <= 1:
+        raise SampleError(
+            sample_id, field, f"must lie in 0 to 1, or be -1 if unknown, got {value:g}"
+        )
+    return value
 
 
 def _category(annotation: Omni3DAnnotation, sample_id: str, categories: dict[Key, str]) -> str:
@@ -220,7 +246,7 @@ def numbers(value: object, shape: tuple[int, ...], sample_id: str, field: str) -
     """The finite numbers of a field, of a shape; None if it is missing, empty or all -1.
 
     Args:
-        value: as the file has it.
+        value: as the file has it: rows, or a matrix row by row in one list.
         shape: that the numbers must have.
         sample_id: named in the error.
         field: the file's key, named in the error.
@@ -241,6 +267,8 @@ def numbers(value: object, shape: tuple[int, ...], sample_id: str, field: str) -
         ) from error
     if (values == -1).all():
         return None
+    if len(shape) == 2 and values.shape == (shape[0] * shape[1],):
+        values = values.reshape(shape)
     if values.shape != shape:
         raise SampleError(
             sample_id,

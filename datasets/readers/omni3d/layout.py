@@ -92,6 +92,7 @@ def infer_layout(boxes: StatedBoxes) -> Layout:
             f"R_cam is missing in {int((~has_rotation).sum())} annotations: their axes were read"
             " off the corners",
         )
+    notes += _trust_note(has_corners)
     dimensions = (2 * half @ np.abs(axes))[:, list(OMNI3D.dimensions)]
     # The file's own numbers are kept where they need no reordering.
     as_stated = np.array_equal(axes, np.eye(3)) and order == OMNI3D.dimensions
@@ -101,6 +102,17 @@ def infer_layout(boxes: StatedBoxes) -> Layout:
         dimensions=np.where(own, boxes.dimensions, dimensions),
         problems=problems,
         notes=notes,
+    )
+
+
+def _trust_note(has_corners: NDArray[np.bool_]) -> tuple[str, ...]:
+    """A sentence on boxes whose orientation no corner confirms, if there are any."""
+    alone = int((~has_corners).sum())
+    if not alone:
+        return ()
+    return (
+        f"bbox3D_cam is missing in {alone} of {len(has_corners)} annotations: that R_cam's columns"
+        " are forward, down, left, and dimensions W, H, L, is taken on trust there",
     )
 
 

@@ -12,34 +12,41 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from animal3dbox.datasets.readers.cuboid_conventions import OMNI3D, Convention
+from animal3dbox.datasets.readers.cuboid_checks import (
+    Metric,
+    check_metric,
+    size_note,
+    without_repeats,
+)
+from animal3dbox.datasets.readers.cuboid_conventions import Convention
 from animal3dbox.datasets.readers.elements import decoded
+from animal3dbox.datasets.readers.omni3d.consistency import (
+    all_behind_note,
+    behind_camera_problems,
+    with_consistent_boxes_2d,
+)
 from animal3dbox.datasets.readers.omni3d.elements import (
     StatedBox,
-    box_2d,
     category_names,
     cuboid_image,
+    sighting_in,
     stated_box,
 )
+from animal3dbox.datasets.readers.omni3d.head import StatedHead, stated_head
+from animal3dbox.datasets.readers.omni3d.headings import with_named_faces
 from animal3dbox.datasets.readers.omni3d.image_roots import TRIED, image_root
 from animal3dbox.datasets.readers.omni3d.layout import Layout, StatedBoxes, infer_layout
 from animal3dbox.datasets.readers.omni3d.schema import (
-    GENERATOR,
     Key,
     Omni3DAnnotation,
-    Omni3DInfo,
     RawOmni3DFile,
+    StatedAnnotation,
 )
-from animal3dbox.datasets.readers.visible_boxes import visible_boxes
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
+from animal3dbox.datasets.sightings import NO_SIGHTING
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 
-LEAST_OVERLAP = 0.5
-"""Least overlap of bbox2D_proj with the projected box.
-
-Less means that K, or the box, belongs to another image.
-"""
 _OF_FAULTY_IMAGES = "annotations belong to faulty images and were left out"
 _WITHOUT_3D = "annotations say that they have no 3D box (valid3D false) and were left out"
 _IGNORED_BY_TRAINER = (
@@ -54,6 +61,7 @@ def read_omni3d(
     *,
     convention: Convention | None = None,
     heading_known: bool | None = None,
+    metric: Metric = "info",
 ) -> CuboidSet:
     """The cuboids of a file in Omni3D's format, in our frames and corner order.
 
@@ -65,13 +73,17 @@ def read_omni3d(
         convention: the meaning of the file's numbers; by default OMNI3D, with the pixel origin that
             the file states if this package wrote it.
         heading_known: whether forward and left mean something; by default as the file says if this
-            package wrote it, else not.
+            package wrote it, or where it tells by face_locks or heading_alpha; else not.
+        metric: whether lengths are metres: "yes", "no", or "info": as the file says, which files of
+            this package do, others in info.units ("m"); of a file that says nothing the scale is
+            not known.
 
     Returns:
-        The boxes in our frames, in metres unless the file says otherwise; every usable image; one
-        fault each unusable box or image; notes about the corner order and left-out boxes.
+        The boxes in our frames; every usable image; one fault each unusable box or image; notes
+        about units, the corner order and left-out boxes.
 
     Raises:
+        ConfigError: another word for metric.
         DatasetNotFoundError: no such file.
         DatasetFormatError: not JSON, or without images, categories and annotations.
 
@@ -98,49 +110,59 @@ def read_omni3d(
         ('dog', [0.9, 0.3, 0.6])
 
     """
+    check_metric(metric)
     file: RawOmni3DFile = decode_json(path, RawOmni3DFile)
-    info = _info(file.info)
-    own = info is not None and info.generator == GENERATOR
-    if convention is None:
-        convention = (
-            replace(OMNI3D, first_pixel=info.first_pixel)
-            if info is not None and own and info.first_pixel is not None
-            else OMNI3D
-        )
+    head = stated_head(file.info)
+    convention = convention or head.convention()
     by_id, image_faults, image_notes = _images(file.images, path, images, convention)
     names, category_faults = category_names(file.categories)
-    boxes, box_faults, box_notes = _stated_boxes(file.annotations, by_id, names, convention)
-    layout = infer_layout(_stacked(boxes))
-    records, layout_faults = _records(
-        boxes, layout, convention, own=own, heading_known=heading_known
+    boxes, box_faults, box_notes = _stated_boxes(file, by_id, names, convention)
+    records, record_faults, record_notes = _sound_records(
+        boxes, convention, head=head, heading_known=heading_known, metric=metric
     )
-    consistent, projection_faults = _with_consistent_projections(records, boxes, convention)
+    unit_notes = (*head.unit_note(metric), *(size_note(records) if metric != "no" else ()))
     return CuboidSet(
         name=convention.name,
-        records=tuple(consistent),
-        faults=(
-            *image_faults,
-            *category_faults,
-            *box_faults,
-            *layout_faults,
-            *projection_faults,
-        ),
-        notes=(*image_notes, *box_notes, *layout.notes),
+        records=records,
+        faults=(*image_faults, *category_faults, *box_faults, *record_faults),
+        notes=(*image_notes, *box_notes, *record_notes, *unit_notes),
         images=tuple(image for image in by_id.values() if image is not None),
         categories=tuple(dict.fromkeys(names.values())),
     )
 
 
-def _info(raw: msgspec.Raw) -> Omni3DInfo | None:
-    """The head of a file, if it has the form of this package's files; None otherwise.
+def _sound_records(
+    boxes: Sequence[StatedBox],
+    convention: Convention,
+    *,
+    head: StatedHead,
+    heading_known: bool | None,
+    metric: Metric,
+) -> tuple[tuple[CuboidRecord, ...], list[SampleError], list[str]]:
+    """The records of the boxes that contradict nothing, an error for each other one, and notes.
 
-    Omni3D's own heads are lists or have ids that are words.
+    Args:
+        boxes: of the file.
+        convention: of the file.
+        head: of the file.
+        heading_known: as the user says; None: as the file does.
+        metric: likewise.
+
     """
-    try:
-        info: Omni3DInfo = msgspec.json.decode(raw, type=Omni3DInfo)
-    except msgspec.ValidationError:
-        return None
-    return info
+    layout = infer_layout(_stacked(boxes))
+    problems = {**behind_camera_problems(boxes), **layout.problems}
+    layout = replace(layout, problems=problems)
+    records, faults = _records(
+        boxes, layout, convention, head=head, heading_known=heading_known, metric=metric
+    )
+    notes = list(layout.notes)
+    if heading_known is None:
+        records, heading_faults, heading_notes = with_named_faces(records, boxes)
+        faults += heading_faults
+        notes += heading_notes
+    consistent, projection_faults = with_consistent_boxes_2d(records, boxes, convention)
+    kept, repeats = without_repeats(consistent)
+    return kept, [*faults, *projection_faults, *repeats], [*notes, *all_behind_note(boxes)]
 
 
 def _images(
@@ -158,7 +180,7 @@ def _images(
     root = image_root(path, images, [_ids_of(raw).file_path for raw in raws[:TRIED]])
     by_id: dict[Key, CuboidImage | None] = {}
     faults: list[SampleError] = []
-    paths: dict[str, Key] = {}
+    paths: dict[Path, Key] = {}
     for number, raw in enumerate(raws):
         try:
             key, image = cuboid_image(
@@ -170,12 +192,12 @@ def _images(
                     "id",
                     f"{key} is another image's too: which boxes are whose cannot be told",
                 )
-            if paths.setdefault(image.image_id, key) != key:
+            place = image.image_path  # of which a file may have two names
+            if place is not None and paths.setdefault(place, key) != key:
                 raise SampleError(
                     image.image_id,
                     "file_path",
-                    f"is that of image {paths[image.image_id]} too, not only of {key}: give it"
-                    " once",
+                    f"is that of image {paths[place]} too, not only of {key}: give it once",
                 )
         except SampleError as error:
             faults.append(error)
@@ -209,7 +231,7 @@ def _ids_of(raw: msgspec.Raw) -> _Ids:
 
 
 def _stated_boxes(
-    raws: Sequence[msgspec.Raw],
+    file: RawOmni3DFile,
     images: dict[Key, CuboidImage | None],
     names: dict[Key, str],
     convention: Convention,
@@ -217,14 +239,16 @@ def _stated_boxes(
     """The boxes that annotations state, an error a faulty annotation, and notes on the others.
 
     Args:
-        raws: the elements of "annotations".
+        file: with the elements of "annotations", and of "images" for what they say of all animals.
         images: by id, None for faulty ones.
         names: of the categories, by id.
         convention: of the file.
 
     """
     boxes, faults, numbers, counts = [], [], Counter[Key](), Counter[str]()
-    for number, raw in enumerate(raws):
+    owners: dict[Key, str] = {}
+    seen = {one: sighting_in(raw) for raw in file.images if (one := _ids_of(raw).id) is not None}
+    for number, raw in enumerate(file.annotations):
         key = _ids_of(raw).image_id
         image = None if key is None else images.get(key)
         sample_id = f"annotation {number}"
@@ -235,17 +259,24 @@ def _stated_boxes(
         try:
             if key is not None and key not in images:
                 raise SampleError(sample_id, "image_id", f"{key} is not among the file's images")
-            annotation = decoded(raw, Omni3DAnnotation, sample_id)
+            annotation = decoded(raw, StatedAnnotation, sample_id)
+            if owners.setdefault(annotation.id, sample_id) != sample_id:
+                raise SampleError(
+                    sample_id,
+                    "id",
+                    f"{annotation.id} is that of {owners[annotation.id]} too: evaluators count"
+                    " one of them; give each annotation an id of its own",
+                )
             if image is None:
                 counts[_OF_FAULTY_IMAGES] += 1
             elif not annotation.valid3D:
                 counts[_WITHOUT_3D] += 1
             else:
-                boxes.append(
-                    stated_box(
-                        annotation, sample_id, image=image, categories=names, convention=convention
-                    )
+                box = stated_box(
+                    annotation, sample_id, image=image, categories=names, convention=convention
                 )
+                sighting = sighting_in(raw, seen.get(annotation.image_id, NO_SIGHTING))
+                boxes.append(replace(box, sighting=sighting))
                 counts[_IGNORED_BY_TRAINER] += _is_ignored(annotation)
         except SampleError as error:
             faults.append(error)
@@ -280,8 +311,9 @@ def _records(
     layout: Layout,
     convention: Convention,
     *,
-    own: bool,
+    head: StatedHead,
     heading_known: bool | None,
+    metric: Metric,
 ) -> tuple[list[tuple[int, CuboidRecord]], list[SampleError]]:
     """The records of the consistent boxes with their indices, and an error for each other box.
 
@@ -289,8 +321,9 @@ def _records(
         boxes: of the file.
         layout: of the boxes.
         convention: of the file.
-        own: whether this package wrote the file.
+        head: of the file.
         heading_known: as the user says; None: as the file does.
+        metric: likewise.
 
     """
     records, faults = [], []
@@ -311,59 +344,16 @@ def _records(
             center=center[index],
             rotation=rotation[index],
             size=size[index],
-            metric=True if annotation.metric is None or not own else annotation.metric,
+            metric=head.is_metric(annotation.metric, metric),
             heading_known=(
-                bool(own and annotation.heading_known) if heading_known is None else heading_known
+                bool(head.is_own and annotation.heading_known)
+                if heading_known is None
+                else heading_known
             ),
             box=box.box,
             truncation=box.truncation,
+            visibility=box.visibility,
+            sighting=box.sighting,
         )
         records.append((index, record))
     return records, faults
-
-
-def _with_consistent_projections(
-    records: Sequence[tuple[int, CuboidRecord]], boxes: Sequence[StatedBox], convention: Convention
-) -> tuple[list[CuboidRecord], list[SampleError]]:
-    """The records whose bbox2D_proj, if any, is where K projects the box; others are errors.
-
-    Args:
-        records: each with its index among the boxes.
-        boxes: of the file.
-        convention: of the file.
-
-    """
-    visible = visible_boxes([record for _, record in records])
-    consistent, faults = [], []
-    for number, (index, record) in enumerate(records):
-        try:
-            stated = box_2d(
-                boxes[index].annotation.bbox2D_proj, record.sample_id, "bbox2D_proj", convention
-            )
-            ours = [
-                box
-                for box in (visible.projected[number], visible.in_frame[number])
-                if not np.isnan(box).any()
-            ]
-            overlap = 1.0
-            if stated is not None and ours:
-                overlap = max(_overlap(stated, box) for box in ours)
-            if overlap < LEAST_OVERLAP:
-                raise SampleError(
-                    record.sample_id,
-                    "bbox2D_proj",
-                    f"is not where K projects bbox3D_cam (overlap {overlap:.2f}): K, the image size"
-                    " or the box belongs to another image",
-                )
-        except SampleError as error:
-            faults.append(error)
-        else:
-            consistent.append(record)
-    return consistent, faults
-
-
-def _overlap(a: np.ndarray, b: np.ndarray) -> float:
-    """Intersection over union of two upright boxes (4,), xyxy."""
-    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
-    common = float(np.prod(np.maximum(sides, 0)))
-    return common / (float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2])) - common)

@@ -13,16 +13,19 @@ GENERATOR: Final = "animal3dbox"
 Key = int | str
 """An id: Omni3D's own are whole numbers, files made after it have words, too."""
 
+Matrix = list[list[float] | float]
+"""Rows of numbers, or the same numbers one after the other."""
+
 
 class Omni3DImage(msgspec.Struct, kw_only=True):
-    """One element of "images"; K is written row by row."""
+    """One element of "images"; K is written row by row, by some others as nine numbers."""
 
     id: Key
     dataset_id: Key = 0
     width: int
     height: int
     file_path: str
-    K: list[list[float]]
+    K: Matrix
 
 
 class Omni3DCategory(msgspec.Struct, kw_only=True):
@@ -36,8 +39,8 @@ class Omni3DCategory(msgspec.Struct, kw_only=True):
 class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     """One element of "annotations": a box in its image.
 
-    The last two keys are this package's own: metric says that lengths are metres, heading_known
-    that sides have names.
+    metric and heading_known are this package's own: that lengths are metres, that sides have names.
+    track_id, the same animal's in all images of its sequence, is there if it is known.
     """
 
     id: Key
@@ -49,10 +52,10 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     bbox2D_tight: list[float] | None = None
     bbox2D_proj: list[float] | None = None
     bbox2D_trunc: list[float] | None = None
-    bbox3D_cam: list[list[float]] | float | None = None
+    bbox3D_cam: Matrix | float | None = None
     center_cam: list[float] | None = None
     dimensions: list[float] | None = None
-    R_cam: list[list[float]] | float | None = None
+    R_cam: Matrix | float | None = None
     behind_camera: bool | int | None = None
     visibility: float | None = None
     truncation: float | None = None
@@ -61,6 +64,7 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     depth_error: float | None = None
     metric: bool | None = None
     heading_known: bool | None = None
+    track_id: Key | msgspec.UnsetType | None = msgspec.UNSET
 
     def __post_init__(self) -> None:
         """Take a single -1 or 0 in the place of a rotation or corners for None.
@@ -69,6 +73,14 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
         """
         self.R_cam = None if self.R_cam in (-1, 0) else self.R_cam
         self.bbox3D_cam = None if self.bbox3D_cam in (-1, 0) else self.bbox3D_cam
+
+
+class StatedAnnotation(Omni3DAnnotation, kw_only=True):
+    """An annotation as others write it: with the keys of follow-ups, see `headings`."""
+
+    face_locks: dict[str, int | None] | None = None
+    heading_alpha: float | None = None
+    heading_valid: bool | int | None = None
 
 
 class Omni3DInfo(msgspec.Struct, kw_only=True):

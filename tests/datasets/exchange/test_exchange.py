@@ -53,7 +53,7 @@ def test_omni3d_holds_the_numbers_of_one_simple_box(tmp_path: Path) -> None:
     file = written(tmp_path / "a.json")
     image, box = file["images"][0], file["annotations"][0]
     assert image == {
-        "id": 0,
+        "id": 1,
         "dataset_id": 0,
         "width": 160,
         "height": 120,
@@ -118,7 +118,7 @@ def test_kitti_holds_the_numbers_of_one_simple_box(tmp_path: Path) -> None:
     kind, *numbers = (tmp_path / "label_2" / "000000.txt").read_text().split()
     assert kind == "dog"
     assert [float(n) for n in numbers] == pytest.approx(
-        [0, 3, -np.arctan2(1, 10), 79.5, 55.5, 99.5, 71.5, 1.5, 1, 2, 1, 0.5 + 0.75, 10, 0],
+        [0, 0, -np.arctan2(1, 10), 79.5, 55.5, 99.5, 71.5, 1.5, 1, 2, 1, 0.5 + 0.75, 10, 0],
         abs=1e-6,
     )
     P2 = (tmp_path / "calib" / "000000.txt").read_text().splitlines()[2]

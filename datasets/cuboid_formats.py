@@ -1,0 +1,91 @@
+"""Any dataset of cuboids by its path: its format, and its boxes.
+
+They come as they are, so nothing is labelled: the commands `check` and `export` and the Datasets
+of cuboids read them. Formats of annotated animals are in `formats`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from animal3dbox.datasets.readers.cuboid_checks import Metric
+from animal3dbox.datasets.readers.cuboid_conventions import KITTI, OMNI3D
+from animal3dbox.datasets.readers.kitti.layout import is_kitti
+from animal3dbox.datasets.readers.kitti.reader import read_kitti
+from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
+from animal3dbox.datasets.readers.omni3d.recognition import is_omni3d
+from animal3dbox.datasets.records import CuboidSet
+from animal3dbox.errors import DatasetFormatError
+
+
+@dataclass(frozen=True)
+class CuboidOptions:
+    """The user's options for reading a dataset of cuboids, besides its path.
+
+    Attributes:
+        images: the folder that image paths are relative to; None: as the format has it.
+        heading_known: whether forward and left mean something; None: as the format or file says.
+        metric: whether lengths are metres: "yes", "no", or "info": as the format or file says.
+    """
+
+    images: Path | None = None
+    heading_known: bool | None = None
+    metric: Metric = "info"
+
+
+@dataclass(frozen=True)
+class CuboidReader:
+    """How one format of cuboids is recognised and read, and what its Dataset is called."""
+
+    recognises: Callable[[Path], bool]
+    read: Callable[[Path, CuboidOptions], CuboidSet]
+    dataset: str
+
+
+def _read_omni3d(path: Path, options: CuboidOptions) -> CuboidSet:
+    return read_omni3d(
+        path, options.images, heading_known=options.heading_known, metric=options.metric
+    )
+
+
+def _read_kitti(path: Path, options: CuboidOptions) -> CuboidSet:
+    return read_kitti(
+        path,
+        options.images,
+        heading_known=options.heading_known is not False,
+        metric=options.metric,
+    )
+
+
+CUBOID_READERS = {
+    OMNI3D.name: CuboidReader(is_omni3d, _read_omni3d, "Omni3DDataset"),
+    KITTI.name: CuboidReader(is_kitti, _read_kitti, "KittiDataset"),
+}
+"""Every format of cuboids that is read, by name, in the order in which a path is tried."""
+
+
+def cuboid_format(path: Path) -> str | None:
+    """The name of the format of a file or folder of cuboids; None of anything else.
+
+    Raises:
+        DatasetFormatError: a .json file that is none.
+
+    """
+    return next((name for name, one in CUBOID_READERS.items() if one.recognises(path)), None)
+
+
+def read_cuboid_set(path: Path, options: CuboidOptions | None = None) -> CuboidSet:
+    """The cuboids of a file or folder in any format that is known.
+
+    Raises:
+        ConfigError: an option that the format has no use for.
+        DatasetNotFoundError: nothing there.
+        DatasetFormatError: in no such format, or not readable as a whole.
+
+    """
+    format = cuboid_format(path)
+    if format is None:
+        raise DatasetFormatError(
+            f"{path} holds cuboids in no format that is known ({', '.join(CUBOID_READERS)})"
+        )
+    return CUBOID_READERS[format].read(path, options or CuboidOptions())

@@ -1,0 +1,110 @@
+"""Checks of cuboids that hold for every format: repeats, 2D boxes elsewhere, sizes in other units.
+
+Readers call them when all boxes of a file are in our frames. What cannot be right is an error that
+names the box; what is only implausible is a note on the file.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+import numpy as np
+
+from animal3dbox.datasets.readers.cuboid_conventions import Floats
+from animal3dbox.datasets.records import CuboidRecord
+from animal3dbox.errors import ConfigError, SampleError
+
+Metric = Literal["yes", "no", "info"]
+"""Whether a file's lengths are metres: the user knows ("yes", "no"), or the file tells ("info")."""
+SAME_BOX = 1e-3
+"""Greatest difference of two boxes that are one, as a part of the diagonal, and of R's entries."""
+LONGEST_M = 30.0
+"""Length of a file's median box above which its unit is hardly the metre."""
+MILLIMETRES_FROM = 300.0
+"""Length of a file's median box from which its unit looks like the millimetre."""
+SHORTEST_M = 0.02
+"""Length of a file's median box below which its unit is hardly the metre."""
+
+
+def check_metric(metric: str) -> None:
+    """Raise a ConfigError for a word that says nothing of a file's lengths."""
+    if metric not in get_args(Metric):
+        raise ConfigError(f"metric must be one of {', '.join(get_args(Metric))}, got {metric!r}")
+
+
+def without_repeats(
+    records: Sequence[CuboidRecord],
+) -> tuple[tuple[CuboidRecord, ...], tuple[SampleError, ...]]:
+    """Records without those that are an earlier one's box again, and an error for each of these.
+
+    Two boxes of an image are one if centre, size and rotation differ by rounding alone, whatever
+    their categories are.
+    """
+    of_image: defaultdict[str, list[int]] = defaultdict(list)
+    faults: dict[int, SampleError] = {}
+    for index, record in enumerate(records):
+        earlier = of_image[record.image_id]
+        first = next((one for one in earlier if _same_box(records[one], record)), None)
+        earlier.append(index)
+        if first is not None:
+            faults[index] = SampleError(
+                record.sample_id,
+                "box",
+                f"is that of {records[first].sample_id} once more (centre, size and rotation):"
+                " leave one of them out",
+            )
+    kept = tuple(record for index, record in enumerate(records) if index not in faults)
+    return kept, tuple(faults.values())
+
+
+def _same_box(a: CuboidRecord, b: CuboidRecord) -> bool:
+    tolerance = SAME_BOX * float(np.linalg.norm(a.size))
+    return bool(
+        np.abs(a.center - b.center).max() <= tolerance
+        and np.abs(a.size - b.size).max() <= tolerance
+        and np.abs(a.rotation - b.rotation).max() <= SAME_BOX
+    )
+
+
+def overlap(a: Floats, b: Floats) -> float:
+    """Intersection over union of two upright boxes (4,), xyxy; 0 if one of them is NaN."""
+    common = _common_area(a, b)
+    union = float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2])) - common
+    return common / union if union > 0 else 0.0
+
+
+def share_inside(part: Floats, whole: Floats) -> float:
+    """The part, 0 to 1, of an upright box (4,) that lies in another one; 0 if one is NaN.
+
+    The upright box of a thing, or of what is visible of it, lies in that of its cuboid.
+    """
+    area = float(np.prod(part[2:] - part[:2]))
+    return _common_area(part, whole) / area if area > 0 else 0.0
+
+
+def _common_area(a: Floats, b: Floats) -> float:
+    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
+    return float(np.prod(np.maximum(sides, 0))) if not np.isnan(sides).any() else 0.0
+
+
+def size_note(records: Sequence[CuboidRecord]) -> tuple[str, ...]:
+    """A sentence on boxes of a size that no unit but another than the metre explains, if any.
+
+    The median box decides, so that single large or distant things say nothing.
+    """
+    if not records:
+        return ()
+    length = float(np.median([record.size.max() for record in records]))
+    distance = float(np.median([np.linalg.norm(record.center) for record in records]))
+    if SHORTEST_M <= length <= LONGEST_M:
+        return ()
+    if length < SHORTEST_M:
+        unit = "looks as if it were scaled (to a scene of unit size, or kilometres)"
+    elif length < MILLIMETRES_FROM:
+        unit = "looks like centimetres (0.01 metres per unit)"
+    else:
+        unit = "looks like millimetres (0.001 metres per unit)"
+    return (
+        f"the median box is {length:.4g} long and {distance:.4g} away, which {unit}, not like"
+        " metres",
+    )
