@@ -146,7 +146,10 @@ def _record(
         tolerance: how bad parts are taken.
 
     """
-    image = portable_name(root, decoded(raw, _ImageName, f"entry {index}").img_path)
+    stated = decoded(raw, _ImageName, f"entry {index}").img_path
+    if not stated.strip():
+        raise SampleError(f"entry {index}", "img_path", f"is {stated!r}, which names no file")
+    image = portable_name(root, stated)
     count = counts.get(image, 0)
     counts[image] = count + 1
     sample_id = image if count == 0 else f"{image}#{count}"

@@ -160,6 +160,8 @@ def _images(
     for i, raw in enumerate(entries):
         try:
             name = decoded(raw, _ImageName, f"image {i}").file_name
+            if not name.strip():
+                raise SampleError(f"image {i}", "file_name", f"is {name!r}, which names no file")
             image = decoded(raw, _Image, name)
             names[name] += 1
             key = str(image.id)
