@@ -12,6 +12,7 @@ from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.fill import run_fill
 from animal3dbox.cli.jobs import LabelJob
 from animal3dbox.datasets.bodies.fitted import FittedBodies
+from animal3dbox.datasets.bodies.presets import PresetBodies, species_notes
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.images.photos import Photo, read_photo
@@ -45,7 +46,10 @@ def _write_labels(job: LabelJob) -> ExitCode:
     dataset = read_dataset(job.path, job.dataset.format, options)
     bodies, records = bodies_for(dataset, own_body), dataset.records
     words = (record.vocabulary for record in records.records)
-    for note in (*records.notes, *lesson_notes(calibration, bodies, words)):
+    notes = [*records.notes, *lesson_notes(calibration, bodies, words)]
+    if isinstance(bodies, FittedBodies | PresetBodies):
+        notes += species_notes(bodies.species, records.records)
+    for note in notes:
         print(note, file=sys.stderr)
     check_camera_policy(
         job.camera.stored_camera,

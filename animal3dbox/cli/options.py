@@ -113,14 +113,14 @@ class BodyOptions:
     """Which body the animals have, if not each its own."""
 
     name: Annotated[str | None, arg(name="body")] = None
-    """one body for all: a preset of the quadruped (dog, cat, ...; "preset" is dog), a SMAL model or
-    a mesh file; or "fit", a body fitted to each animal's keypoints and mask, which is the default
-    without --model"""
+    """one body for all: a preset of the quadruped (dog, cat, ...), a SMAL model or a mesh file;
+    "preset", the rigid one of each animal's category, else a dog; or "fit", a body fitted to each
+    animal's keypoints and mask, which is the default without --model"""
     landmarks: Path | None = None
     """JSON with the landmarks of the mesh file, or of a fitted model that is not SMAL's mesh
     (docs/formats.md)"""
     species: str = "auto"
-    """of fitted animals: a preset of the quadruped, by each one's category, or unknown"""
+    """of fitted animals and presets: one for all, by each one's category (auto), or unknown"""
 
     def source(self, model: Path | None) -> "BodySource | None":
         """The one body of all animals, or None where the options name none.

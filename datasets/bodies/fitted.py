@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from animal3dbox.datasets.bodies.sources import ModelBody, model_digest, preset_body
+from animal3dbox.datasets.bodies.presets import PresetBodies
+from animal3dbox.datasets.bodies.sources import ModelBody, model_digest
 from animal3dbox.datasets.bodies.species import (
     AUTO,
     UNKNOWN,
@@ -19,8 +20,6 @@ from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 FIT = "fit"
 """The source's name for --body and in reports."""
-STAND_IN = "dog"
-"""The preset of animals whose category is none of the presets."""
 
 
 @dataclass(frozen=True)
@@ -89,5 +88,5 @@ class FittedBodies:
     def body(self, record: AnimalRecord) -> Body:
         """The rigid body that stands in for an animal that cannot be fitted."""
         if self.model is load_quadruped():
-            return preset_body(self.species_of(record) or STAND_IN).body(record)
+            return PresetBodies(self.species).body(record)
         return ModelBody(self.model, FIT).body(record)

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from animal3dbox.datasets.bodies.fitted import FIT, STAND_IN, FittedBodies
+from animal3dbox.datasets.bodies.fitted import FIT, FittedBodies
 from animal3dbox.datasets.bodies.mesh_file import landmark_ids, load_mesh_body
+from animal3dbox.datasets.bodies.presets import PRESET, PresetBodies
 from animal3dbox.datasets.bodies.sources import BodySource, ModelBody, preset_body
 from animal3dbox.datasets.bodies.species import AUTO
 from animal3dbox.errors import ConfigError
@@ -13,8 +14,6 @@ from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 DEFAULT_BODY = FIT
 """The body of the animals of a dataset that comes with no bodies."""
-PRESET = "preset"
-"""The word for the rigid preset that stands in where no body can be fitted."""
 
 
 def body_source(
@@ -27,11 +26,11 @@ def body_source(
     """The source of bodies that the command line's --body and --landmarks name.
 
     Args:
-        body: a preset's name, "preset" for the usual one, "fit" for a body fitted to each animal, a
-            model's file (.pkl or .safetensors), or a mesh file.
+        body: a preset's name, "preset" for that of each animal's category, "fit" for a body fitted
+            to each animal, a model's file (.pkl or .safetensors), or a mesh file.
         landmarks: where the mesh file has its landmarks, see load_mesh_body; of a pickle that is
             fitted and has none of its own, lists of vertex ids.
-        species: of fitted animals, see FittedBodies.
+        species: of fitted animals and presets, see FittedBodies and PresetBodies.
         model: with "fit", the file of the model that is fitted; None: the embedded quadruped.
 
     Raises:
@@ -42,8 +41,10 @@ def body_source(
     """
     if body == FIT:
         return FittedBodies(_fitted_model(model, landmarks), species)
-    if species != AUTO:
-        raise ConfigError(f"species={species!r} is for fitted bodies: leave it out, or {body!r}")
+    if species != AUTO and body != PRESET:
+        raise ConfigError(
+            f"species={species!r} is for bodies 'fit' and 'preset': leave it out, or {body!r}"
+        )
     if model is not None:
         raise ConfigError(f"a model is for fitted bodies, and {body!r} is none: leave one of them")
     if landmarks is not None:
@@ -55,7 +56,7 @@ def body_source(
             f"--body {body} is a file: give --landmarks too, or there is no telling its nose from"
             " its tail"
         )
-    return preset_body(STAND_IN if body == PRESET else body)
+    return PresetBodies(species) if body == PRESET else preset_body(body)
 
 
 def _fitted_model(path: Path | None, landmarks: Path | None) -> SmalModel:

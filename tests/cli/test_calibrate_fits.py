@@ -163,7 +163,7 @@ def test_label_and_dataset_take_the_file_and_say_so(dogs: Path, file: Path, tmp_
 def test_labels_of_rigid_bodies_say_that_the_file_has_no_part_in_them(
     dogs: Path, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, words = str(tmp_path / "out"), "they have no part in labels of the bodies of quadruped:dog"
+    out, words = str(tmp_path / "out"), "they have no part in labels of the bodies of preset"
     with pytest.raises(SystemExit):
         main(["label", str(dogs), "--out", out, "--calibration", str(file), "--body", "preset"])
     assert words in capsys.readouterr().err

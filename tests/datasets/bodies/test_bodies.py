@@ -19,6 +19,7 @@ from photo_dataset import HW, WORDS, Scene, toy_scene, view_of
 from torch import Tensor
 
 from animal3dbox.datasets.bodies.mesh_file import MeshBody, load_mesh_body
+from animal3dbox.datasets.bodies.presets import PresetBodies, species_notes
 from animal3dbox.datasets.bodies.sources import ModelBody, ParametersBody, preset_body
 from animal3dbox.datasets.images.rle import encode_mask
 from animal3dbox.datasets.records import AnimalRecord
@@ -434,6 +435,31 @@ def test_a_preset_has_every_keypoint_and_its_template() -> None:
     assert len(body.vertices) == body.template.vertex_count
     left, right = WORDS.keypoints.index("Left eye"), WORDS.keypoints.index("Right eye")
     assert float(body.landmarks[left, 1]) > 0 > float(body.landmarks[right, 1])
+
+
+def test_the_preset_is_the_categorys_or_a_dog() -> None:
+    source = PresetBodies()
+    for category, preset in (("Snow_Leopard", "lion"), ("okapi", "dog"), ("zebra", "zebra")):
+        own = source.body(replace(RECORD, category=category)).vertices
+        assert torch.equal(torch.as_tensor(own), preset_body(preset).body(RECORD).vertices)
+    of_all = PresetBodies("cow").body(replace(RECORD, category="zebra")).vertices
+    assert torch.equal(torch.as_tensor(of_all), preset_body("cow").body(RECORD).vertices)
+    assert PresetBodies("unknown").preset("zebra") == "dog"
+    assert source.fingerprint != PresetBodies("cow").fingerprint
+    with pytest.raises(ConfigError, match="species must be one of"):
+        PresetBodies("okapi")
+
+
+def test_it_is_told_which_presets_stand_for_which_categories() -> None:
+    records = [replace(RECORD, category=name) for name in ("wolf", "wolf", "okapi", "zebra")]
+    (note,) = species_notes("auto", records)
+    assert note.startswith(
+        "species by category: 2 dog, 1 zebra; no preset is like 1 of the animals:"
+    )
+    assert "'okapi'" in note
+    assert species_notes("auto", records[:2]) == ()
+    assert species_notes("auto", records[3:]) == ("species by category: 1 zebra",)
+    assert species_notes("cow", records) == ()
 
 
 def test_presets_differ_in_shape() -> None:

@@ -57,5 +57,5 @@ def test_a_species_given_stands_for_all_and_an_unknown_one_for_none() -> None:
 def test_a_species_that_there_is_not_or_that_nothing_is_fitted_for_is_refused() -> None:
     with pytest.raises(ConfigError, match="species must be one of auto, unknown, dog"):
         body_source("fit", species="unicorn")
-    with pytest.raises(ConfigError, match="is for fitted bodies"):
+    with pytest.raises(ConfigError, match="is for bodies 'fit' and 'preset'"):
         body_source("dog", species="cow")
