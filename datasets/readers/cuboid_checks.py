@@ -5,12 +5,13 @@ names the box; what is only implausible is a note on the file.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal, get_args
 
 import numpy as np
 
 from animal3dbox.datasets.readers.cuboid_conventions import Floats
+from animal3dbox.datasets.readers.visible_boxes import stacked_boxes
 from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.errors import ConfigError, SampleError
 
@@ -41,29 +42,34 @@ def without_repeats(
     their categories are.
     """
     of_image: defaultdict[str, list[int]] = defaultdict(list)
-    faults: dict[int, SampleError] = {}
     for index, record in enumerate(records):
-        earlier = of_image[record.image_id]
-        first = next((one for one in earlier if _same_box(records[one], record)), None)
-        earlier.append(index)
-        if first is not None:
-            faults[index] = SampleError(
-                record.sample_id,
+        of_image[record.image_id].append(index)
+    faults: dict[int, SampleError] = {}
+    for members in of_image.values():
+        for again, first in _repeats([records[index] for index in members]):
+            faults[members[again]] = SampleError(
+                records[members[again]].sample_id,
                 "box",
-                f"is that of {records[first].sample_id} once more (centre, size and rotation):"
-                " leave one of them out",
+                f"is that of {records[members[first]].sample_id} once more (centre, size and"
+                " rotation): leave one of them out",
             )
     kept = tuple(record for index, record in enumerate(records) if index not in faults)
-    return kept, tuple(faults.values())
+    return kept, tuple(faults[index] for index in sorted(faults))
 
 
-def _same_box(a: CuboidRecord, b: CuboidRecord) -> bool:
-    tolerance = SAME_BOX * float(np.linalg.norm(a.size))
-    return bool(
-        np.abs(a.center - b.center).max() <= tolerance
-        and np.abs(a.size - b.size).max() <= tolerance
-        and np.abs(a.rotation - b.rotation).max() <= SAME_BOX
-    )
+def _repeats(records: Sequence[CuboidRecord]) -> Iterator[tuple[int, int]]:
+    """The places of boxes of one image that are an earlier one's again, each with that one's."""
+    if len(records) < 2:
+        return
+    center, rotation, size = stacked_boxes(records)
+    tolerance = SAME_BOX * np.linalg.norm(size, axis=-1)[:, None]
+    apart = np.abs(center[:, None] - center).max(-1)
+    for again, first in np.argwhere(np.tril(apart <= tolerance, -1)).tolist():
+        if (
+            np.abs(size[again] - size[first]).max() <= tolerance[again]
+            and np.abs(rotation[again] - rotation[first]).max() <= SAME_BOX
+        ):
+            yield again, first
 
 
 def overlap(a: Floats, b: Floats) -> float:

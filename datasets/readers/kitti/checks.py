@@ -20,6 +20,8 @@ from animal3dbox.errors import SampleError
 
 ALPHA_UNKNOWN = -10.0
 """Value of alpha that KITTI writes where it is not known."""
+NO_BOX = (-1.0, 0.0)
+"""Values of a 2D box that is not known: four times -1, or 0."""
 ALPHA_TOLERANCE = 0.15
 """Greatest difference of alpha, in radians, that rounding and the place of the camera explain."""
 LEAST_SHARE = 0.2
@@ -108,6 +110,14 @@ def check_line(stated: StatedLine) -> None:
     if line.frame is None and line.truncated > 1:
         raise SampleError(
             sample_id, "truncated", f"must lie in 0 to 1, or be -1, got {line.truncated:g}"
+        )
+    has_area = (line.box[2:] > line.box[:2]).all()
+    if not has_area and not np.isin(line.box, NO_BOX).all():
+        raise SampleError(
+            sample_id,
+            "bbox",
+            "must be left, top, right, bottom with right > left and bottom > top, got"
+            f" {line.box.tolist()}; unknown is four times -1",
         )
     depth = float((line.location + stated.offset)[2])
     if depth <= 0:
@@ -243,7 +253,7 @@ def _misread(
                 ),
             )
         return
-    doubtful = [k for k, fit in enumerate(fits) if fit < BOX_OVERLAP - BOX_GAIN]
+    doubtful = [k for k, fit in enumerate(fits) if fit <= 1 - BOX_GAIN]
     yield from _single_misread(
         [lines[with_box[k]] for k in doubtful],
         boxes[doubtful],

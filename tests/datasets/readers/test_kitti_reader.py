@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import ran
-from cuboid_sets import random_set, simple_record, visible_part
+from cuboid_sets import random_set, standing_set
 from PIL import Image
 
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
@@ -23,35 +23,11 @@ COLUMNS = ("kind", "truncated", "occluded", "alpha", "x1", "y1", "x2", "y2", "h"
 PLACE = {name: number for number, name in enumerate((*COLUMNS, "x", "y", "z", "rotation_y"))}
 
 
-def dogs() -> CuboidSet:
-    """Two images with three and one upright boxes whose sides differ, seen whole."""
-    places = ((0, 8.0, 0.4), (-2.0, 10.0, 2.0), (2.0, 9.0, -1.1), (0.5, 7.0, 2.8))
-    records = []
-    for number, (x, z, yaw) in enumerate(places):
-        forward = np.array([np.cos(yaw), 0, -np.sin(yaw)])
-        up = np.array([0.0, -1, 0])
-        rotation = np.stack((forward, np.cross(up, forward), up), axis=1)
-        image_id = f"{number // 3}.jpg"
-        fields = vars(
-            simple_record(
-                sample_id=f"{image_id}#{number % 3}" if number % 3 else image_id,
-                image_id=image_id,
-                center=np.array([x, 0.3, z]),
-                rotation=rotation,
-                size=np.array([1.6, 0.5, 1.1]),
-                box=None,
-            )
-        )
-        box = visible_part(CuboidRecord(**fields), 0.03)
-        records.append(CuboidRecord(**{**fields, "box": box}))
-    return CuboidSet("labels", tuple(records), ())
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A good folder of another program: label_2, calib, image_2."""
     home = tmp_path / "training"
-    write_kitti(dogs(), home)
+    write_kitti(standing_set(), home)
     (home / "images.txt").unlink()
     (home / "image_2").mkdir(exist_ok=True)
     for number in range(2):
@@ -111,7 +87,7 @@ def test_a_good_folder_is_read_whole(folder: Path) -> None:
     assert [record.sample_id for record in back.records] == [
         "image_2/000000.png", "image_2/000000.png#1", "image_2/000000.png#2", "image_2/000001.png",
     ]  # fmt: skip
-    for ours, there in zip(back.records, dogs().records, strict=True):
+    for ours, there in zip(back.records, standing_set().records, strict=True):
         assert np.abs(ours.center - there.center).max() < 1e-5
         assert np.abs(ours.size - there.size).max() < 1e-5
         assert np.abs(ours.rotation - there.rotation).max() < 1e-5
@@ -197,7 +173,7 @@ def test_angles_from_zero_to_a_full_turn_and_an_unknown_alpha_are_read(folder: P
     change(folder, setting(rotation_y=lambda a: a % (2 * np.pi), alpha=lambda _: -10.0), (0, 1, 2))
     back = read_kitti(folder)
     assert (len(back.records), back.faults) == (4, ())
-    assert np.abs(back.records[2].rotation - dogs().records[2].rotation).max() < 1e-5
+    assert np.abs(back.records[2].rotation - standing_set().records[2].rotation).max() < 1e-5
 
 
 def test_the_same_box_twice_is_a_fault(folder: Path) -> None:
@@ -278,7 +254,10 @@ def test_tracking_has_an_image_a_frame_and_a_name_a_track(folder: Path) -> None:
 
 def test_the_dataset_gives_the_boxes_as_they_are(folder: Path) -> None:
     target = target_of(KittiDataset(folder), 0)
-    assert np.abs(target["center"].numpy() - [r.center for r in dogs().records[:3]]).max() < 1e-5
+    assert (
+        np.abs(target["center"].numpy() - [r.center for r in standing_set().records[:3]]).max()
+        < 1e-5
+    )
     assert target["scale_known"].all()
     assert "face_visible" in target
     assert "face_visible" not in target_of(KittiDataset(folder, heading_known=False), 0)
@@ -290,7 +269,9 @@ def test_the_dataset_gives_the_boxes_as_they_are(folder: Path) -> None:
 
 
 def test_lengths_that_an_export_says_are_no_metres_are_read_so(tmp_path: Path) -> None:
-    unscaled = tuple(CuboidRecord(**{**vars(one), "metric": False}) for one in dogs().records)
+    unscaled = tuple(
+        CuboidRecord(**{**vars(one), "metric": False}) for one in standing_set().records
+    )
     write_kitti(CuboidSet("labels", unscaled, ()), tmp_path, scale_free=True)
     assert {record.metric for record in read_kitti(tmp_path).records} == {False}
     assert {record.metric for record in read_kitti(tmp_path, metric="yes").records} == {True}
