@@ -30,6 +30,8 @@ FILE_GAIN, FILE_OVERLAP = 0.15, 0.7
 """By how much another reading must fit the median 2D box of a file better, and how well."""
 BOX_GAIN, BOX_OVERLAP = 0.3, 0.8
 """The same for a single box of a file that is read rightly, and for a file of few boxes."""
+GOOD_OVERLAP = 0.75
+"""Median overlap of a file whose 2D boxes are near enough to the cuboids to judge a single line."""
 MANY = 5
 """Number of boxes from which on a file's median is evidence enough.
 
@@ -252,6 +254,8 @@ def _misread(
                     f" they stand by {before:.2f} (medians of {len(with_box)} boxes)",
                 ),
             )
+        return
+    if before < GOOD_OVERLAP:
         return
     doubtful = [k for k, fit in enumerate(fits) if fit <= 1 - BOX_GAIN]
     yield from _single_misread(

@@ -2,20 +2,21 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from commands import ran
-from cuboid_sets import random_set, standing_set
+from cuboid_sets import random_set, standing_set, visible_part
 from PIL import Image
 
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.kitti_dataset import KittiDataset
 from animal3dbox.datasets.labelling.skipped import Skipped
 from animal3dbox.datasets.readers.kitti.reader import read_kitti
-from animal3dbox.datasets.records import CuboidRecord, CuboidSet
+from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.errors import ConfigError, DatasetNotFoundError, SampleError
 
 Fields = list[str]
@@ -199,7 +200,9 @@ def test_what_states_no_box_is_counted_and_shifts_no_name(folder: Path) -> None:
 def test_a_size_is_read_off_the_header_alone(folder: Path) -> None:
     picture = folder / "image_2" / "000000.png"
     picture.write_bytes(picture.read_bytes()[:60])  # the pixels are gone
-    assert read_kitti(folder).records[0].image_hw == (120, 160)
+    back = read_kitti(folder)
+    assert (len(back.records), back.faults) == (4, ())
+    assert back.records[0].image_hw == (120, 160)
 
 
 def test_an_image_that_is_missing_is_one_fault_and_its_lines_are_counted(folder: Path) -> None:
@@ -269,9 +272,7 @@ def test_the_dataset_gives_the_boxes_as_they_are(folder: Path) -> None:
 
 
 def test_lengths_that_an_export_says_are_no_metres_are_read_so(tmp_path: Path) -> None:
-    unscaled = tuple(
-        CuboidRecord(**{**vars(one), "metric": False}) for one in standing_set().records
-    )
+    unscaled = tuple(replace(one, metric=False) for one in standing_set().records)
     write_kitti(CuboidSet("labels", unscaled, ()), tmp_path, scale_free=True)
     assert {record.metric for record in read_kitti(tmp_path).records} == {False}
     assert {record.metric for record in read_kitti(tmp_path, metric="yes").records} == {True}
@@ -287,9 +288,18 @@ def test_millimetres_are_noted(folder: Path) -> None:
 
 
 def test_own_files_are_held_against_no_other_order(tmp_path: Path) -> None:
-    there = random_set(in_view=True)  # whose pitch and roll are lost
-    write_kitti(there, tmp_path)
+    tilted = next(
+        record
+        for record in random_set(4, in_view=True).records
+        if record.sample_id == "images/4.jpg"
+    )
+    tilted = replace(tilted, box=visible_part(tilted, 0.03))
+    write_kitti(CuboidSet("labels", (tilted,), ()), tmp_path)  # which loses pitch and roll
     assert read_kitti(tmp_path).faults == ()
+    (tmp_path / "images.txt").unlink()
+    (tmp_path / "image_2").mkdir()
+    Image.new("L", tilted.image_hw[::-1]).save(tmp_path / "image_2" / "000000.png")
+    assert [fault.field for fault in read_kitti(tmp_path).faults] == ["dimensions"]
 
 
 def test_folders_without_labels_are_refused(tmp_path: Path) -> None:
@@ -311,6 +321,12 @@ def test_commands_know_a_folder_of_kitti(folder: Path) -> None:
     assert (code, "4 boxes in 2 images" in output) == (0, True)
     code, output = ran("label", folder, "--out", folder.parent / "labels")
     assert (code, "KittiDataset" in output, "check" in output) == (2, True, True)
+    code, output = ran("label", folder, "--format", "kitti", "--out", folder.parent / "labels")
+    assert (code, "KittiDataset" in output) == (2, True)
+    assert ran("check", folder, "--format", "kitti")[0] == 0
+    assert ran("check", folder, "--format", "coco")[0] == 0  # recognised all the same
+    assert ran("check", folder / "label_2", "--format", "kitti")[0] == 0
+    assert ran("check", folder.parent, "--format", "omni3d")[0] == 3
     change(folder, BAD["degrees"][0], (1,))
     code, output = ran("check", folder)
     assert (code, "image_2/000000.png#1: rotation_y: must be in radians" in output) == (4, True)
