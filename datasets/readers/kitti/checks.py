@@ -24,6 +24,8 @@ NO_BOX = (-1.0, 0.0)
 """Values of a 2D box that is not known: four times -1, or 0."""
 ALPHA_TOLERANCE = 0.15
 """Greatest difference of alpha, in radians, that rounding and the place of the camera explain."""
+LEAST_SEEN = 0.5
+"""Least part of the 2D box that lies in the picture: KITTI's stay inside, detectors' nearly."""
 LEAST_SHARE = 0.2
 """Least part of the 2D box inside the projected cuboid, which has lost pitch and roll."""
 FILE_GAIN, FILE_OVERLAP = 0.15, 0.7
@@ -190,10 +192,21 @@ def box_problems(
     documented = _projections([records[index] for index in with_box])
     problems: dict[int, SampleError] = {}
     for index, projected in zip(with_box, documented, strict=True):
-        inside = share_inside(_box(records[index]), projected)
+        record = records[index]
+        seen = share_inside(np.asarray(record.box), _box(record))
+        if seen < LEAST_SEEN and not own:
+            problems[index] = SampleError(
+                record.sample_id,
+                "bbox",
+                f"{np.round(np.asarray(record.box), 1).tolist()} lies beside the picture, of"
+                f" {record.image_hw[1]} x {record.image_hw[0]} pixels: boxes and calibration are of"
+                " a picture of another size",
+            )
+            continue
+        inside = share_inside(_box(record), projected)
         if inside < LEAST_SHARE and (inside <= 0 or not own):
             problems[index] = SampleError(
-                records[index].sample_id,
+                record.sample_id,
                 "bbox",
                 f"lies beside the projected cuboid ({inside:.0%} of it inside): it is another"
                 " thing's, or dimensions, location or the calibration (P2) are",

@@ -169,6 +169,24 @@ def again(file: Any) -> None:
     file.content["annotations"].append(file.box | {"id": 99})
 
 
+def again_turned(file: Any) -> None:
+    """Lists an Omni3D file's box once more, with its tail for its nose."""
+    again(file)
+    turned = file.content["annotations"][-1]
+    turned["R_cam"] = (np.array(turned["R_cam"]) * [-1, 1, -1]).tolist()
+    turned["bbox3D_cam"] = None
+
+
+def again_turned_line(file: Any) -> None:
+    """Lists a KITTI line once more, with its tail for its nose."""
+    file.lines.append(dict(file.box))
+    turned = {
+        key: f"{float(file.box[key]) - np.pi * np.sign(float(file.box[key])):.6f}"
+        for key in ("alpha", "rotation_y")
+    }
+    file.lines[-1].update(turned)
+
+
 def of_image(spoil: Callable[[Any], object], field: str, words: str) -> Cell:
     """A cell that costs the first image, with its three boxes."""
     return Cell(spoil, field, words, read=1, sample="")
@@ -213,6 +231,16 @@ TABLE: dict[str, dict[str, Cell]] = {
     "a projected box in the frame of another camera": {
         OMNI3D: Cell(of([1, 1, 9, 9], "bbox2D_trunc"), "bbox2D_trunc", "is not where K projects"),
     },
+    "a 2D box of a larger picture": {
+        OMNI3D: Cell(
+            matrix("bbox2D_tight", lambda b: 4 * b), "bbox2D_tight", "lies beside the projected"
+        ),
+        KITTI: Cell(
+            lambda file: [number(key, lambda px: 4 * px)(file) for key in ("x1", "y1", "x2", "y2")],
+            "bbox",
+            "a picture of another size",
+        ),
+    },
     "a 2D box whose corners are exchanged": {
         OMNI3D: Cell(matrix("bbox2D_tight", lambda b: b[[2, 1, 0, 3]]), "bbox2D_tight", "x2 > x1"),
         KITTI: Cell(
@@ -237,6 +265,10 @@ TABLE: dict[str, dict[str, Cell]] = {
     "the same box twice": {
         OMNI3D: Cell(again, "box", "once more", BOXES, "#3"),
         KITTI: Cell(lambda file: file.lines.append(file.box), "box", "once more", BOXES, "#3"),
+    },
+    "the same box twice, the other way round": {
+        OMNI3D: Cell(again_turned, "box", "once more", BOXES, "#3"),
+        KITTI: Cell(again_turned_line, "box", "once more", BOXES, "#3"),
     },
     "an id twice": {
         OMNI3D: Cell(of(1, "id"), "id", "is that of 0.jpg too"),
@@ -314,6 +346,16 @@ TABLE: dict[str, dict[str, Cell]] = {
     "intrinsics without a focal length": {
         OMNI3D: of_image(image_of("K", np.diag([0.0, 1, 1])), "K", "positive focal"),
         KITTI: of_image(lambda file: file.P2("0 " * 10 + "1 0"), "P2", "positive focal"),
+    },
+    "intrinsics that are normalised": {
+        OMNI3D: of_image(
+            image_of("K", np.array([[0.6, 0, 0.5], [0, 0.8, 0.5], [0, 0, 1]])),
+            "K",
+            "looks normalised",
+        ),
+        KITTI: of_image(
+            lambda file: file.P2("0.6 0 0.5 0 0 0.8 0.5 0 0 0 1 0"), "P2", "looks normalised"
+        ),
     },
     "intrinsics transposed": {
         OMNI3D: of_image(

@@ -177,6 +177,15 @@ def test_angles_from_zero_to_a_full_turn_and_an_unknown_alpha_are_read(folder: P
     assert np.abs(back.records[2].rotation - standing_set().records[2].rotation).max() < 1e-5
 
 
+def test_marks_of_utf8_and_other_ends_of_lines_are_read(folder: Path) -> None:
+    for path in (*folder.glob("label_2/*.txt"), *folder.glob("calib/*.txt")):
+        text = path.read_text().replace(" ", "\t" if "label" in str(path) else " ")
+        path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    back = read_kitti(folder)
+    assert (len(back.records), back.faults) == (4, ())
+    assert {record.category for record in back.records} == {"dog"}
+
+
 def test_the_same_box_twice_is_a_fault(folder: Path) -> None:
     path = folder / "label_2" / "000001.txt"
     path.write_text(path.read_text() * 2)
