@@ -64,18 +64,27 @@ CUBOID_READERS = {
 """Every format of cuboids that is read, by name, in the order in which a path is tried."""
 
 
-def cuboid_format(path: Path) -> str | None:
+def cuboid_format(path: Path, format: str = "auto") -> str | None:
     """The name of the format of a file or folder of cuboids; None of anything else.
+
+    Args:
+        path: the file or folder.
+        format: as the user says, of CUBOID_READERS or of animals; "auto": it is recognised, as is
+            one that is said to be COCO's, whose keys Omni3D shares.
 
     Raises:
         DatasetFormatError: a .json file that is none.
 
     """
+    if format not in ("auto", "coco"):
+        return format if format in CUBOID_READERS else None
     return next((name for name, one in CUBOID_READERS.items() if one.recognises(path)), None)
 
 
-def read_cuboid_set(path: Path, options: CuboidOptions | None = None) -> CuboidSet:
-    """The cuboids of a file or folder in any format that is known.
+def read_cuboid_set(
+    path: Path, options: CuboidOptions | None = None, format: str = "auto"
+) -> CuboidSet:
+    """The cuboids of a file or folder in any format that is known, or in the one that is given.
 
     Raises:
         ConfigError: an option that the format has no use for.
@@ -83,9 +92,9 @@ def read_cuboid_set(path: Path, options: CuboidOptions | None = None) -> CuboidS
         DatasetFormatError: in no such format, or not readable as a whole.
 
     """
-    format = cuboid_format(path)
-    if format is None:
+    kind = cuboid_format(path, format)
+    if kind is None:
         raise DatasetFormatError(
             f"{path} holds cuboids in no format that is known ({', '.join(CUBOID_READERS)})"
         )
-    return CUBOID_READERS[format].read(path, options or CuboidOptions())
+    return CUBOID_READERS[kind].read(path, options or CuboidOptions())

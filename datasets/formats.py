@@ -279,12 +279,11 @@ def read_dataset(
         ('stanfordextra', 2, None)
 
     """
-    if format not in ("auto", *FORMATS):
+    if format not in ("auto", *FORMATS, *CUBOID_READERS):
         raise ConfigError(f"format must be auto, {' or '.join(FORMATS)}, got {format!r}")
     if not path.exists():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
-    if format in ("auto", coco.FORMAT):
-        _refuse_cuboids(path)
+    _refuse_cuboids(path, format)
     kind = recognised_format(path) if format == "auto" else format
     options = options or ReadOptions()
     if options.visibility == "scores" and kind not in (coco.FORMAT, animal3d.FORMAT):
@@ -296,9 +295,9 @@ def read_dataset(
     return replace(dataset, records=with_focal(records, options.focal_px))
 
 
-def _refuse_cuboids(path: Path) -> None:
+def _refuse_cuboids(path: Path, format: str) -> None:
     """Raise a ConfigError for a file or folder of cuboids."""
-    cuboids = cuboid_format(path)
+    cuboids = cuboid_format(path, format)
     if cuboids is not None:
         raise ConfigError(
             f"{path} holds cuboids ({cuboids}), so there is nothing to label: load them with"

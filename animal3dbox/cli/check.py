@@ -11,10 +11,14 @@ from torch.utils.data import DataLoader
 from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
-from animal3dbox.cli.export import is_labels, read_cuboids
+from animal3dbox.cli.export import is_labels
 from animal3dbox.cli.jobs import CheckJob
 from animal3dbox.datasets.batches import collate
-from animal3dbox.datasets.cuboid_formats import CuboidOptions, cuboid_format
+from animal3dbox.datasets.cuboid_formats import (
+    CuboidOptions,
+    cuboid_format,
+    read_cuboid_set,
+)
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.drafts import EXCHANGED_SIDES
@@ -62,8 +66,9 @@ def run_check(job: CheckJob) -> ExitCode:
         raise ConfigError(f"--workers must not be negative, got {job.workers}")
     if is_labels(job.path):
         report = check_labels(job.path)
-    elif cuboid_format(job.path) is not None:
-        report = check_cuboids(job.path, CuboidOptions(job.dataset.images, metric=job.metric))
+    elif (format := cuboid_format(job.path, job.dataset.format)) is not None:
+        options = CuboidOptions(job.dataset.images, metric=job.metric)
+        report = check_cuboids(job.path, options, format)
     else:
         report = check_dataset(job)
     if job.json:
@@ -100,7 +105,7 @@ def check_labels(path: Path) -> CheckReport:
     return _report(path, len(targets), faults, findings, notes=())
 
 
-def check_cuboids(path: Path, options: CuboidOptions) -> CheckReport:
+def check_cuboids(path: Path, options: CuboidOptions, format: str) -> CheckReport:
     """The faults of cuboids in a format of datasets.cuboid_formats.
 
     Raises:
@@ -108,7 +113,7 @@ def check_cuboids(path: Path, options: CuboidOptions) -> CheckReport:
         DatasetFormatError: not readable as a whole.
 
     """
-    cuboids = read_cuboids(path, options)
+    cuboids = read_cuboid_set(path, options, format)
     targets = [target_of_record(record) for record in cuboids.records]
     findings = _findings_of_targets(targets, [record.image_hw for record in cuboids.records])
     faults = [_unreadable(error) for error in cuboids.faults]

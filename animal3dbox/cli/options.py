@@ -29,8 +29,18 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.read_options import ReadOptions
     from animal3dbox.datasets.synthetic.faults import FaultConfig
 
-Format = Literal["auto", "animal3d", "mesh_folder", "coco", "deeplabcut", "stanfordextra"]
-"""The formats of datasets.formats, whose import would load torch; a test compares them."""
+Format = Literal[
+    "auto",
+    "animal3d",
+    "mesh_folder",
+    "coco",
+    "deeplabcut",
+    "stanfordextra",
+    "omni3d",
+    "kitti",
+]
+"""The formats of datasets.formats and, after stanfordextra, those of cuboids, which have nothing to
+label (datasets.cuboid_formats). Their import would load torch; a test compares them."""
 
 StoredCamera = Literal["hypothesis", "exact"]
 """The policies of datasets.labelling.label_records, likewise."""

@@ -128,6 +128,7 @@ def _record(row: AnimalRow) -> CuboidRecord:
         heading_known=True,
         box=box if (box[2:] > box[:2]).all() else None,
         truncation=row.truncation,
+        sighting=row.sighting,
     )
 
 

@@ -5,12 +5,13 @@ names the box; what is only implausible is a note on the file.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal, get_args
 
 import numpy as np
 
 from animal3dbox.datasets.readers.cuboid_conventions import Floats
+from animal3dbox.datasets.readers.visible_boxes import stacked_boxes
 from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.errors import ConfigError, SampleError
 
@@ -22,6 +23,8 @@ LONGEST_M = 30.0
 """Length of a file's median box above which its unit is hardly the metre."""
 MILLIMETRES_FROM = 300.0
 """Length of a file's median box from which its unit looks like the millimetre."""
+SMALLEST_PX = 16.0
+"""Side of a picture, and focal length in pixels, below which nothing is told by them."""
 SHORTEST_M = 0.02
 """Length of a file's median box below which its unit is hardly the metre."""
 
@@ -37,33 +40,59 @@ def without_repeats(
 ) -> tuple[tuple[CuboidRecord, ...], tuple[SampleError, ...]]:
     """Records without those that are an earlier one's box again, and an error for each of these.
 
-    Two boxes of an image are one if centre, size and rotation differ by rounding alone, whatever
-    their categories are.
+    Two boxes of an image are one if they fill the same space, but for rounding, whatever their
+    categories are and whichever of their sides is called front.
     """
     of_image: defaultdict[str, list[int]] = defaultdict(list)
-    faults: dict[int, SampleError] = {}
     for index, record in enumerate(records):
-        earlier = of_image[record.image_id]
-        first = next((one for one in earlier if _same_box(records[one], record)), None)
-        earlier.append(index)
-        if first is not None:
-            faults[index] = SampleError(
-                record.sample_id,
+        of_image[record.image_id].append(index)
+    faults: dict[int, SampleError] = {}
+    for members in of_image.values():
+        for again, first in _repeats([records[index] for index in members]):
+            faults[members[again]] = SampleError(
+                records[members[again]].sample_id,
                 "box",
-                f"is that of {records[first].sample_id} once more (centre, size and rotation):"
-                " leave one of them out",
+                f"is that of {records[members[first]].sample_id} once more (centre, size and"
+                " rotation): leave one of them out",
             )
     kept = tuple(record for index, record in enumerate(records) if index not in faults)
-    return kept, tuple(faults.values())
+    return kept, tuple(faults[index] for index in sorted(faults))
 
 
-def _same_box(a: CuboidRecord, b: CuboidRecord) -> bool:
-    tolerance = SAME_BOX * float(np.linalg.norm(a.size))
-    return bool(
-        np.abs(a.center - b.center).max() <= tolerance
-        and np.abs(a.size - b.size).max() <= tolerance
-        and np.abs(a.rotation - b.rotation).max() <= SAME_BOX
-    )
+def _repeats(records: Sequence[CuboidRecord]) -> Iterator[tuple[int, int]]:
+    """The places of boxes of one image that are an earlier one's again, each with that one's."""
+    if len(records) < 2:
+        return
+    center, rotation, size = stacked_boxes(records)
+    tolerance = SAME_BOX * np.linalg.norm(size, axis=-1)[:, None]
+    apart = np.abs(center[:, None] - center).max(-1)
+    for again, first in np.argwhere(np.tril(apart <= tolerance, -1)).tolist():
+        turn = np.abs(rotation[first].T @ rotation[again])  # which axis is which, of either sign
+        axes = turn.round()
+        is_same_frame = np.abs(turn - axes).max() <= SAME_BOX and (axes.sum(0) == 1).all()
+        if is_same_frame and np.abs(size[first] @ axes - size[again]).max() <= tolerance[again]:
+            yield again, first
+
+
+def check_pixels(K: Floats, image_hw: tuple[int, int], sample_id: str, field: str) -> None:
+    """Raise a SampleError for intrinsics that are parts of the image, not pixels of it.
+
+    Args:
+        K: (3, 3).
+        image_hw: height and width.
+        sample_id: named in the error.
+        field: of K, likewise.
+
+    """
+    height, width = image_hw
+    focal, principal = max(K[0, 0], K[1, 1]), np.abs(K[:2, 2]).max()
+    if min(image_hw) > SMALLEST_PX and focal < SMALLEST_PX and principal <= 2:
+        raise SampleError(
+            sample_id,
+            field,
+            f"has a focal length of {focal:.3g}, as parts of the image: it looks normalised; give"
+            f" pixels (times {width} and {height})",
+        )
 
 
 def overlap(a: Floats, b: Floats) -> float:

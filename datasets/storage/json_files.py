@@ -1,5 +1,6 @@
 """Reading JSON files whole, with errors that name the file and say where it breaks."""
 
+import codecs
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
 
 
 def read_json_bytes(path: Path) -> bytes:
-    """The bytes of a file.
+    """The bytes of a file, without the mark of UTF-8 (BOM) that some editors put before them.
 
     Raises:
         DatasetNotFoundError: no such file.
@@ -24,7 +25,7 @@ def read_json_bytes(path: Path) -> bytes:
         raise DatasetFormatError(f"{path} cannot be read: {error}") from error
     if not data.strip():
         raise DatasetFormatError(f"{path} is empty")
-    return data
+    return data.removeprefix(codecs.BOM_UTF8)
 
 
 def decode_json(path: Path, kind: Any) -> Any:

@@ -37,6 +37,7 @@ from animal3dbox.cli.jobs import COMMANDS
 from animal3dbox.cli.main import main
 from animal3dbox.cli.options import FaultOptions, Format, Metric, StoredCamera, Swap
 from animal3dbox.datasets.bodies.sources import preset_body
+from animal3dbox.datasets.cuboid_formats import CUBOID_READERS
 from animal3dbox.datasets.formats import FORMATS
 from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.readers.cuboid_checks import Metric as ReaderMetric
@@ -541,7 +542,7 @@ def test_stdout_of_a_process_is_one_json(small: Path) -> None:
 
 
 def test_the_options_name_exactly_the_formats_that_can_be_read() -> None:
-    assert get_args(Format) == ("auto", *FORMATS)
+    assert get_args(Format) == ("auto", *FORMATS, *CUBOID_READERS)
 
 
 def test_the_options_name_exactly_the_choices_of_the_code_that_takes_them() -> None:

@@ -12,6 +12,7 @@ from cuboid_sets import random_set
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.readers.kitti.reader import read_kitti
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
+from animal3dbox.datasets.sightings import Sighting
 from animal3dbox.geometry.box_visibility import visible_faces
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
 from animal3dbox.report.label_files import AnimalRow, write_labels_json
@@ -79,6 +80,15 @@ def test_labels_become_omni3d_and_sides_keep_their_names(
         for n, visible in zip(FACE_NAMES, visible_faces(corners, np.zeros(3)), strict=True)
         if visible
     ] == [n for n, visible in zip(FACE_NAMES, row.face_visible, strict=True) if visible]
+
+
+def test_a_label_s_track_is_exported(labels: Path, tmp_path: Path) -> None:
+    file = read_labels_json(labels / "labels.json")
+    tracked = msgspec.structs.replace(file.animals[0], sighting=Sighting(track="mare"))
+    write_labels_json(labels / "labels.json", msgspec.structs.replace(file, animals=[tracked]))
+    out = tmp_path / "a.json"
+    assert ran("export", labels, "--to", "omni3d", "--out", out, "--scale-free")[0] == 0
+    assert json.loads(out.read_text())["annotations"][0]["track_id"] == "mare"
 
 
 def test_labels_that_state_their_scale_are_metres_already(labels: Path, tmp_path: Path) -> None:

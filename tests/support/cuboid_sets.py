@@ -75,6 +75,25 @@ def random_set(seed: int = 0, *, upright: bool = False, in_view: bool = False) -
     return CuboidSet("labels", tuple(records), (), (), tuple(images))
 
 
+def standing_set() -> CuboidSet:
+    """Two images with three and one upright boxes whose sides differ, seen whole."""
+    places = ((0, 8.0, 0.4), (-2.0, 10.0, 2.0), (2.0, 9.0, -1.1), (0.5, 7.0, 2.8))
+    records = []
+    for number, (x, z, yaw) in enumerate(places):
+        forward, up = np.array([np.cos(yaw), 0, -np.sin(yaw)]), np.array([0.0, -1, 0])
+        image_id = f"{number // 3}.jpg"
+        record = simple_record(
+            sample_id=f"{image_id}#{number % 3}" if number % 3 else image_id,
+            image_id=image_id,
+            center=np.array([x, 0.3, z]),
+            rotation=np.stack((forward, np.cross(up, forward), up), axis=1),
+            size=np.array([1.6, 0.5, 1.1]),
+            box=None,
+        )
+        records.append(replace(record, box=visible_part(record, 0.03)))
+    return CuboidSet("labels", tuple(records), ())
+
+
 def visible_part(record: CuboidRecord, margin: float = 0.1) -> np.ndarray | None:
     """The 2D box of a thing that fills its cuboid in the frame, but for a margin on each side."""
     box = visible_boxes([record]).in_frame[0]

@@ -20,14 +20,20 @@ from animal3dbox.errors import SampleError
 
 ALPHA_UNKNOWN = -10.0
 """Value of alpha that KITTI writes where it is not known."""
+NO_BOX = (-1.0, 0.0)
+"""Values of a 2D box that is not known: four times -1, or 0."""
 ALPHA_TOLERANCE = 0.15
 """Greatest difference of alpha, in radians, that rounding and the place of the camera explain."""
+LEAST_SEEN = 0.5
+"""Least part of the 2D box that lies in the picture: KITTI's stay inside, detectors' nearly."""
 LEAST_SHARE = 0.2
 """Least part of the 2D box inside the projected cuboid, which has lost pitch and roll."""
 FILE_GAIN, FILE_OVERLAP = 0.15, 0.7
 """By how much another reading must fit the median 2D box of a file better, and how well."""
 BOX_GAIN, BOX_OVERLAP = 0.3, 0.8
 """The same for a single box of a file that is read rightly, and for a file of few boxes."""
+GOOD_OVERLAP = 0.75
+"""Median overlap of a file whose 2D boxes are near enough to the cuboids to judge a single line."""
 MANY = 5
 """Number of boxes from which on a file's median is evidence enough.
 
@@ -109,6 +115,14 @@ def check_line(stated: StatedLine) -> None:
         raise SampleError(
             sample_id, "truncated", f"must lie in 0 to 1, or be -1, got {line.truncated:g}"
         )
+    has_area = (line.box[2:] > line.box[:2]).all()
+    if not has_area and not np.isin(line.box, NO_BOX).all():
+        raise SampleError(
+            sample_id,
+            "bbox",
+            "must be left, top, right, bottom with right > left and bottom > top, got"
+            f" {line.box.tolist()}; unknown is four times -1",
+        )
     depth = float((line.location + stated.offset)[2])
     if depth <= 0:
         raise SampleError(
@@ -178,10 +192,21 @@ def box_problems(
     documented = _projections([records[index] for index in with_box])
     problems: dict[int, SampleError] = {}
     for index, projected in zip(with_box, documented, strict=True):
-        inside = share_inside(_box(records[index]), projected)
+        record = records[index]
+        seen = share_inside(np.asarray(record.box), _box(record))
+        if seen < LEAST_SEEN and not own:
+            problems[index] = SampleError(
+                record.sample_id,
+                "bbox",
+                f"{np.round(np.asarray(record.box), 1).tolist()} lies beside the picture, of"
+                f" {record.image_hw[1]} x {record.image_hw[0]} pixels: boxes and calibration are of"
+                " a picture of another size",
+            )
+            continue
+        inside = share_inside(_box(record), projected)
         if inside < LEAST_SHARE and (inside <= 0 or not own):
             problems[index] = SampleError(
-                records[index].sample_id,
+                record.sample_id,
                 "bbox",
                 f"lies beside the projected cuboid ({inside:.0%} of it inside): it is another"
                 " thing's, or dimensions, location or the calibration (P2) are",
@@ -243,7 +268,9 @@ def _misread(
                 ),
             )
         return
-    doubtful = [k for k, fit in enumerate(fits) if fit < BOX_OVERLAP - BOX_GAIN]
+    if before < GOOD_OVERLAP:
+        return
+    doubtful = [k for k, fit in enumerate(fits) if fit <= 1 - BOX_GAIN]
     yield from _single_misread(
         [lines[with_box[k]] for k in doubtful],
         boxes[doubtful],

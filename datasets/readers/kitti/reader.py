@@ -11,6 +11,7 @@ from animal3dbox.datasets.images.photos import stored_size
 from animal3dbox.datasets.readers.cuboid_checks import (
     Metric,
     check_metric,
+    check_pixels,
     size_note,
     without_repeats,
 )
@@ -125,7 +126,7 @@ def read_kitti(
             f"{folder} has no label_2/*.txt (nor label_02/, nor results beside calib/)"
         )
     index = layout.home / INDEX
-    text = index.read_text(errors="replace") if index.is_file() else None
+    text = _text(index) if index.is_file() else None
     reading = _Reading(layout, images, _listed(text, folder))
     for label in layout.labels:
         _read_label(label, reading)
@@ -146,6 +147,11 @@ def read_kitti(
     )
 
 
+def _text(path: Path) -> str:
+    """The text of a file, without the mark of UTF-8 (BOM) that some editors put before it."""
+    return path.read_text(encoding="utf-8-sig", errors="replace")
+
+
 def _listed(text: str | None, folder: Path) -> dict[str, tuple[tuple[int, int], str]] | None:
     """The images of images.txt, if there is one; raises DatasetFormatError if it is damaged."""
     try:
@@ -156,7 +162,7 @@ def _listed(text: str | None, folder: Path) -> dict[str, tuple[tuple[int, int], 
 
 def _read_label(label: Path, reading: _Reading) -> None:
     """Read one file of boxes, an image's or a sequence's."""
-    lines = [line for line in label.read_text(errors="replace").splitlines() if line.strip()]
+    lines = [line for line in _text(label).splitlines() if line.strip()]
     parsed: dict[int | None, list[KittiLine | SampleError]] = {}
     for number, text in enumerate(lines):
         try:
@@ -226,6 +232,7 @@ def _image(stem: str, frame: int | None, reading: _Reading) -> tuple[CuboidImage
         image_hw, name = reading.listed[stem]
         path = path if path.is_file() else layout.home / name
     P = _calibration(layout.home / "calib" / f"{stem}.txt", name)
+    check_pixels(P[:, :3], image_hw, name, "P2")
     # P [X; 1] = K (X + o), so the first camera's frame is moved by o = K⁻¹ P[:, 3] into camera 2's.
     offset = np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
     return CuboidImage(name, path, image_hw, KITTI.K_in(P[:, :3])), offset
@@ -239,7 +246,7 @@ def _calibration(path: Path, sample_id: str) -> Floats:
 
     """
     try:
-        P = parsed_calibration(path.read_text(errors="replace"), sample_id)
+        P = parsed_calibration(_text(path), sample_id)
         check_intrinsics("P2", KITTI.K_in(P[:, :3]))
     except OSError as error:
         raise SampleError(sample_id, "calib", f"cannot be read: {error}") from error

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from animal3dbox.datasets.images.named_files import portable_name
+from animal3dbox.datasets.readers.cuboid_checks import check_pixels
 from animal3dbox.datasets.readers.cuboid_conventions import Convention, Floats
 from animal3dbox.datasets.readers.elements import decoded, image_size
 from animal3dbox.datasets.readers.omni3d.image_roots import image_path
@@ -98,6 +99,7 @@ def cuboid_image(
         check_intrinsics("K", K)
     except ShapeError as error:
         raise SampleError(name, "K", str(error)) from error
+    check_pixels(K, image_hw, name, "K")
     path = image_path(root, annotations, element.file_path, name)
     name = name if root is None else portable_name(root, name)
     return element.id, CuboidImage(name, path, image_hw, K)

@@ -225,8 +225,8 @@ class _Ids(msgspec.Struct):
 def _ids_of(raw: msgspec.Raw) -> _Ids:
     """The ids of an element, none of one that cannot be decoded, which is an error later."""
     try:
-        return msgspec.json.decode(raw, type=_Ids)
-    except msgspec.DecodeError:
+        return decoded(raw, _Ids, "element")
+    except SampleError:
         return _Ids()
 
 
@@ -269,7 +269,7 @@ def _stated_boxes(
                 )
             if image is None:
                 counts[_OF_FAULTY_IMAGES] += 1
-            elif not annotation.valid3D:
+            elif annotation.valid3D in (False, 0):
                 counts[_WITHOUT_3D] += 1
             else:
                 box = stated_box(

@@ -48,7 +48,7 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     dataset_id: Key = 0
     category_id: Key
     category_name: str | None = None
-    valid3D: bool | int = True
+    valid3D: bool | int | None = True
     bbox2D_tight: list[float] | None = None
     bbox2D_proj: list[float] | None = None
     bbox2D_trunc: list[float] | None = None

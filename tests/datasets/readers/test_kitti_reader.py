@@ -2,20 +2,21 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from commands import ran
-from cuboid_sets import random_set, simple_record, visible_part
+from cuboid_sets import random_set, standing_set, visible_part
 from PIL import Image
 
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.kitti_dataset import KittiDataset
 from animal3dbox.datasets.labelling.skipped import Skipped
 from animal3dbox.datasets.readers.kitti.reader import read_kitti
-from animal3dbox.datasets.records import CuboidRecord, CuboidSet
+from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.errors import ConfigError, DatasetNotFoundError, SampleError
 
 Fields = list[str]
@@ -23,35 +24,11 @@ COLUMNS = ("kind", "truncated", "occluded", "alpha", "x1", "y1", "x2", "y2", "h"
 PLACE = {name: number for number, name in enumerate((*COLUMNS, "x", "y", "z", "rotation_y"))}
 
 
-def dogs() -> CuboidSet:
-    """Two images with three and one upright boxes whose sides differ, seen whole."""
-    places = ((0, 8.0, 0.4), (-2.0, 10.0, 2.0), (2.0, 9.0, -1.1), (0.5, 7.0, 2.8))
-    records = []
-    for number, (x, z, yaw) in enumerate(places):
-        forward = np.array([np.cos(yaw), 0, -np.sin(yaw)])
-        up = np.array([0.0, -1, 0])
-        rotation = np.stack((forward, np.cross(up, forward), up), axis=1)
-        image_id = f"{number // 3}.jpg"
-        fields = vars(
-            simple_record(
-                sample_id=f"{image_id}#{number % 3}" if number % 3 else image_id,
-                image_id=image_id,
-                center=np.array([x, 0.3, z]),
-                rotation=rotation,
-                size=np.array([1.6, 0.5, 1.1]),
-                box=None,
-            )
-        )
-        box = visible_part(CuboidRecord(**fields), 0.03)
-        records.append(CuboidRecord(**{**fields, "box": box}))
-    return CuboidSet("labels", tuple(records), ())
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A good folder of another program: label_2, calib, image_2."""
     home = tmp_path / "training"
-    write_kitti(dogs(), home)
+    write_kitti(standing_set(), home)
     (home / "images.txt").unlink()
     (home / "image_2").mkdir(exist_ok=True)
     for number in range(2):
@@ -111,7 +88,7 @@ def test_a_good_folder_is_read_whole(folder: Path) -> None:
     assert [record.sample_id for record in back.records] == [
         "image_2/000000.png", "image_2/000000.png#1", "image_2/000000.png#2", "image_2/000001.png",
     ]  # fmt: skip
-    for ours, there in zip(back.records, dogs().records, strict=True):
+    for ours, there in zip(back.records, standing_set().records, strict=True):
         assert np.abs(ours.center - there.center).max() < 1e-5
         assert np.abs(ours.size - there.size).max() < 1e-5
         assert np.abs(ours.rotation - there.rotation).max() < 1e-5
@@ -197,7 +174,16 @@ def test_angles_from_zero_to_a_full_turn_and_an_unknown_alpha_are_read(folder: P
     change(folder, setting(rotation_y=lambda a: a % (2 * np.pi), alpha=lambda _: -10.0), (0, 1, 2))
     back = read_kitti(folder)
     assert (len(back.records), back.faults) == (4, ())
-    assert np.abs(back.records[2].rotation - dogs().records[2].rotation).max() < 1e-5
+    assert np.abs(back.records[2].rotation - standing_set().records[2].rotation).max() < 1e-5
+
+
+def test_marks_of_utf8_and_other_ends_of_lines_are_read(folder: Path) -> None:
+    for path in (*folder.glob("label_2/*.txt"), *folder.glob("calib/*.txt")):
+        text = path.read_text().replace(" ", "\t" if "label" in str(path) else " ")
+        path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    back = read_kitti(folder)
+    assert (len(back.records), back.faults) == (4, ())
+    assert {record.category for record in back.records} == {"dog"}
 
 
 def test_the_same_box_twice_is_a_fault(folder: Path) -> None:
@@ -223,7 +209,9 @@ def test_what_states_no_box_is_counted_and_shifts_no_name(folder: Path) -> None:
 def test_a_size_is_read_off_the_header_alone(folder: Path) -> None:
     picture = folder / "image_2" / "000000.png"
     picture.write_bytes(picture.read_bytes()[:60])  # the pixels are gone
-    assert read_kitti(folder).records[0].image_hw == (120, 160)
+    back = read_kitti(folder)
+    assert (len(back.records), back.faults) == (4, ())
+    assert back.records[0].image_hw == (120, 160)
 
 
 def test_an_image_that_is_missing_is_one_fault_and_its_lines_are_counted(folder: Path) -> None:
@@ -278,7 +266,10 @@ def test_tracking_has_an_image_a_frame_and_a_name_a_track(folder: Path) -> None:
 
 def test_the_dataset_gives_the_boxes_as_they_are(folder: Path) -> None:
     target = target_of(KittiDataset(folder), 0)
-    assert np.abs(target["center"].numpy() - [r.center for r in dogs().records[:3]]).max() < 1e-5
+    assert (
+        np.abs(target["center"].numpy() - [r.center for r in standing_set().records[:3]]).max()
+        < 1e-5
+    )
     assert target["scale_known"].all()
     assert "face_visible" in target
     assert "face_visible" not in target_of(KittiDataset(folder, heading_known=False), 0)
@@ -290,7 +281,7 @@ def test_the_dataset_gives_the_boxes_as_they_are(folder: Path) -> None:
 
 
 def test_lengths_that_an_export_says_are_no_metres_are_read_so(tmp_path: Path) -> None:
-    unscaled = tuple(CuboidRecord(**{**vars(one), "metric": False}) for one in dogs().records)
+    unscaled = tuple(replace(one, metric=False) for one in standing_set().records)
     write_kitti(CuboidSet("labels", unscaled, ()), tmp_path, scale_free=True)
     assert {record.metric for record in read_kitti(tmp_path).records} == {False}
     assert {record.metric for record in read_kitti(tmp_path, metric="yes").records} == {True}
@@ -306,9 +297,18 @@ def test_millimetres_are_noted(folder: Path) -> None:
 
 
 def test_own_files_are_held_against_no_other_order(tmp_path: Path) -> None:
-    there = random_set(in_view=True)  # whose pitch and roll are lost
-    write_kitti(there, tmp_path)
+    tilted = next(
+        record
+        for record in random_set(4, in_view=True).records
+        if record.sample_id == "images/4.jpg"
+    )
+    tilted = replace(tilted, box=visible_part(tilted, 0.03))
+    write_kitti(CuboidSet("labels", (tilted,), ()), tmp_path)  # which loses pitch and roll
     assert read_kitti(tmp_path).faults == ()
+    (tmp_path / "images.txt").unlink()
+    (tmp_path / "image_2").mkdir()
+    Image.new("L", tilted.image_hw[::-1]).save(tmp_path / "image_2" / "000000.png")
+    assert [fault.field for fault in read_kitti(tmp_path).faults] == ["dimensions"]
 
 
 def test_folders_without_labels_are_refused(tmp_path: Path) -> None:
@@ -330,6 +330,12 @@ def test_commands_know_a_folder_of_kitti(folder: Path) -> None:
     assert (code, "4 boxes in 2 images" in output) == (0, True)
     code, output = ran("label", folder, "--out", folder.parent / "labels")
     assert (code, "KittiDataset" in output, "check" in output) == (2, True, True)
+    code, output = ran("label", folder, "--format", "kitti", "--out", folder.parent / "labels")
+    assert (code, "KittiDataset" in output) == (2, True)
+    assert ran("check", folder, "--format", "kitti")[0] == 0
+    assert ran("check", folder, "--format", "coco")[0] == 0  # recognised all the same
+    assert ran("check", folder / "label_2", "--format", "kitti")[0] == 0
+    assert ran("check", folder.parent, "--format", "omni3d")[0] == 3
     change(folder, BAD["degrees"][0], (1,))
     code, output = ran("check", folder)
     assert (code, "image_2/000000.png#1: rotation_y: must be in radians" in output) == (4, True)

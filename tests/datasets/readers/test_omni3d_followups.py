@@ -197,6 +197,17 @@ def test_headings_that_run_across_most_boxes_name_none(tmp_path: Path, content: 
     assert "face_visible" not in target_of(tmp_path, content)
 
 
+def test_headings_name_no_side_while_many_run_across(tmp_path: Path, content: Content) -> None:
+    with_headings(content, 0.0)
+    for annotation in content["annotations"][:3]:
+        annotation["heading_alpha"] += np.pi / 2
+    assert not any(record.heading_known for record in read(tmp_path, content).records)
+    with_headings(content, 0.0)
+    content["annotations"][0]["heading_alpha"] += np.pi / 2
+    known = [record.heading_known for record in read(tmp_path, content).records]
+    assert known == [False] + [True] * 9
+
+
 def test_headings_that_are_not_valid_say_nothing(tmp_path: Path, content: Content) -> None:
     with_headings(content, 0.0)
     content["annotations"][3]["heading_valid"] = 0

@@ -154,6 +154,34 @@ def test_a_flat_matrix_column_by_column_is_a_fault(tmp_path: Path, content: Cont
     assert str(back.faults[0]).startswith("images/0.jpg: K: K must be upper triangular")
 
 
+def as_floats(value: Any) -> Any:
+    """A JSON value as tables of floats write it."""
+    if isinstance(value, dict):
+        return {key: as_floats(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [as_floats(one) for one in value]
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def test_floats_for_whole_numbers_lose_no_box(tmp_path: Path, content: Content) -> None:
+    there = read(tmp_path, content)
+    back = read(tmp_path, as_floats(content))
+    assert (len(back.records), back.faults) == (10, ())
+    assert [record.sample_id for record in back.records] == [
+        record.sample_id for record in there.records
+    ]
+
+
+def test_nulls_for_what_need_not_be_said_and_a_mark_of_utf8_are_read(
+    tmp_path: Path, content: Content
+) -> None:
+    for annotation in content["annotations"]:
+        annotation |= dict.fromkeys(("valid3D", "behind_camera", "category_name", "truncation"))
+    (tmp_path / "marked.json").write_bytes(b"\xef\xbb\xbf" + json.dumps(content).encode())
+    back = read_omni3d(tmp_path / "marked.json")
+    assert (len(back.records), back.faults) == (10, ())
+
+
 def test_an_annotation_whose_id_another_has_is_a_fault(tmp_path: Path, content: Content) -> None:
     content["annotations"][2]["id"] = content["annotations"][0]["id"]
     back = read(tmp_path, content)
