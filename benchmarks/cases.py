@@ -95,6 +95,14 @@ CASES = (
     Case("omni3d-flat-K/omni.json", checked(4), command="check"),
     Case("wildbox-abs/WildBox_train.json", checked(21), command="check", with_pictures=True),
     Case("wildlift-flatK/RHINO_train.json", checked(21, "[L, H, W]"), command="check"),
+    Case("exif-upright", refused("3 x not_turned", "orientation 6; turn it so by --orientation")),
+    Case("exif-upright", labelled(8, "7 pictures were turned"), ("--orientation", "apply")),
+    Case("tiff-mask-and-photo", labelled(2, "1 x not_turned")),
+    Case(
+        "tiff-mask-and-photo",
+        refused("its pixels as stored: leave out --orientation apply"),
+        ("--orientation", "apply"),
+    ),
 )
 
 

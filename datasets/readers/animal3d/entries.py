@@ -112,7 +112,7 @@ def record_of_entry(
     name = portable_name(root, entry.img_path)
     image = resolve_inside(root, name, sample_id, "img_path")
     if entry.height is None or entry.width is None:
-        image_hw = stored_size(image, sample_id)
+        image_hw = stored_size(image, sample_id, upright=tolerance.upright)
     else:
         image_hw = image_size(entry.height, entry.width, sample_id)
     if split.flength is not None and not (np.isfinite(split.flength) and split.flength > 0):
@@ -137,6 +137,7 @@ def record_of_entry(
         K=_intrinsics(entry, split, image_hw, sample_id),
         K_source="dataset" if entry.K is None else "given",
         sighting=sighting_of(entry),
+        upright=tolerance.upright,
     )
 
 

@@ -18,6 +18,7 @@ from animal3dbox.datasets.images.named_files import resolve_inside
 from animal3dbox.datasets.images.photos import stored_size
 from animal3dbox.datasets.readers.mesh_folder.camera_files import Camera, load_camera
 from animal3dbox.datasets.readers.mesh_folder.files import AnimalFiles, list_mesh_folder
+from animal3dbox.datasets.readers.tolerance import TURNED
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
@@ -72,6 +73,8 @@ def read_mesh_folder(
     images: Path | None = None,
     model: Path | None = None,
     vocabulary: Vocabulary | None = None,
+    *,
+    upright: bool = False,
 ) -> MeshFolder:
     """The animals of a folder with images/ and meshes/, see docs/formats.md.
 
@@ -82,6 +85,7 @@ def read_mesh_folder(
         images: the folder of images; None: images/.
         model: the SMAL file whose vertices all meshes have.
         vocabulary: the keypoints; None: as mesh_folder.json says, else animal3d26.
+        upright: whether pictures and masks are turned as their EXIF headers say.
 
     Raises:
         DatasetNotFoundError: no such folders.
@@ -99,6 +103,7 @@ def read_mesh_folder(
         vocabulary=vocabulary or _vocabulary(manifest, home),
         manifest=manifest,
         load_camera=lru_cache(maxsize=None)(load_camera),
+        upright=upright,
     )
     listing = list_mesh_folder(home, reader.images)
     records, faults, meshes = [], list(listing.faults), {}
@@ -110,12 +115,12 @@ def read_mesh_folder(
             continue
         records.append(record)
         meshes[record.sample_id] = MeshFile(mesh)
-    landmarks = _landmarks(home / LANDMARKS)
+    landmarks, notes = _landmarks(home / LANDMARKS), (TURNED,) if upright else ()
     bodies = MeshFolderBodies(
         home.resolve(), meshes, landmarks, None if model is None else load_model(model)
     )
     return MeshFolder(
-        RecordSet(FORMAT, tuple(records), tuple(faults), tuple(listing.notes)), bodies
+        RecordSet(FORMAT, tuple(records), tuple(faults), (*listing.notes, *notes)), bodies
     )
 
 
@@ -161,6 +166,7 @@ class _RecordReader:
         vocabulary: the keypoints.
         manifest: what holds for all animals.
         load_camera: reads a camera once for the many images that it took.
+        upright: whether pictures and masks are turned as their EXIF headers say.
     """
 
     home: Path
@@ -168,6 +174,7 @@ class _RecordReader:
     vocabulary: Vocabulary
     manifest: Manifest
     load_camera: Callable[[Path, tuple[int, int]], Camera]
+    upright: bool = False
 
     def record(self, files: AnimalFiles) -> tuple[AnimalRecord, Path]:
         """The record of an animal and its mesh's file, checked but for the mesh's content.
@@ -177,7 +184,7 @@ class _RecordReader:
         sample_id = files.sample_id
         image = resolve_inside(self.images, files.image, sample_id, "image")
         mesh = resolve_inside(self.home, files.mesh, sample_id, "mesh")
-        image_hw = stored_size(image, sample_id)
+        image_hw = stored_size(image, sample_id, upright=self.upright)
         camera = self._camera(files, image_hw)
         keypoints = self._keypoints(files)
         if camera.pose is None and not keypoints.any():
@@ -203,6 +210,7 @@ class _RecordReader:
             metres_per_unit=(
                 self.manifest.unit_m if camera.metres_per_unit is None else camera.metres_per_unit
             ),
+            upright=self.upright,
         )
         return record, mesh
 
