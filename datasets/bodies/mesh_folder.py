@@ -5,11 +5,17 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from animal3dbox.datasets.bodies.mesh_file import Place, keypoints_of
-from animal3dbox.datasets.bodies.mesh_formats import read_mesh, read_npz
+from animal3dbox.datasets.bodies.mesh_formats import (
+    WITHOUT_ORDER,
+    has_loose_triangles,
+    read_mesh,
+    read_npz,
+)
 from animal3dbox.datasets.bodies.sources import model_digest
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
@@ -29,6 +35,14 @@ CACHED = 32
 The views of one animal by several cameras use the same file and follow each other.
 """
 
+LEAST_PX = 5.0
+"""Length in the picture under which a mesh under its known camera cannot be an animal in it."""
+LOOSE_NOTE = (
+    "no two triangles of the mesh share a vertex, as in an STL: landmarks.json holds for it only if"
+    " its ids were chosen on this very file"
+)
+"""The note of a mesh on which ids of vertices may not be what they were on another file of it."""
+
 MeshArrays = tuple[Tensor, Tensor, dict[str, Tensor]]
 """Vertices (V, 3), faces (F, 3), and landmark name -> place (3,), empty if the file names none."""
 
@@ -39,9 +53,11 @@ class MeshFile:
 
     Attributes:
         path: the mesh's file.
+        camera: the file that says where the mesh stands, for errors; None without.
     """
 
     path: Path
+    camera: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -111,7 +127,9 @@ class MeshFolderBodies:
             raise SampleError(record.sample_id, "mesh", str(error)) from error
         if self.model is not None:
             _check_order(self.model, vertices, faces, sample_id=record.sample_id, path=path)
-        landmarks, notes = self._keypoints(record, _Mesh(path, vertices, faces, points))
+        mesh = _Mesh(path, vertices, faces, points)
+        check_scale(record, mesh, self.meshes[record.sample_id].camera)
+        landmarks, notes = self._keypoints(record, mesh)
         if not bool(torch.isfinite(landmarks).any()):
             raise SampleError(
                 record.sample_id,
@@ -143,7 +161,9 @@ class MeshFolderBodies:
         if mesh.points:
             return keypoints_of(mesh.points, words), ()
         if self.landmarks:
-            return keypoints_of(self._places(record.sample_id, vertices, mesh.path), words), ()
+            places = self._places(record.sample_id, vertices, mesh.path)
+            is_loose = has_loose_triangles(mesh.faces.numpy(), len(vertices))
+            return keypoints_of(places, words), (LOOSE_NOTE,) if is_loose else ()
         used = used_vertices(mesh.faces, len(vertices))
         try:
             if self.model is not None:
@@ -157,6 +177,9 @@ class MeshFolderBodies:
 
     def _places(self, sample_id: str, vertices: Tensor, path: Path) -> dict[str, Tensor]:
         """Landmark name -> place (3,) by landmarks.json; raises SampleError if ids do not fit."""
+        if path.suffix.lower() == ".stl":
+            problem = f"has vertices' ids for {path.name}, but {WITHOUT_ORDER}"
+            raise SampleError(sample_id, "landmarks", problem)
         places = {}
         for name, ids in self.landmarks.items():
             if not isinstance(ids, list) or not ids or min(ids) < 0 or max(ids) >= len(vertices):
@@ -185,6 +208,40 @@ class _Mesh:
     vertices: Tensor
     faces: Tensor
     points: dict[str, Tensor]
+
+
+def check_scale(record: AnimalRecord, mesh: _Mesh, camera: Path | None) -> None:
+    """Raise a SampleError for a mesh and a known camera that cannot be in one unit.
+
+    Args:
+        record: says where the camera is; one without a known pose is not checked.
+        mesh: of the animal.
+        camera: the camera's file, for the error; None without.
+
+    """
+    if record.pose is None or record.K is None:
+        return
+    R, t = (torch.from_numpy(np.asarray(part, dtype=np.float64)) for part in record.pose)
+    used = used_vertices(mesh.faces, len(mesh.vertices))
+    vertices = mesh.vertices if used is None else mesh.vertices[torch.from_numpy(used)]
+    least, greatest = vertices.amin(0), vertices.amax(0)
+    length, distance = float((greatest - least).norm()), float((R @ vertices.mean(0) + t).norm())
+    length_px = float(record.K[0, 0]) * length / max(distance, 1e-12)
+    camera_center = -R.mT @ t
+    camera_name = "the camera" if camera is None else camera.as_posix()
+    where = f"{camera_name} puts {mesh.path.name}, {length:.3g} units long,"
+    if length_px < LEAST_PX:
+        problem = f"{where} {distance:.3g} units away, where it is {length_px:.1g} px long"
+    elif bool(((camera_center > least) & (camera_center < greatest)).all()):
+        problem = f"{where} {distance:.3g} units away, so that the camera is inside the animal"
+    else:
+        return
+    raise SampleError(
+        record.sample_id,
+        "camera, mesh",
+        f"{problem}: K must be in px, and t in the mesh's unit (a camera in mm beside a mesh in m"
+        " is 1000 times too far); bring both to one unit",
+    )
 
 
 def _why_not_smal(vertices: Tensor, faces: Tensor) -> str:

@@ -5,7 +5,7 @@ for each of several animals, or is shared by the images of several cameras' fold
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -62,7 +62,7 @@ class _Files:
 
     Attributes:
         images: name -> path in the folder of images.
-        meshes: name -> path in meshes/.
+        meshes: name -> path in meshes/, but for those that may be of either of two images.
         numbered: name -> meshes NAME_0, NAME_1, ... with their numbers.
         extras: folder -> name -> path, of keypoints/, masks/ and cameras/.
         has_common_camera: whether there is a camera.json.
@@ -125,7 +125,7 @@ def list_mesh_folder(root: Path, images: Path) -> Listing:
             )
     listing = Listing()
     files = _list_files(root, images, listing)
-    if not files.meshes:
+    if not files.meshes and not listing.faults:
         raise DatasetFormatError(
             f"{root / 'meshes'} holds no mesh ({', '.join((*MESH_SUFFIXES, '.npz'))})"
         )
@@ -172,6 +172,7 @@ def _list_files(root: Path, images: Path, listing: Listing) -> _Files:
     extras = {
         kind: _by_name(root / kind, (suffix,), kind, listing) for kind, suffix in EXTRAS.items()
     }
+    _take_out_ambiguous(meshes, pictures, listing)
     numbered = _numbered(meshes, {end for name in pictures for end in _ends(name)})
     return _Files(
         images=pictures,
@@ -242,6 +243,57 @@ def _camera_places(name: str) -> list[str]:
     """Names of an image's own camera, then of its folders' cameras, the innermost first."""
     parts = name.split("/")
     return ["/".join(parts[:i]) for i in range(len(parts), 0, -1)]
+
+
+def _take_out_ambiguous(
+    meshes: dict[str, str], pictures: Mapping[str, str], listing: Listing
+) -> None:
+    """Remove each mesh that may be of either of two images, with a fault for every such image.
+
+    Beside dog.jpg and dog_1.jpg, dog_1.obj may be the first's animal of that number, or the other's
+    only one. It is the other's if dog.jpg has a mesh of its very name, and neither has numbered
+    ones besides: then each image has the mesh that is called like it, which a note says.
+    """
+    by_end: dict[str, list[str]] = {}
+    for name in sorted(pictures):
+        for end in _ends(name):
+            by_end.setdefault(end, []).append(name)
+    numbered = _numbered(meshes, set(by_end))
+    alike: list[str] = []
+    ambiguous: list[tuple[str, re.Match[str]]] = []
+    for mesh in sorted(meshes):
+        match = _NUMBERED.fullmatch(mesh)
+        if match is None or mesh not in by_end or match["name"] not in by_end:
+            continue
+        first = match["name"]
+        is_plain = first in meshes and not numbered.get(first) and not numbered.get(mesh)
+        if is_plain:
+            alike.append(mesh)
+        else:
+            ambiguous.append((mesh, match))
+    for mesh, match in ambiguous:
+        path, number = meshes.pop(mesh), int(match["number"][1:])
+        one, other = by_end[match["name"]], by_end[mesh]
+        problem = _either(path, pictures[one[0]], pictures[other[0]], match)
+        samples = [pictures[name] + (f"#{number}" if number else "") for name in one]
+        samples += [pictures[name] for name in other]
+        listing.faults += [SampleError(sample, "mesh", problem) for sample in samples]
+    if alike:
+        listing.notes.append(
+            f"{len(alike)} meshes are called like an image, and like a second animal of another"
+            f" one, and are taken for the first: {', '.join(meshes[mesh] for mesh in alike[:3])}"
+            f"{', ...' if len(alike) > 3 else ''}"
+        )
+
+
+def _either(path: str, one: str, other: str, match: re.Match[str]) -> str:
+    """The problem of a mesh that may be of either of two images, and its remedy."""
+    suffix, mark, number = Path(path).suffix, match["number"][0], match["number"][1:]
+    other_mark = "." if mark == "_" else "_"
+    return (
+        f"meshes/{path} may be animal {number} of {one}, or the first of {other}: name it"
+        f" {match['name']}{other_mark}{number}{suffix} or {match['name']}{mark}{number}_0{suffix}"
+    )
 
 
 def _numbered(meshes: Iterable[str], images: set[str]) -> dict[str, list[tuple[str, str]]]:

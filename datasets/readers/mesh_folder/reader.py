@@ -114,7 +114,8 @@ def read_mesh_folder(
             faults.append(error)
             continue
         records.append(record)
-        meshes[record.sample_id] = MeshFile(mesh)
+        camera = None if files.camera is None else Path(files.camera)
+        meshes[record.sample_id] = MeshFile(mesh, camera)
     landmarks, notes = _landmarks(home / LANDMARKS), (TURNED,) if upright else ()
     bodies = MeshFolderBodies(
         home.resolve(), meshes, landmarks, None if model is None else load_model(model)
