@@ -135,7 +135,8 @@ def _refuse_vocabulary(options: ReadOptions, own: Vocabulary) -> None:
 
 def _is_animal3d(summary: PathSummary) -> bool:
     if summary.path.is_dir():
-        return any((summary.path / name).is_file() for name in animal3d_entries.SPLITS)
+        is_split = any((summary.path / name).is_file() for name in animal3d_entries.SPLITS)
+        return is_split or any(summary.path.glob(animal3d_entries.MANY))
     return summary.keys is not None and "data" in summary.keys
 
 
