@@ -16,11 +16,18 @@ from animal3dbox.datasets.bodies.mesh_formats import (
     read_mesh,
     read_npz,
 )
+from animal3dbox.datasets.bodies.regressor_npz import (
+    LANDMARKS,
+    npz_names,
+    posed_mesh,
+    skeleton_of,
+)
 from animal3dbox.datasets.bodies.sources import model_digest
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest, digest, file_digest
 from animal3dbox.datasets.storage.packed import PackedMapping
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
+from animal3dbox.geometry.camera import WEAK_FOCAL
 from animal3dbox.geometry.used_vertices import used_vertices
 from animal3dbox.labels.body import Body
 from animal3dbox.labels.mesh_landmarks import SMAL_NOTE, template_landmarks, topology_landmarks
@@ -43,8 +50,16 @@ LOOSE_NOTE = (
 )
 """The note of a mesh on which ids of vertices may not be what they were on another file of it."""
 
-MeshArrays = tuple[Tensor, Tensor, dict[str, Tensor]]
-"""Vertices (V, 3), faces (F, 3), and landmark name -> place (3,), empty if the file names none."""
+SKELETON_NOTE = "the file has a skeleton without a body: the box bounds its landmarks"
+"""The note of an animal of which only the landmarks are known."""
+WEAK_NOTE = (
+    "the camera is a weak perspective's, and stands for it from so far away: distances mean nothing"
+)
+"""The note of an animal under a camera that sees no depth."""
+
+MeshArrays = tuple[Tensor | None, Tensor, dict[str, Tensor]]
+"""Vertices (V, 3), None of a skeleton, faces (F, 3), and landmark name -> place (3,), empty if the
+file names none."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +137,12 @@ class MeshFolderBodies:
         path = self._file(record.sample_id)
         try:
             stamp = path.stat()
-            vertices, faces, points = _read(path, stamp.st_mtime_ns, stamp.st_size)
+            vertices, faces, points = _read(path, stamp.st_mtime_ns, stamp.st_size, self.model)
         except (OSError, DatasetFormatError) as error:
             raise SampleError(record.sample_id, "mesh", str(error)) from error
+        if vertices is None:
+            landmarks = keypoints_of(points, record.vocabulary)
+            return Body(None, None, landmarks, None, template=None, notes=(SKELETON_NOTE,))
         if self.model is not None:
             _check_order(self.model, vertices, faces, sample_id=record.sample_id, path=path)
         mesh = _Mesh(path, vertices, faces, points)
@@ -144,7 +162,7 @@ class MeshFolderBodies:
             landmarks=landmarks,
             landmark_sigma=None,
             template=self.model,
-            notes=notes,
+            notes=(*notes, WEAK_NOTE) if _is_weak(record) else notes,
         )
 
     def _keypoints(self, record: AnimalRecord, mesh: "_Mesh") -> tuple[Tensor, tuple[str, ...]]:
@@ -270,14 +288,28 @@ def _check_order(
         )
 
 
+def _is_weak(record: AnimalRecord) -> bool:
+    """Whether a record's camera stands for a weak perspective's."""
+    return record.K is not None and float(record.K[0, 0]) >= WEAK_FOCAL
+
+
 @lru_cache(maxsize=CACHED)
-def _read(path: Path, changed_ns: int, size: int) -> MeshArrays:
+def _read(path: Path, changed_ns: int, size: int, model: SmalModel | None) -> MeshArrays:
     """The arrays of a mesh file, decoded once for the animals that share it.
 
-    The time and the size are part of the cache's key: a file that has changed is read again.
+    The time and the size are part of the cache's key: a file that has changed is read again. The
+    model is that of regressors' files, which have no faces of their own.
     """
     if path.suffix.lower() == ".npz":
-        vertices, faces, places = read_npz(path)
+        names = npz_names(path)
+        if "vertices" in names:
+            vertices, faces, places = read_npz(path)
+        elif any(name in names for name in LANDMARKS):
+            skeleton = skeleton_of(path)
+            points = {name: torch.from_numpy(point) for name, point in skeleton.items()}
+            return None, torch.zeros((0, 3), dtype=torch.int64), points
+        else:
+            (vertices, faces), places = posed_mesh(path, model), {}
     else:
         (vertices, faces), places = read_mesh(path), {}
     return (

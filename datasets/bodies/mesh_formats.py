@@ -166,7 +166,7 @@ def read_npz(
 
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             vertices = np.asarray(arrays["vertices"], dtype=np.float64)
             faces = np.asarray(arrays["faces"])
             places = np.asarray(arrays.get("landmarks", np.zeros((0, 3))), dtype=np.float64)

@@ -78,7 +78,7 @@ def stored_camera(
             compared += 1
             different += landmarks_differ(keypoints_3d[record.sample_id], landmarks)
         for name, signs in FRAMES.items():
-            misfits[name].append(_misfit(landmarks * signs, record))
+            misfits[name].append(keypoint_misfit(landmarks * signs, record))
     medians = {name: float(np.median(values)) for name, values in misfits.items() if values}
     notes = [_keypoint_note(different, compared)] if different else []
     best = min(medians, key=lambda name: medians[name], default=None)
@@ -99,7 +99,7 @@ def _keypoint_note(different: int, compared: int) -> str:
     )
 
 
-def _misfit(landmarks_cam: NDArray[np.float64], record: AnimalRecord) -> float:
+def keypoint_misfit(landmarks_cam: NDArray[np.float64], record: AnimalRecord) -> float:
     """Median distance of projected landmarks (J, 3) from the marked keypoints, by their extent.
 
     Infinite if a landmark lies behind the camera, or too few keypoints are marked.

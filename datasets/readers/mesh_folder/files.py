@@ -11,12 +11,13 @@ from pathlib import Path
 
 from animal3dbox.datasets.bodies.mesh_formats import MESH_SUFFIXES
 from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES
+from animal3dbox.datasets.readers.mesh_folder.regressor_names import Rank, own_name
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 
 COMMON_CAMERA = "camera.json"
 """The camera of all images that have none of their own."""
-EXTRAS = {"keypoints": ".json", "masks": ".png", "cameras": ".json"}
-"""Folders of further files of an animal or image, and the suffix of the files in each."""
+EXTRAS = {"keypoints": (".json", ".npy"), "masks": (".png",), "cameras": (".json",)}
+"""Folders of further files of an animal or image, and the suffixes of the files in each."""
 _NUMBERED = re.compile(r"(?P<name>.+)(?P<number>[._]\d+)")
 
 
@@ -161,19 +162,22 @@ def _note_unused(root: Path, images: Path, files: _Files, listing: Listing) -> N
             f"in {kind}/ belong to no animal",
         )
         listing.notes += _unused_note(
-            _of_other_kind(root / kind, EXTRAS[kind]), f"in {kind}/ are no {EXTRAS[kind]}"
+            _of_other_kind(root / kind, EXTRAS[kind]),
+            f"in {kind}/ are no {' or '.join(EXTRAS[kind])}",
         )
 
 
 def _list_files(root: Path, images: Path, listing: Listing) -> _Files:
     """The files of a mesh folder by name; those of a name that another has are faults."""
     pictures = _by_name(images, IMAGE_SUFFIXES, "image", listing)
-    meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", listing)
+    ends = {end for name in pictures for end in _ends(name)}
+    meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", listing, images=ends)
     extras = {
-        kind: _by_name(root / kind, (suffix,), kind, listing) for kind, suffix in EXTRAS.items()
+        kind: _by_name(root / kind, suffixes, kind, listing, images=ends)
+        for kind, suffixes in EXTRAS.items()
     }
     _take_out_ambiguous(meshes, pictures, listing)
-    numbered = _numbered(meshes, {end for name in pictures for end in _ends(name)})
+    numbered = _numbered(meshes, ends)
     return _Files(
         images=pictures,
         meshes=meshes,
@@ -192,7 +196,7 @@ def _unused_note(files: list[str], reason: str) -> Iterable[str]:
         )
 
 
-def _of_other_kind(folder: Path, suffix: str) -> list[str]:
+def _of_other_kind(folder: Path, suffixes: tuple[str, ...]) -> list[str]:
     """The files of a folder, which may be missing, of other suffixes; hidden ones do not count."""
     files = (
         (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
@@ -200,24 +204,47 @@ def _of_other_kind(folder: Path, suffix: str) -> list[str]:
         else ()
     )
     return sorted(
-        path.relative_to(folder).as_posix() for path in files if path.suffix.lower() != suffix
+        path.relative_to(folder).as_posix() for path in files if path.suffix.lower() not in suffixes
     )
 
 
 def _by_name(
-    folder: Path, suffixes: tuple[str, ...], field_name: str, listing: Listing
+    folder: Path,
+    suffixes: tuple[str, ...],
+    field_name: str,
+    listing: Listing,
+    *,
+    images: set[str] | None = None,
 ) -> dict[str, str]:
     """Path without suffix -> path, both relative to the folder, which may be missing.
 
-    Of two files of one name it is the first; the second is a fault of the listing.
+    What regressors add to a name is no part of it, unless an image has it, too; of a mesh before
+    and after their adaptation it is the one after. Of two other files of one name it is the first;
+    the second is a fault of the listing.
+
+    Args:
+        folder: may be missing.
+        suffixes: of the files.
+        field_name: what they are, for errors.
+        listing: gets the faults.
+        images: the names of images, with and without their first folders; None: these are images.
+
     """
     names: dict[str, str] = {}
+    ranks: dict[str, Rank] = {}
+    replaced: list[str] = []
     for path in sorted(folder.rglob("*")) if folder.is_dir() else []:
         if path.suffix.lower() not in suffixes:
             continue
         relative = path.relative_to(folder)
-        name = relative.with_suffix("").as_posix()
-        if name in names:
+        plain = relative.with_suffix("").as_posix()
+        as_is = images is None or plain in images
+        name, rank = (plain, Rank.PLAIN) if as_is else own_name(plain)
+        if name in names and rank != ranks[name]:
+            replaced.append(names[name] if rank < ranks[name] else relative.as_posix())
+            if rank < ranks[name]:
+                names[name], ranks[name] = relative.as_posix(), rank
+        elif name in names:
             listing.faults.append(
                 SampleError(
                     relative.as_posix(),
@@ -226,7 +253,8 @@ def _by_name(
                 )
             )
         else:
-            names[name] = relative.as_posix()
+            names[name], ranks[name] = relative.as_posix(), rank
+    listing.notes += _unused_note(replaced, f"of {folder.name}/ have a better one beside them")
     return names
 
 
