@@ -41,6 +41,7 @@ class ReadingOptions(Options, total=False):
     visibility: Visibility
     categories: Sequence[str]
     keep: Sequence[Keep]
+    apply_orientation: bool
 
 
 class AnnotatedDataset(LabelDataset):
@@ -63,6 +64,8 @@ class AnnotatedDataset(LabelDataset):
         categories: names of those that are read, of files that list some; none: all with an
             animal's keypoints.
         keep: what the file says and meta["sightings"] holds only if asked: ("location",).
+        apply_orientation: whether pictures and masks are turned as their EXIF headers say, of
+            annotations that were made on turned pictures; False: pixels are as stored.
         **options: LabelDataset's.
 
     Raises:
@@ -96,6 +99,7 @@ class AnnotatedDataset(LabelDataset):
         visibility: Visibility = "flags",
         categories: Sequence[str] = (),
         keep: Sequence[Keep] = (),
+        apply_orientation: bool = False,
         **options: Unpack[Options],
     ) -> None:
         if isinstance(categories, str):
@@ -119,6 +123,7 @@ class AnnotatedDataset(LabelDataset):
                 visibility=visibility,
                 categories=tuple(categories),
                 keep=tuple(keep),
+                apply_orientation=apply_orientation,
             ),
         )
         own_body = body_source(body, model=fitted) if isinstance(body, str) else body

@@ -101,17 +101,18 @@ def _read_coco(path: Path, options: ReadOptions) -> ReadDataset:
 
 
 def _read_mesh_folder(path: Path, options: ReadOptions) -> ReadDataset:
-    dataset = mesh_folder.read_mesh_folder(path, options.images, options.model, options.vocabulary)
+    dataset = mesh_folder.read_mesh_folder(
+        path, options.images, options.model, options.vocabulary, upright=options.apply_orientation
+    )
     return ReadDataset(dataset.records, dataset.bodies)
 
 
 def _read_deeplabcut(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_model(options, "DeepLabCut")
-    if deeplabcut_project.is_project(path):
-        return ReadDataset(
-            deeplabcut_project.read_project(path, options.images, options.vocabulary), None
-        )
-    return ReadDataset(deeplabcut.read_deeplabcut(path, options.images, options.vocabulary), None)
+    is_project = deeplabcut_project.is_project(path)
+    read = deeplabcut_project.read_project if is_project else deeplabcut.read_deeplabcut
+    records = read(path, options.images, options.vocabulary, upright=options.apply_orientation)
+    return ReadDataset(records, None)
 
 
 def _refuse_model(options: ReadOptions, name: str) -> None:
@@ -134,7 +135,8 @@ def _refuse_vocabulary(options: ReadOptions, own: Vocabulary) -> None:
 
 def _is_animal3d(summary: PathSummary) -> bool:
     if summary.path.is_dir():
-        return any((summary.path / name).is_file() for name in animal3d_entries.SPLITS)
+        is_split = any((summary.path / name).is_file() for name in animal3d_entries.SPLITS)
+        return is_split or any(summary.path.glob(animal3d_entries.MANY))
     return summary.keys is not None and "data" in summary.keys
 
 

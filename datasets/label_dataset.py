@@ -11,6 +11,7 @@ from torch import Tensor
 from torch.utils.data import Dataset, get_worker_info
 
 from animal3dbox.datasets.batches import collate
+from animal3dbox.datasets.images.photos import Photo
 from animal3dbox.datasets.labelling.calibrate import dataset_calibration
 from animal3dbox.datasets.labelling.dataset_options import (
     OnBad,
@@ -287,7 +288,6 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
     ) -> tuple[Tensor, Target] | Skipped:
         """An image with the target of its labelled animals; raises SampleError."""
         sample, photo, requests = opened
-        image = image_tensor(photo.pixels)
         if sample.listed is not None and sample.has_unread:
             # It shows animals, of which none can be read.
             faults = [
@@ -297,10 +297,9 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             ]
             return self._skipped(key[1], faults)
         if sample.listed is not None:
-            empty = empty_target(
-                sample.image_id, sample.listed.K, named_faces=self.source.named_faces
-            )
-            return self._transformed(image, empty, key)
+            K, named_faces = sample.listed.K, self.source.named_faces
+            empty = empty_target(sample.image_id, K, named_faces=named_faces)
+            return self._transformed(photo, empty, key)
         labels, cases = chosen_labels(
             sample, outcomes, filters=self.filters, raise_errors=self.on_bad == "error"
         )
@@ -322,7 +321,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             class_numbers=self._numbers,
             named_faces=self.source.named_faces,
         )
-        return self._transformed(image, target, key)
+        return self._transformed(photo, target, key)
 
     def warm(self, indices: Sequence[int]) -> tuple[Case, ...]:
         """Store the labels of some samples in the cache, made together.
@@ -348,9 +347,10 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         return tuple(cases)
 
     def _transformed(
-        self, image: Tensor, target: Target, key: tuple[int, int]
+        self, photo: Photo, target: Target, key: tuple[int, int]
     ) -> tuple[Tensor, Target]:
-        target["meta"]["sample_key"] = key
+        image = image_tensor(photo.pixels)
+        target["meta"] |= {**photo.facts.turn, "sample_key": key}
         if self.transform is None:
             return Sample((image, target))
         try:

@@ -1,5 +1,6 @@
 """Boxes in Omni3D's format as a torch Dataset."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
@@ -8,6 +9,8 @@ from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.readers.cuboid_checks import Metric
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
+from animal3dbox.datasets.readers.tolerance import TURNED
+from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.files import user_path
 
 
@@ -26,6 +29,8 @@ class Omni3DDataset(LabelDataset):
             package wrote it, or where it tells by face_locks or heading_alpha; else not.
         metric: whether lengths are metres: "yes", "no", or "info": what the file says; of one that
             says nothing, scale is not known.
+        apply_orientation: whether pictures are turned as their EXIF headers say, of boxes that are
+            for turned pictures; False: pixels are as stored.
         **options: LabelDataset's; those about labelling have no effect.
 
     Example:
@@ -41,8 +46,21 @@ class Omni3DDataset(LabelDataset):
         images: Path | str | None = None,
         heading_known: bool | None = None,
         metric: Metric = "info",
+        apply_orientation: bool = False,
         **options: Unpack[Options],
     ) -> None:
         folder = None if images is None else user_path(images)
         cuboids = read_omni3d(user_path(root), folder, heading_known=heading_known, metric=metric)
+        if apply_orientation:
+            cuboids = _upright(cuboids)
         super().__init__(FileSource(cuboids), **options)
+
+
+def _upright(cuboids: CuboidSet) -> CuboidSet:
+    """The same boxes, of pictures that are turned as their headers say."""
+    return replace(
+        cuboids,
+        records=tuple(replace(record, upright=True) for record in cuboids.records),
+        images=tuple(replace(image, upright=True) for image in cuboids.images),
+        notes=(*cuboids.notes, TURNED),
+    )

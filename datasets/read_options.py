@@ -30,6 +30,8 @@ class ReadOptions:
         categories: names of those that are read, of files that list some; none: all with an
             animal's keypoints.
         keep: what of the file travels into labels only if asked for: "location", the place.
+        apply_orientation: whether pictures and masks are turned as their EXIF headers say, of
+            annotations that were made on turned pictures; else pixels are as stored.
 
     Example:
         >>> ReadOptions(images=Path("photos"), focal_px=1200.0).focal_px
@@ -45,6 +47,7 @@ class ReadOptions:
     visibility: Visibility = "flags"
     categories: tuple[str, ...] = ()
     keep: tuple[Keep, ...] = ()
+    apply_orientation: bool = False
 
     def __post_init__(self) -> None:
         for name, kind in (("optional", BadParts), ("visibility", Visibility)):
@@ -60,4 +63,4 @@ class ReadOptions:
 
     def tolerance(self) -> Tolerance:
         """How a reader takes a file, to be used for that file alone."""
-        return Tolerance(self.optional, self.visibility)
+        return Tolerance(self.optional, self.visibility, self.apply_orientation)

@@ -42,6 +42,8 @@ class AnimalRecord:
             None without.
         metres_per_unit: metres in a unit of the body's frame; None if it is not known.
         sighting: when, where and of whom the picture is, as the dataset says.
+        upright: whether the picture, and a mask that is one, are turned as their headers say; else
+            their pixels are as stored.
 
     Example:
         >>> from animal3dbox.smal import VOCABULARIES
@@ -79,6 +81,7 @@ class AnimalRecord:
     box: NDArray[np.float64] | None = None
     metres_per_unit: float | None = None
     sighting: Sighting = NO_SIGHTING
+    upright: bool = False
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:
@@ -91,7 +94,11 @@ class AnimalRecord:
 
         """
         return record_mask(
-            self.mask_runs, self.mask_path, sample_id=self.sample_id, image_hw=self.image_hw
+            self.mask_runs,
+            self.mask_path,
+            sample_id=self.sample_id,
+            image_hw=self.image_hw,
+            upright=self.upright,
         )
 
 
@@ -116,6 +123,7 @@ class CuboidRecord:
         visibility: part that nothing in front hides, 0 to 1, as the dataset says; None likewise.
         score: of a detector's box, as it says; None of an annotation.
         sighting: when, where and of whom the picture is, as the dataset says.
+        upright: whether the picture is turned as its header says; else its pixels are as stored.
 
     Example:
         >>> record = CuboidRecord(
@@ -150,6 +158,7 @@ class CuboidRecord:
     visibility: float | None = None
     score: float | None = None
     sighting: Sighting = NO_SIGHTING
+    upright: bool = False
 
 
 @dataclass(frozen=True)
@@ -161,12 +170,14 @@ class CuboidImage:
         image_path: the image's file; None for an image that is only in memory.
         image_hw: height and width that the annotations are for.
         K: (3, 3) intrinsics in px.
+        upright: whether the picture is turned as its header says; else its pixels are as stored.
     """
 
     image_id: str
     image_path: Path | None
     image_hw: tuple[int, int]
     K: NDArray[np.float64]
+    upright: bool = False
 
 
 @dataclass(frozen=True)
@@ -203,7 +214,9 @@ class CuboidSet:
         for record in self.records:
             by_id.setdefault(
                 record.image_id,
-                CuboidImage(record.image_id, record.image_path, record.image_hw, record.K),
+                CuboidImage(
+                    record.image_id, record.image_path, record.image_hw, record.K, record.upright
+                ),
             )
         return tuple(by_id.values())
 

@@ -135,6 +135,7 @@ def check_dataset(job: CheckJob) -> CheckReport:
     loader = DataLoader(dataset, batch_size=8, collate_fn=collate, num_workers=job.workers)
     findings: list[CheckedFault] = []
     mended: list[str] = []
+    doubts = Counter[str]()
     animals = 0
     for step, (images, targets) in enumerate(
         tqdm(loader, desc="checking", unit="batch", disable=job.json or None)
@@ -143,6 +144,7 @@ def check_dataset(job: CheckJob) -> CheckReport:
         of_batch, count = examined(targets, sizes, step)
         findings += [_checked(finding, sample_of(finding, targets)) for finding in of_batch]
         mended += [one for target in targets for one in mended_animals(target)]
+        doubts += doubts_of(targets)
         animals += count
     cases = dataset.report()
     faults = [
@@ -161,7 +163,7 @@ def check_dataset(job: CheckJob) -> CheckReport:
         notes=(*dataset.source.notes, *mended, *others),
     )
     warnings = Counter(report.warnings) + Counter(case.field for case in rejected)
-    warnings += Counter({EXCHANGED: len(mended)})
+    warnings += Counter({EXCHANGED: len(mended)}) + doubts
     return msgspec.structs.replace(report, warnings=warnings)
 
 
@@ -176,11 +178,23 @@ def _dataset_of(job: CheckJob) -> AnnotatedDataset:
         optional=job.dataset.optional or "fault",
         visibility=job.dataset.visibility,
         categories=job.dataset.categories,
+        apply_orientation=job.dataset.applies_orientation,
         body=job.body,
         on_bad="skip",
         stored_cameras=job.stored_camera,
         cache=job.cache,
     )
+
+
+def doubts_of(targets: Sequence[Mapping[str, Any]]) -> Counter[str]:
+    """The number of labels, by flag, whose keypoints may not be for the pixels that they lie on."""
+    flags = (
+        flag
+        for target in targets
+        for quality in target["meta"]["quality"]
+        for flag in quality["flags"]
+    )
+    return Counter(flag for flag in flags if flag in ("not_turned", "misplaced"))
 
 
 def mended_animals(target: Mapping[str, Any]) -> list[str]:

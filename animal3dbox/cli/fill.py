@@ -85,6 +85,7 @@ def _dataset_of(job: LabelJob) -> AnnotatedDataset:
         optional=job.dataset.optional or "fault",
         visibility=job.dataset.visibility,
         categories=job.dataset.categories,
+        apply_orientation=job.dataset.applies_orientation,
         cache=job.cache.folder,
         reuse=job.cache.resume,
         calibration=job.calibration,

@@ -64,14 +64,17 @@ def _write_labels(job: LabelJob) -> ExitCode:
         fitted=bodies.model if job.outline and isinstance(bodies, FittedBodies) else None,
     )
     writer.add(records.faults)
+    turned: set[str] = set()
     progress = tqdm(
         total=len(records.records), desc="labelling", unit="animal", disable=job.json or None
     )
     for first in range(0, len(records.records), AT_ONCE):
         batch = records.records[first : first + AT_ONCE]
-        writer.add(_labelled(batch, bodies, job, calibration))
+        writer.add(_labelled(batch, bodies, job, calibration, turned=turned))
         progress.update(len(batch))
     progress.close()
+    if job.dataset.applies_orientation:
+        print(f"{len(turned)} pictures were turned by their EXIF orientation", file=sys.stderr)
     summary = writer.finish()
     _print(summary, job, out)
     return ExitCode.FAULTY if summary.faulty else ExitCode.OK
@@ -101,14 +104,17 @@ def _labelled(
     bodies: BodySource,
     job: LabelJob,
     calibration: Calibration | None,
+    *,
+    turned: set[str],
 ) -> list[Labelled | SampleError]:
-    """Animals read and labelled together, in order."""
+    """Animals read and labelled together, in order; images that were turned join `turned`."""
     results: list[Labelled | SampleError | None] = [None] * len(records)
     photos: dict[int, Photo] = {}
     requests: dict[int, LabelRequest] = {}
     for place, record in enumerate(records):
         try:
             photos[place] = _photo(record)
+            turned |= {record.image_id} if photos[place].facts.upright else set()
             requests[place] = request_of_record(record, bodies, photos[place].facts)
         except SampleError as error:
             results[place] = error
@@ -141,7 +147,7 @@ def _photo(record: AnimalRecord) -> Photo:
             "image",
             "is only in memory: write the dataset first (animal3dbox synth)",
         )
-    return read_photo(record.image_path, record.sample_id, record.image_hw)
+    return read_photo(record.image_path, record.sample_id, record.image_hw, upright=record.upright)
 
 
 def _print(summary: Summary, job: LabelJob, out: Path) -> None:

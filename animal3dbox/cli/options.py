@@ -63,6 +63,9 @@ class DatasetOptions:
     model: Path | None = None
     """the SMAL model (.pkl, .safetensors) of the dataset's own parameters or meshes; with
     --body fit the model that is fitted"""
+    orientation: Literal["stored", "apply"] = "stored"
+    """pixels of pictures and masks as their files store them, or turned as their EXIF headers say:
+    apply it if the annotations were made on the turned pictures"""
 
     def read_options(self, focal_px: float | None = None) -> "ReadOptions":
         """The options as `read_dataset` takes them.
@@ -76,7 +79,17 @@ class DatasetOptions:
         """
         from animal3dbox.datasets.read_options import ReadOptions
 
-        return ReadOptions(self.images, self.model, focal_px=focal_px)
+        return ReadOptions(
+            self.images,
+            self.model,
+            focal_px=focal_px,
+            apply_orientation=self.applies_orientation,
+        )
+
+    @property
+    def applies_orientation(self) -> bool:
+        """Whether pictures are turned as their headers say."""
+        return self.orientation == "apply"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,9 @@ from animal3dbox.geometry.distortion import distort
 from animal3dbox.geometry.frame import in_frame
 from animal3dbox.geometry.rigid_transforms import rigid, transform_points
 
+WEAK_FOCAL = 1e7
+"""Focal length in px of a camera so far away that it stands for one that sees no depth."""
+
 
 def intrinsics(
     focal_px: float | tuple[float, float], image_hw: tuple[int, int], skew: float = 0.0

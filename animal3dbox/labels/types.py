@@ -42,6 +42,7 @@ FLAGS = {
     "from_below": "the camera would stand far below the animal's own plane",
     "rolled": "the camera would be rolled by more than 45 degrees against the animal",
     "uncertain": "the rotation's standard deviation is more than 15 degrees",
+    "not_turned": "the picture's EXIF orientation was not applied: see that this is right",
     "misplaced": "the keypoints lie beside the frame, or the animal's own box or mask",
 }
 """Words of Quality.flags, and what they say."""

@@ -28,6 +28,11 @@ FLAGS = {
     "truncated": f"more than {MUCH_TRUNCATED:.0%} of the box lies outside the image",
     "near_camera": "a corner of the box is at or behind the camera",
     "unseen": "the image shows nothing of the animal",
+    "not_turned": (
+        "the picture's EXIF orientation was not applied: if the keypoints were made on the turned"
+        " picture, apply it (--orientation apply)"
+    ),
+    "misplaced": "the keypoints lie beside the frame, or the animal's own box or mask",
 }
 """Reasons why a label that is kept should be looked at.
 
@@ -104,6 +109,8 @@ def flags_of(label: CuboidLabel) -> tuple[str, ...]:
         "truncated": label.truncation > MUCH_TRUNCATED,
         "near_camera": label.behind_camera,
         "unseen": label.truncation >= 1 or not bool((label.box[:2] < label.box[2:]).all()),
+        "not_turned": "not_turned" in quality.flags,
+        "misplaced": "misplaced" in quality.flags,
     }
     return tuple(flag for flag in FLAGS if raised[flag])
 

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from animal3dbox.datasets.bodies.mesh_formats import MESH_SUFFIXES, read_mesh
+from animal3dbox.datasets.bodies.mesh_formats import MESH_SUFFIXES, WITHOUT_ORDER, read_mesh
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import content_digest
 from animal3dbox.datasets.storage.json_files import decode_json
@@ -109,7 +109,7 @@ def load_mesh_body(mesh: Path, landmarks: Path) -> MeshBody:
     Raises:
         ConfigError: the file's suffix is no mesh's.
         DatasetNotFoundError: no such file.
-        DatasetFormatError: not a mesh, or landmarks that do not fit it.
+        DatasetFormatError: not a mesh, or landmarks that do not fit it, as ids of an STL do not.
 
     """
     if mesh.suffix.lower() not in MESH_SUFFIXES:
@@ -121,7 +121,7 @@ def load_mesh_body(mesh: Path, landmarks: Path) -> MeshBody:
         raise DatasetNotFoundError(f"there is no file {mesh}")
     vertices, faces = read_mesh(mesh)
     points = {
-        name: _place(name, place, vertices, landmarks)
+        name: _place(name, place, vertices, landmarks, is_stl=mesh.suffix.lower() == ".stl")
         for name, place in read_landmarks(landmarks).items()
     }
     return MeshBody(mesh, torch.from_numpy(vertices), torch.from_numpy(faces), points)
@@ -170,7 +170,7 @@ def _landmark_names() -> tuple[str, ...]:
     return tuple(sorted(keypoints | landmarks | set(load_quadruped().extra_landmarks)))
 
 
-def _place(name: str, place: Place, vertices: np.ndarray, path: Path) -> Tensor:
+def _place(name: str, place: Place, vertices: np.ndarray, path: Path, *, is_stl: bool) -> Tensor:
     """The point (3,) of one landmark on the mesh; raises DatasetFormatError."""
     if isinstance(place, dict):
         point = place.get("point")
@@ -179,6 +179,11 @@ def _place(name: str, place: Place, vertices: np.ndarray, path: Path) -> Tensor:
                 f'{path}: {name} must be {{"point": [x, y, z]}} or a list of vertex ids'
             )
         return torch.tensor(point, dtype=torch.float64)
+    if is_stl:
+        raise DatasetFormatError(
+            f'{path}: {name} is given as vertex ids, but {WITHOUT_ORDER}, or give {{"point":'
+            " [x, y, z]}"
+        )
     if not place or min(place) < 0 or max(place) >= len(vertices):
         raise DatasetFormatError(
             f"{path}: {name} must be vertex ids from 0 to {len(vertices) - 1}, got {place}"

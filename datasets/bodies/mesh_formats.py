@@ -19,6 +19,11 @@ from animal3dbox.errors import DatasetFormatError
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 """Suffixes of the files that read_mesh takes."""
+WITHOUT_ORDER = (
+    "STL stores the corners of each triangle by themselves, so that the vertices have no ids to"
+    " name landmarks by: save the mesh as .obj, .ply, .off or .npz"
+)
+"""The problem of landmarks that are given as vertex ids of an STL file, and its remedy."""
 _WHOLE = "is the file whole? Write or copy it again"
 
 
@@ -62,6 +67,18 @@ def read_mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         ) from error
     check_mesh(vertices, faces, path)
     return vertices, faces
+
+
+def has_loose_triangles(faces: NDArray[np.int64], vertex_count: int) -> bool:
+    """Whether no two triangles (F, 3) share a vertex, as in an STL, but in any format.
+
+    Example:
+        >>> has_loose_triangles(np.array([[0, 1, 2], [3, 4, 5]]), 6)
+        True
+        >>> has_loose_triangles(np.array([[0, 1, 2], [1, 2, 3]]), 4)
+        False
+    """
+    return len(faces) > 1 and faces.size == vertex_count == len(np.unique(faces))
 
 
 def _problem(error: Exception) -> str:
@@ -149,7 +166,7 @@ def read_npz(
 
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             vertices = np.asarray(arrays["vertices"], dtype=np.float64)
             faces = np.asarray(arrays["faces"])
             places = np.asarray(arrays.get("landmarks", np.zeros((0, 3))), dtype=np.float64)

@@ -206,6 +206,13 @@ def torso_length(model: SmalModel) -> float:
     return float(along.amax() - along.amin())
 
 
+NO_PARAMETERS = (
+    "there are none for this sample, or zeros, which stand for none: fit a body to it, without"
+    " --model or with --body fit"
+)
+"""The problem of an animal without parameters of its own, and its remedy."""
+
+
 @dataclass(frozen=True)
 class ParametersBody:
     """A body source that poses each animal's own SMAL parameters.
@@ -259,7 +266,7 @@ class ParametersBody:
                 return self.parameters.packed(sample_id)
             return content_digest(self.parameters[sample_id])
         except KeyError:
-            raise SampleError(sample_id, "parameters", "there are none for this sample") from None
+            raise SampleError(sample_id, "parameters", NO_PARAMETERS) from None
 
     def packed(self) -> "ParametersBody":
         """The same source with its parameters in a few tensors, for workers (see packed.py)."""
@@ -276,7 +283,7 @@ class ParametersBody:
         """
         for record in records:
             if record.sample_id not in self.parameters:
-                raise SampleError(record.sample_id, "parameters", "there are none for this sample")
+                raise SampleError(record.sample_id, "parameters", NO_PARAMETERS)
         if not records:
             return []
         try:

@@ -12,6 +12,14 @@ from pathlib import Path
 
 from PIL import ExifTags, Image
 
+from animal3dbox.datasets.images.orientation import (
+    ON_ITS_SIDE,
+    UPRIGHT,
+    exif_orientation,
+    exif_tags,
+    stored_width_height,
+)
+
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
 """Pillow's formats that a file may have, whatever its name.
 
@@ -39,58 +47,74 @@ class PhotoFacts:
 
     Attributes:
         orientation: EXIF's number from 1 to 8; 1 is upright.
-        focal_px: focal length in px of the picture as stored; None if the header does not tell.
+        focal_px: focal length in px, the same of stored and of upright pixels; None if the header
+            does not tell.
         warnings: what a careful person should know of the header, in whole sentences.
         time: when it was taken, ISO 8601, in local time; None if the header does not tell.
+        upright: whether the pixels that go with these facts were turned as orientation says.
+        flags: the same as warnings for programs that count, a word each, of labels.types.FLAGS.
     """
 
-    orientation: int = 1
+    orientation: int = UPRIGHT
     focal_px: float | None = None
     warnings: tuple[str, ...] = ()
     time: str | None = None
+    upright: bool = False
+    flags: tuple[str, ...] = ()
+
+    @property
+    def turn(self) -> dict[str, int | bool]:
+        """How the picture lay in its file and whether it was turned, for a target's meta."""
+        return {"exif_orientation": self.orientation, "turned_upright": self.upright}
 
 
-def header_facts(path: Path) -> PhotoFacts:
-    """The facts of a file's header, its pixels not decoded; the defaults of a file without one."""
+def header_facts(path: Path, *, upright: bool = False) -> PhotoFacts:
+    """The facts of a file's header, its pixels not decoded; the defaults of a file without one.
+
+    Args:
+        path: a picture.
+        upright: whether its pixels are used turned as the header says, not as stored.
+
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path, formats=FORMATS) as image:
-                return facts_of(image)
+                return facts_of(image, upright=upright)
     except (OSError, SyntaxError, ValueError, NotImplementedError, Image.DecompressionBombError):
         return PhotoFacts()  # reading the picture says what is wrong with it
 
 
-def facts_of(image: Image.Image) -> PhotoFacts:
-    """The facts of the header of a picture that Pillow has opened.
+def facts_of(image: Image.Image, *, upright: bool = False) -> PhotoFacts:
+    """The facts of the header of a picture that Pillow has opened and not decoded yet.
 
     The focal length is of the tag FocalLengthIn35mmFilm, by the diagonals; or of FocalLength and
     FocalPlaneXResolution, if the header also tells how wide the picture was. A picture that was
     cropped since tells neither.
+
+    Args:
+        image: the picture.
+        upright: whether its pixels are used turned as the header says, not as stored.
+
     """
-    exif = image.getexif()
+    exif = exif_tags(image)
     if not exif:
         return PhotoFacts()
-    value = exif.get(ExifTags.Base.Orientation, 1)
-    orientation = value if isinstance(value, int) and 1 <= value <= 8 else 1
-    messages = []
-    if orientation != 1:
-        messages.append(
-            f"the image's EXIF orientation {orientation} was not applied: are the annotations for"
-            " the pixels as stored?"
-        )
+    orientation, size = exif_orientation(image), stored_width_height(image)
+    messages, flags = _about_turn(orientation, size, upright=upright)
     time = None
     try:
         camera = exif.get_ifd(ExifTags.IFD.Exif)
         time = _time(camera)
-        focal, problem = _focal(camera, image.size)
+        focal, problem = _focal(camera, size)
     except (ValueError, TypeError, KeyError, OverflowError, SyntaxError) as error:
         # Pillow decodes a tag only when it is looked up.
         focal = None
         problem = f"the image's EXIF header is damaged ({error}): no focal length was taken from it"
     if problem is not None:
-        messages.append(problem)
-    return PhotoFacts(orientation, focal, tuple(messages), time)
+        messages += (problem,)
+    is_turned = upright and orientation != UPRIGHT
+    return PhotoFacts(orientation, focal, messages, time, upright=is_turned, flags=flags)
 
 
 def _time(camera: dict[int, object]) -> str | None:
@@ -105,6 +129,26 @@ def _time(camera: dict[int, object]) -> str | None:
         return None
     offset = str(camera.get(ExifTags.Base.OffsetTimeOriginal, "")).strip("\0 ")
     return time.isoformat() + (offset if _OFFSET.fullmatch(offset) else "")
+
+
+def _about_turn(
+    orientation: int, size: tuple[int, int], *, upright: bool
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The warnings and flags of a picture that its header says to turn.
+
+    The flag is for pictures whose size does not tell which pixels the annotations are for: of those
+    on their side it does, since they are refused where it contradicts.
+    """
+    if orientation == UPRIGHT:
+        return (), ()
+    if upright:
+        return (f"the image was turned upright by its EXIF orientation {orientation}",), ()
+    problem = (
+        f"the image's EXIF orientation {orientation} was not applied: are the annotations for the"
+        " pixels as stored? If not, apply it (apply_orientation=True, --orientation apply)"
+    )
+    is_told = orientation in ON_ITS_SIDE and size[0] != size[1]
+    return (problem,), () if is_told else ("not_turned",)
 
 
 def _focal(camera: dict[int, object], size: tuple[int, int]) -> tuple[float | None, str | None]:

@@ -34,6 +34,7 @@ def record_mask(
     *,
     sample_id: str,
     image_hw: tuple[int, int],
+    upright: bool = False,
 ) -> NDArray[np.bool_] | None:
     """The mask (H, W) of one annotated animal, decoded from its runs, else from its picture.
 
@@ -42,6 +43,7 @@ def record_mask(
         path: the mask's picture; None without.
         sample_id: named in every error.
         image_hw: height and width that the annotations are for.
+        upright: whether the picture is turned as its own header says, see photos.read_photo.
 
     Returns:
         The mask; None if the animal has neither runs nor a picture.
@@ -53,10 +55,12 @@ def record_mask(
     """
     if runs is not None:
         return decode_mask(runs, image_hw)
-    return None if path is None else read_mask(path, sample_id, image_hw)
+    return None if path is None else read_mask(path, sample_id, image_hw, upright=upright)
 
 
-def read_mask(path: Path | str, sample_id: str, expected_hw: tuple[int, int]) -> NDArray[np.bool_]:
+def read_mask(
+    path: Path | str, sample_id: str, expected_hw: tuple[int, int], *, upright: bool = False
+) -> NDArray[np.bool_]:
     """The mask (H, W) that a picture stores: every pixel above 0, be it 1, 255 or an id.
 
     Of a picture that was compressed or smoothed it is the upper half of the range.
@@ -66,7 +70,7 @@ def read_mask(path: Path | str, sample_id: str, expected_hw: tuple[int, int]) ->
             or of ids above MOST_IDS.
 
     """
-    levels = mask_levels(path, sample_id, expected_hw)
+    levels = mask_levels(path, sample_id, expected_hw, upright=upright)
     top = int(levels.max())
     if top == 0:
         raise SampleError(
@@ -84,7 +88,7 @@ def read_mask(path: Path | str, sample_id: str, expected_hw: tuple[int, int]) ->
 
 
 def mask_levels(
-    path: Path | str, sample_id: str, expected_hw: tuple[int, int]
+    path: Path | str, sample_id: str, expected_hw: tuple[int, int], *, upright: bool = False
 ) -> NDArray[np.integer]:
     """The values (H, W) of a mask's picture, before it is decided which of them are the animal.
 
@@ -96,7 +100,7 @@ def mask_levels(
 
     """
     try:
-        return converted_image(path, sample_id, expected_hw, _levels)
+        return converted_image(path, sample_id, expected_hw, _levels, upright=upright)
     except SampleError as error:
         raise SampleError(sample_id, "mask", error.problem) from error
 

@@ -1,9 +1,9 @@
-"""Reading photographs: pixels as stored, or an error that names the sample.
+"""Reading photographs: pixels as stored or upright, or an error that names the sample.
 
-Pixels stay as the file stores them: an EXIF orientation is not applied, because annotations are
-made on stored pixels more often than not and because decoders disagree (OpenCV turns them, Pillow
-does not). Images of 12 or 16 bits are scaled to 8, palettes are looked up, transparency is dropped.
-Masks are read by rules of their own, see masks.py.
+Unless the caller asks for upright pixels, they stay as the file stores them in every format: an
+EXIF orientation is not applied, because annotations are made on stored pixels more often than not
+and because decoders disagree (orientation.py). Images of 12 or 16 bits are scaled to 8,
+palettes are looked up, transparency is dropped. Masks are read by rules of their own, see masks.py.
 """
 
 import warnings
@@ -15,9 +15,17 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image
+from PIL import Image
 
 from animal3dbox.datasets.images.exif import FORMATS, PhotoFacts, facts_of
+from animal3dbox.datasets.images.orientation import (
+    ON_ITS_SIDE,
+    as_shown,
+    decode_as_stored,
+    exif_orientation,
+    stored_width_height,
+    turned_upright,
+)
 from animal3dbox.errors import SampleError
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
@@ -33,10 +41,10 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """A photograph as its file stores it, with the facts of its header.
+    """A photograph as its file stores it, or upright, with the facts of its header.
 
     Attributes:
-        pixels: (H, W, 3) uint8 RGB, as stored.
+        pixels: (H, W, 3) uint8 RGB, as stored, or upright if the facts say so.
         facts: orientation and focal length by the header.
     """
 
@@ -63,25 +71,28 @@ def read_image(
 
 
 def read_photo(
-    path: Path | str, sample_id: str, expected_hw: tuple[int, int] | None = None
+    path: Path | str,
+    sample_id: str,
+    expected_hw: tuple[int, int] | None = None,
+    *,
+    upright: bool = False,
 ) -> Photo:
-    """The photograph in an image file: its pixels as stored, and the facts of its header.
+    """The photograph in an image file: its pixels, and the facts of its header.
 
     Args:
         path: a file in one of exif.FORMATS; its name does not matter.
         sample_id: named in every error.
         expected_hw: height and width that the annotations were made for; None: any.
+        upright: whether the pixels are turned as the header says; else they are as stored.
 
     Raises:
         SampleError: no image, a truncated one, too large a one, or one of another size.
 
     """
-    return converted_image(
-        path,
-        sample_id,
-        expected_hw,
-        lambda image, sample_id: Photo(rgb_pixels(image, sample_id), facts_of(image)),
-    )
+    with _open_image(path, sample_id) as image:
+        facts = facts_of(image, upright=upright)
+        image = _decoded(image, sample_id, expected_hw, upright=upright)
+        return Photo(rgb_pixels(image, sample_id), facts)
 
 
 def converted_image(
@@ -89,6 +100,8 @@ def converted_image(
     sample_id: str,
     expected_hw: tuple[int, int] | None,
     convert: Callable[[Image.Image, str], _T],
+    *,
+    upright: bool = False,
 ) -> _T:
     """The value that a function makes of a decoded image, with the errors of read_photo.
 
@@ -97,12 +110,21 @@ def converted_image(
         sample_id: named in every error.
         expected_hw: height and width that the annotations were made for; None: any.
         convert: called with the image and sample_id; Pillow's complaints in it are errors, too.
+        upright: see read_photo.
 
     """
     with _open_image(path, sample_id) as image:
-        _check_size(image, sample_id, expected_hw)
-        image.load()
-        return convert(image, sample_id)
+        return convert(_decoded(image, sample_id, expected_hw, upright=upright), sample_id)
+
+
+def _decoded(
+    image: Image.Image, sample_id: str, expected_hw: tuple[int, int] | None, *, upright: bool
+) -> Image.Image:
+    """An opened image, checked and decoded, as stored or upright."""
+    _check_size(image, sample_id, expected_hw, upright=upright)
+    orientation = exif_orientation(image)
+    decode_as_stored(image)
+    return turned_upright(image, orientation) if upright else image
 
 
 @contextmanager
@@ -129,31 +151,47 @@ def _open_image(path: Path | str, sample_id: str) -> Iterator[Image.Image]:
         ) from error
 
 
-def stored_size(path: Path, sample_id: str) -> tuple[int, int]:
-    """Height and width of an image file by its header, its pixels not decoded.
+def stored_size(path: Path, sample_id: str, *, upright: bool = False) -> tuple[int, int]:
+    """Height and width of an image file's pixels by its header, which are not decoded.
+
+    Args:
+        path: a file in one of exif.FORMATS.
+        sample_id: named in every error.
+        upright: whether the image is used turned as its header says, not as stored.
 
     Raises:
         SampleError: no image, or too large a one.
 
     """
     with _open_image(path, sample_id) as image:
-        _check_size(image, sample_id, None)
-        return image.height, image.width
+        _check_size(image, sample_id, None, upright=upright)
+        width, height = _used_size(image, upright=upright)
+        return height, width
 
 
-def checked_facts(path: Path, sample_id: str, expected_hw: tuple[int, int]) -> PhotoFacts:
+def checked_facts(
+    path: Path, sample_id: str, expected_hw: tuple[int, int], *, upright: bool = False
+) -> PhotoFacts:
     """The header's facts of an image file that is as large as annotated, its pixels not decoded.
 
     Raises SampleError if it is no image, or of another size.
     """
     with _open_image(path, sample_id) as image:
-        _check_size(image, sample_id, expected_hw)
-        return facts_of(image)
+        _check_size(image, sample_id, expected_hw, upright=upright)
+        return facts_of(image, upright=upright)
 
 
-def _check_size(image: Image.Image, sample_id: str, expected_hw: tuple[int, int] | None) -> None:
+def _used_size(image: Image.Image, *, upright: bool) -> tuple[int, int]:
+    """Width and height of an opened image as stored, or upright."""
+    size = stored_width_height(image)
+    return as_shown(size, exif_orientation(image)) if upright else size
+
+
+def _check_size(
+    image: Image.Image, sample_id: str, expected_hw: tuple[int, int] | None, *, upright: bool
+) -> None:
     """Raise a SampleError unless an image can be decoded and has the size of its annotations."""
-    width, height = image.size
+    width, height = stored_width_height(image)
     if width * height > MAX_PIXELS:
         raise SampleError(
             sample_id,
@@ -161,21 +199,35 @@ def _check_size(image: Image.Image, sample_id: str, expected_hw: tuple[int, int]
             f"its header says {width} x {height} pixels, more than {MAX_PIXELS}; scale it down"
             " first",
         )
-    if expected_hw is None or (height, width) == tuple(expected_hw):
+    if expected_hw is None:
         return
-    sizes = (
-        f"its pixels are {width} x {height}, but the annotations are for {expected_hw[1]} x"
-        f" {expected_hw[0]}"
-    )
-    orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
-    if (width, height) == tuple(expected_hw) and orientation in (5, 6, 7, 8):
-        raise SampleError(
-            sample_id,
-            "image",
-            f"{sizes}: they were made on the image as turned by its EXIF orientation"
-            f" {orientation}; store the pixels turned",
+    size, expected = _used_size(image, upright=upright), tuple(expected_hw)[::-1]
+    if size != expected:
+        problem = _size_problem(size, expected, exif_orientation(image), upright=upright)
+        raise SampleError(sample_id, "image", problem)
+
+
+def _size_problem(
+    size: tuple[int, int], expected: tuple[int, ...], orientation: int, *, upright: bool
+) -> str:
+    """What is wrong with an image of another size (width, height) than its annotations are for."""
+    is_turned = orientation in ON_ITS_SIDE and size == expected[::-1]
+    if is_turned and upright:
+        return (
+            f"turned upright by its EXIF orientation {orientation}, it is {size[0]} x {size[1]},"
+            f" but the annotations are for {expected[0]} x {expected[1]}, its pixels as stored:"
+            " leave out --orientation apply (apply_orientation=False)"
         )
-    raise SampleError(sample_id, "image", f"{sizes}: the image was resized or swapped")
+    sizes = (
+        f"its pixels are {size[0]} x {size[1]}, but the annotations are for"
+        f" {expected[0]} x {expected[1]}"
+    )
+    if is_turned:
+        return (
+            f"{sizes}: they were made on the image as turned by its EXIF orientation {orientation};"
+            " turn it so by --orientation apply (apply_orientation=True)"
+        )
+    return f"{sizes}: the image was resized or swapped"
 
 
 def rgb_pixels(image: Image.Image, sample_id: str) -> NDArray[np.uint8]:

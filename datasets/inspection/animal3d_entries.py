@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.readers.animal3d.collected_animals import elements_of
 from animal3dbox.datasets.readers.animal3d.entries import SplitFile, find_splits, numbered_id
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
@@ -49,12 +50,16 @@ def read_raw(path: Path) -> RawFiles:
         flength = split.flength if flength is None else flength
         names |= _names(content.get("supercategories"))
         for i, raw in enumerate(split.data):
-            place = f"{file.name} entry {i}"
+            place, elements = f"{file.name} entry {i}", [raw]
             with suppress(SampleError):  # it is among the reader's faults
-                place = numbered_id(raw, place, image_counts, file.parent)
-            entry = msgspec.json.decode(raw)
-            if isinstance(entry, dict):
-                entries[place] = entry
+                elements = elements_of(raw, place, file.parent).animals
+            for element in elements:
+                name = place
+                with suppress(SampleError):
+                    name = numbered_id(element, place, image_counts, file.parent)
+                entry = msgspec.json.decode(element)
+                if isinstance(entry, dict):
+                    entries[name] = entry
     return RawFiles(
         top_keys=top_keys,
         counts=counts,

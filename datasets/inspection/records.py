@@ -40,7 +40,7 @@ def image_facts(records: Sequence[AnimalRecord]) -> ImageFacts:
     looked_at = spread(list(by_file.items()), IMAGES)
     for path, record in looked_at:
         try:
-            size = stored_size(path, record.sample_id)
+            size = stored_size(path, record.sample_id, upright=record.upright)
         except SampleError as error:
             counts["unreadable"] += 1
             examples.append(str(error))
@@ -87,7 +87,10 @@ def _levels(record: AnimalRecord) -> str:
     """A phrase for the levels of a record's mask; raises SampleError if it cannot be read."""
     if record.mask_path is None:
         return "run lengths"
-    values = np.unique(mask_levels(record.mask_path, record.sample_id, record.image_hw))
+    levels = mask_levels(
+        record.mask_path, record.sample_id, record.image_hw, upright=record.upright
+    )
+    values = np.unique(levels)
     if len(values) == 1:
         return f"only {values[0]}"
     if len(values) == 2 and values[0] == 0:

@@ -129,13 +129,16 @@ class FileSource:
                 "is only in memory: give a source that has its pictures, or write the dataset"
                 " first",
             )
-        return read_photo(sample.image_path, sample.image_id, sample.image_hw)
+        return read_photo(
+            sample.image_path, sample.image_id, sample.image_hw, upright=sample.upright
+        )
 
     def facts(self, sample: ImageSample) -> PhotoFacts:
         """The facts of the image file's header; none are known without a file."""
         if not sample.image_path:
             return PhotoFacts()
-        return checked_facts(Path(sample.image_path), sample.image_id, sample.image_hw)
+        path = Path(sample.image_path)
+        return checked_facts(path, sample.image_id, sample.image_hw, upright=sample.upright)
 
     def _unpacked(
         self, image_path: str, first: int, animals: tuple[AnimalEntry, ...]

@@ -13,7 +13,7 @@ from animal3dbox.datasets.sightings import Sighting
 from animal3dbox.datasets.storage.packed import Arena
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
-_FlatEntry = tuple[str, str, tuple[int, int], int, bool, bytes, Sighting, bytes]
+_FlatEntry = tuple[str, str, tuple[int, int], int, bool, bytes, Sighting, bytes, bool]
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER = msgspec.msgpack.Decoder(tuple[str, bytes, bool, int, tuple[_FlatEntry, ...]])
 
@@ -31,6 +31,7 @@ class AnimalEntry(NamedTuple):
         sighting: when, where and of whom the picture is.
         content: bytes that name what is said of the animal and of a lasting body, the same in every
             process and place.
+        upright: whether picture and mask are turned as their headers say.
     """
 
     sample_id: str
@@ -41,6 +42,7 @@ class AnimalEntry(NamedTuple):
     mask_path: str
     sighting: Sighting
     content: bytes
+    upright: bool = False
 
 
 IndexRow = tuple[str, str, bool, int, tuple[AnimalEntry, ...]]
@@ -55,9 +57,10 @@ def entry_of(record: AnimalRecord | CuboidRecord, content: bytes) -> AnimalEntry
     height, width = record.image_hw
     known = str(record.sample_id), str(record.category), (int(height), int(width))
     if isinstance(record, CuboidRecord):
-        return AnimalEntry(*known, None, False, "", record.sighting, content)
+        return AnimalEntry(*known, None, False, "", record.sighting, content, record.upright)
     in_runs, mask_path = record.mask_runs is not None, str(record.mask_path or "")
-    return AnimalEntry(*known, record.vocabulary, in_runs, mask_path, record.sighting, content)
+    mask = in_runs, mask_path
+    return AnimalEntry(*known, record.vocabulary, *mask, record.sighting, content, record.upright)
 
 
 class PackedImageIndex(Sequence[IndexRow]):
@@ -80,8 +83,10 @@ class PackedImageIndex(Sequence[IndexRow]):
     def __getitem__(self, index: int) -> IndexRow:  # type: ignore[override]  # no slices
         image_id, path, has_unread, first, animals = _DECODER.decode(self._arena[index])
         entries = [
-            AnimalEntry(i, category, hw, self._vocabularies[n], runs, _name(mask), seen, content)
-            for i, category, hw, n, runs, mask, seen, content in animals
+            AnimalEntry(
+                i, category, hw, self._vocabularies[n], runs, _name(mask), seen, content, upright
+            )
+            for i, category, hw, n, runs, mask, seen, content, upright in animals
         ]
         return image_id, _name(path), has_unread, first, tuple(entries)
 

@@ -51,6 +51,11 @@ class ImageSample:
         """Height and width that the annotations are for."""
         return self.animals[0].image_hw if self.listed is None else self.listed.image_hw
 
+    @property
+    def upright(self) -> bool:
+        """Whether the picture is turned as its header says; else its pixels are as stored."""
+        return self.animals[0].upright if self.listed is None else self.listed.upright
+
     def mask(self, animal: int) -> NDArray[np.bool_] | None:
         """An animal's mask (H, W), None without; see AnimalRecord."""
         entry = self.animals[animal]
@@ -60,6 +65,7 @@ class ImageSample:
             entry.mask_path or None,
             sample_id=entry.sample_id,
             image_hw=entry.image_hw,
+            upright=entry.upright,
         )
 
 

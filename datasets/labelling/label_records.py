@@ -18,6 +18,7 @@ from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.sample_checks import (
     Outcome,
     Remarks,
+    check_camera_turn,
     checked_request,
     with_remarks,
 )
@@ -79,6 +80,7 @@ def label_records(
     remarks: dict[int, Remarks] = {}
     for place, request in enumerate(requests):
         try:
+            check_camera_turn(request.record, request.facts)
             if isinstance(request.record, CuboidRecord):
                 outcomes[place] = given_label(request.record)
                 continue
@@ -334,6 +336,7 @@ def _finished(
         quality,
         mask_source=record.mask_source if from_dataset else quality.mask_source,
         warnings=(*quality.warnings, *facts.warnings),
+        flags=(*quality.flags, *facts.flags),
         K_source=camera_of(record, facts)[1] or quality.K_source,
     )
     label = replace(outcome, quality=quality)

@@ -23,8 +23,8 @@ class LabelRequest:
     Attributes:
         sample: what is annotated in its image.
         place: which of the sample's animals it is.
-        facts: of the image's header. An EXIF orientation, which is not applied, is among the
-            label's warnings.
+        facts: of the image's header. An EXIF orientation, applied or not, is among the label's
+            warnings.
         key: names what its label is made from, for a cache; empty without one.
         has_mask: False for a mask that cannot be used and is left out.
 
@@ -91,5 +91,6 @@ def request_of_record(
         True
     """
     if facts is None:
-        facts = PhotoFacts() if record.image_path is None else header_facts(record.image_path)
+        path = record.image_path
+        facts = PhotoFacts() if path is None else header_facts(path, upright=record.upright)
     return LabelRequest(sample_of_record(record, bodies), 0, facts)

@@ -168,7 +168,7 @@ def _usable(
         try:
             path = record.image_path
             if path is not None and path not in headers:
-                headers[path] = header_facts(path)
+                headers[path] = header_facts(path, upright=record.upright)
             facts = PhotoFacts() if path is None else headers[path]
             request = fit_request(config=config, **FittedAnimals([record], [facts], bodies)[0])
             if problem := keypoints_problem(record, record.mask):

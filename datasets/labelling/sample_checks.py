@@ -1,7 +1,11 @@
 """What is checked of a sample before its label is made, and what its label says of it."""
 
+import math
 from dataclasses import dataclass, field, replace
 
+from animal3dbox.datasets.images.exif import PhotoFacts
+from animal3dbox.datasets.images.orientation import ON_ITS_SIDE
+from animal3dbox.datasets.labelling.image_samples import Record
 from animal3dbox.datasets.labelling.keypoint_places import Misplaced, keypoints_problem
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.readers.tolerance import BadParts
@@ -11,6 +15,10 @@ from animal3dbox.labels.types import CuboidLabel, Rejection
 
 Outcome = CuboidLabel | Rejection | SampleError
 """What becomes of an animal."""
+
+
+CENTRED = 0.02
+"""Part of a picture's longer side within which a principal point is taken for its middle."""
 
 
 @dataclass
@@ -44,6 +52,32 @@ def checked_request(
         remarks.warnings.append(f"the keypoints {problem}")
         remarks.flags.append("misplaced")
     return request, remarks
+
+
+def check_camera_turn(record: Record, facts: PhotoFacts) -> None:
+    """Raise a SampleError for a camera that is for the picture lying the other way.
+
+    A camera says nothing of its picture's size. But if its principal point is the middle of the
+    picture with width and height exchanged, and not of the picture as it is used, then it was made
+    for the stored pixels of a picture that is turned, or for the turned ones of a stored one.
+    """
+    height, width = record.image_hw
+    if record.K is None or facts.orientation not in ON_ITS_SIDE:
+        return
+    x, y = float(record.K[0, 2]), float(record.K[1, 2])
+    near = CENTRED * max(width, height)
+    is_middle = math.hypot(x - (width - 1) / 2, y - (height - 1) / 2) <= near
+    is_others = math.hypot(x - (height - 1) / 2, y - (width - 1) / 2) <= near
+    if is_others and not is_middle:
+        used, others = ("turned upright", "stored") if facts.upright else ("stored", "turned")
+        raise SampleError(
+            record.sample_id,
+            "K",
+            f"has its principal point ({x:g}, {y:g}) in the middle of {height} x {width} pixels,"
+            f" the picture as {others}, but it is used as {used}, {width} x {height} (EXIF"
+            f" orientation {facts.orientation}): give the K of these pixels, or see"
+            " apply_orientation (--orientation)",
+        )
 
 
 def with_remarks(outcome: Outcome | None, remarks: Remarks) -> Outcome | None:

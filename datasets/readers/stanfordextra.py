@@ -171,4 +171,5 @@ def _record(
         category=CATEGORY,
         box=tolerance.part(lambda: read_box(bbox, sample_id, "img_bbox")),
         sighting=sighting_of(entry),
+        upright=tolerance.upright,
     )

@@ -17,6 +17,11 @@ BadParts = Literal["fault", "drop"]
 """What a bad mask or box is: an error of its animal, or left out with a note."""
 Visibility = Literal["flags", "scores"]
 """What stands beside a keypoint's place: 0, 1 or 2, or how sure a network was of it."""
+TURNED = (
+    "pictures and masks are turned upright as their EXIF headers say: the annotations are taken to"
+    " be for the turned pixels"
+)
+"""The note of a dataset whose pictures are turned."""
 LEAST_SCORE = 0.3
 """Score under which a network's keypoint counts as missing."""
 _Part = TypeVar("_Part")
@@ -29,6 +34,7 @@ class Tolerance:
     Attributes:
         optional: see BadParts.
         visibility: see Visibility.
+        upright: whether pictures and masks are turned as their EXIF headers say.
         left_out: the errors of the parts that were left out.
         minus_ones: sample ids of animals with marked keypoints at (-1, -1).
 
@@ -43,6 +49,7 @@ class Tolerance:
 
     optional: BadParts = "fault"
     visibility: Visibility = "flags"
+    upright: bool = False
     left_out: list[SampleError] = field(default_factory=list)
     minus_ones: list[str] = field(default_factory=list)
 
@@ -113,6 +120,8 @@ class Tolerance:
                 f"{len(self.left_out)} masks or boxes cannot be used and are left out"
                 f" (optional='fault' makes them errors); the first: {self.left_out[0]}"
             )
+        if self.upright:
+            notes.append(TURNED)
         if self.visibility == "scores":
             notes.append(f"keypoints of a score below {LEAST_SCORE:g} count as missing")
         return tuple(notes)

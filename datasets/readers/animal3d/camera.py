@@ -64,7 +64,11 @@ def stored_camera(
     """
     misfits: dict[str, list[float]] = {name: [] for name in FRAMES}
     different = compared = 0
-    with_body = [record for record in records if record.sample_id in bodies.parameters]
+    with_body = [
+        record
+        for record in records
+        if record.sample_id in bodies.parameters and record.K is not None
+    ]
     for record in with_body[:: max(1, len(with_body) // SAMPLES)]:
         try:
             landmarks = bodies.body(record).landmarks
@@ -72,15 +76,14 @@ def stored_camera(
             continue  # it is reported when the animal is labelled
         if record.sample_id in keypoints_3d:
             compared += 1
-            different += _differs(keypoints_3d[record.sample_id], landmarks)
+            different += landmarks_differ(keypoints_3d[record.sample_id], landmarks)
         for name, signs in FRAMES.items():
-            misfits[name].append(_misfit(landmarks * signs, record))
+            misfits[name].append(keypoint_misfit(landmarks * signs, record))
     medians = {name: float(np.median(values)) for name, values in misfits.items() if values}
     notes = [_keypoint_note(different, compared)] if different else []
     best = min(medians, key=lambda name: medians[name], default=None)
     if best is None or not medians[best] < CLOSE:
-        no_focal = all(record.K is None for record in with_body)
-        return None, (*notes, NO_FOCAL if no_focal else NO_FRAME)
+        return None, (*notes, NO_FRAME if with_body else NO_FOCAL)
     notes.append(
         f"the bodies' camera frame is {best}: projected, they are off by {100 * medians[best]:.1f}"
         " % of the keypoints' extent (median)"
@@ -96,7 +99,7 @@ def _keypoint_note(different: int, compared: int) -> str:
     )
 
 
-def _misfit(landmarks_cam: NDArray[np.float64], record: AnimalRecord) -> float:
+def keypoint_misfit(landmarks_cam: NDArray[np.float64], record: AnimalRecord) -> float:
     """Median distance of projected landmarks (J, 3) from the marked keypoints, by their extent.
 
     Infinite if a landmark lies behind the camera, or too few keypoints are marked.
@@ -112,10 +115,15 @@ def _misfit(landmarks_cam: NDArray[np.float64], record: AnimalRecord) -> float:
     return float(np.median(np.linalg.norm(px - keypoints, axis=1))) / extent
 
 
-def _differs(file_points: NDArray[np.float64], own: NDArray[np.float64]) -> bool:
-    """Whether a file's landmarks (26, 3) have another form than the body's own, up to a shift."""
-    if file_points.shape != own.shape or not np.isfinite(file_points).all():
+def landmarks_differ(file_points: NDArray[np.float64], own: NDArray[np.float64]) -> bool:
+    """Whether a file's landmarks (26, 3) have another form than the body's own, up to a shift.
+
+    Those that are NaN on either side tell nothing.
+    """
+    if file_points.shape != own.shape:
         return True
-    on_body = np.isfinite(own).all(axis=1)
+    on_body = np.isfinite(own).all(axis=1) & np.isfinite(file_points).all(axis=1)
+    if not on_body.any():
+        return True
     a, b = (points[on_body] - points[on_body].mean(axis=0) for points in (file_points, own))
     return bool(np.abs(a - b).max() > SAME * np.ptp(b, axis=0).max())

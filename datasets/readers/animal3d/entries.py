@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
 from animal3dbox.datasets.images.photos import stored_size
-from animal3dbox.datasets.readers.elements import decoded, image_size, read_rows
+from animal3dbox.datasets.readers.elements import decoded, image_size, read_box, read_rows
 from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.sightings import SightingKeys, sighting_of
@@ -23,6 +23,8 @@ from animal3dbox.smal.parameters import SmalParameters
 
 SPLITS = ("train.json", "test.json")
 """The files of a dataset's folder, in the order in which they are read."""
+MANY = "*_multi_animal.json"
+"""The files of a folder that has none of SPLITS: SMAL+'s, whose entries are of several animals."""
 VOCABULARY = VOCABULARIES["animal3d26"]
 """The keypoints of every animal."""
 PARAMETERS = ("pose", "shape", "shape_extra", "trans")
@@ -68,6 +70,19 @@ class Animal3DEntry(_ImageName):
     K: list[list[float]] | None = None  # our own key, of exports of fits
 
 
+class AnimalOfMany(Animal3DEntry):
+    """One animal's element of an entry of several, whose box is its own."""
+
+    bbox: list[float] | None = None
+    has_zero_pose: bool = False  # our own key, of a row of zeros that was left out
+
+
+class EntryOfMany(_ImageName):
+    """An entry of which only its image and its number of animals are read, if it tells one."""
+
+    num_animals: object = msgspec.UNSET
+
+
 def find_splits(path: Path) -> list[Path]:
     """The files of a dataset given by its root or by one of its files.
 
@@ -76,6 +91,7 @@ def find_splits(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     splits = [path / name for name in SPLITS if (path / name).is_file()]
+    splits = splits or sorted(path.glob(MANY))
     if not splits:
         raise DatasetNotFoundError(
             f"{path} must hold {' or '.join(SPLITS)}: download Animal3D there first (see"
@@ -112,13 +128,14 @@ def record_of_entry(
     name = portable_name(root, entry.img_path)
     image = resolve_inside(root, name, sample_id, "img_path")
     if entry.height is None or entry.width is None:
-        image_hw = stored_size(image, sample_id)
+        image_hw = stored_size(image, sample_id, upright=tolerance.upright)
     else:
         image_hw = image_size(entry.height, entry.width, sample_id)
     if split.flength is not None and not (np.isfinite(split.flength) and split.flength > 0):
         raise SampleError(
             sample_id, "flength", f"must be a focal length in px, got {split.flength}"
         )
+    is_of_many = isinstance(entry, AnimalOfMany)
     mask_path, mask_source = tolerance.part(lambda: _mask_path(entry, root, sample_id)) or (
         None,
         "dataset",
@@ -135,9 +152,17 @@ def record_of_entry(
         mask_path=mask_path,
         mask_source=mask_source,
         K=_intrinsics(entry, split, image_hw, sample_id),
-        K_source="dataset" if entry.K is None else "given",
+        K_source="given" if entry.K is not None or is_of_many else "dataset",
+        box=_box(entry, sample_id, tolerance) if isinstance(entry, AnimalOfMany) else None,
         sighting=sighting_of(entry),
+        upright=tolerance.upright,
     )
+
+
+def _box(entry: AnimalOfMany, sample_id: str, tolerance: Tolerance) -> NDArray[np.float64] | None:
+    """The animal's own box (4,) xyxy px; None without."""
+    numbers = entry.bbox
+    return None if numbers is None else tolerance.part(lambda: read_box(numbers, sample_id, "bbox"))
 
 
 def _intrinsics(
@@ -215,6 +240,20 @@ def _flat(
         return np.array(numbers or [], dtype=np.float64).reshape(-1)
     except ValueError as error:
         raise SampleError(sample_id, field, "must be numbers, or rows as long") from error
+
+
+def stored_landmarks(entry: Animal3DEntry) -> NDArray[np.float64] | None:
+    """The landmarks (26, 3) of an entry, NaN where a fourth number says that there is none.
+
+    None if it has none, or of another form.
+    """
+    rows = entry.keypoint_3d
+    if rows is None or {len(row) for row in rows} not in ({3}, {4}):
+        return None
+    points = np.array(rows, dtype=np.float64)
+    if points.shape[1] == 4:
+        points[points[:, 3] <= 0] = np.nan
+    return points[:, :3]
 
 
 def parameters_of_entry(entry: Animal3DEntry, sample_id: str) -> SmalParameters | None:

@@ -4,47 +4,35 @@ Relatives of the dataset are read, too: files without parameters, with one split
 out, with landmarks of another model.
 """
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from animal3dbox.datasets.bodies.sources import ParametersBody
+from animal3dbox.datasets.readers.animal3d import many_animals
+from animal3dbox.datasets.readers.animal3d.betas import with_betas_of
 from animal3dbox.datasets.readers.animal3d.camera import stored_camera
+from animal3dbox.datasets.readers.animal3d.collected_animals import CollectedAnimals, read_splits
 from animal3dbox.datasets.readers.animal3d.entries import (
-    Animal3DEntry,
-    SplitFile,
+    VOCABULARY,
     category_names,
     find_splits,
-    numbered_id,
-    parameters_of_entry,
-    record_of_entry,
 )
-from animal3dbox.datasets.readers.elements import decoded
 from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
-from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import (
     ConfigError,
     DatasetFormatError,
-    DatasetNotFoundError,
     SampleError,
     ShapeError,
 )
 from animal3dbox.smal.files.model_files import load_model
 from animal3dbox.smal.keypoints.vocabularies import ANIMAL3D_LANDMARKS
 from animal3dbox.smal.model import SmalModel
-from animal3dbox.smal.parameters import SmalParameters
 
 FORMAT = "animal3d"
 """The format's name in reports and for --format."""
-_SCALED_LIMBS = (
-    "scales the limbs, as dog models do and SMAL does not: the body would be wrong. Leave --model"
-    " out, or remove the key to pose it without"
-)
 
 
 @dataclass(frozen=True)
@@ -83,7 +71,7 @@ def read_animal3d(
 
     """
     tolerance = tolerance or Tolerance()
-    splits, animals = _read_splits(path, images, tolerance)
+    splits, animals = read_splits(path, images, tolerance)
     # An empty split beside another one is a small dataset.
     if not animals.records and not animals.faults:
         raise DatasetFormatError(
@@ -91,22 +79,12 @@ def read_animal3d(
         )
     kept, same_files = one_name_a_file(animals.records)
     records, faults = list(kept), (*animals.faults, *same_files)
-    if model is not None and animals.limb_scale_faults:
-        records = [
-            record for record in records if record.sample_id not in animals.limb_scale_faults
-        ]
-        faults = (*faults, *animals.limb_scale_faults.values())
     bodies, notes = None, tuple[str, ...]()
     if model is not None and animals.parameters:
         vids = next((split.keypoint_vids for split in splits if split.keypoint_vids), None)
-        bodies = ParametersBody(_model_with_landmarks(model, vids), animals.parameters)
-        pose, notes = stored_camera(records, bodies, animals.keypoints_3d)
-        if animals.without_tail:
-            notes = (*notes, _tail_note(len(animals.without_tail), len(animals.parameters)))
-        records = [
-            replace(record, stored_pose=pose) if record.sample_id in animals.parameters else record
-            for record in records
-        ]
+        posed = _posed(records, animals, _model_with_landmarks(model, vids))
+        records, bodies, notes = posed.records, posed.bodies, posed.notes
+        faults = (*faults, *posed.faults)
     return Animal3D(
         RecordSet(
             name=FORMAT,
@@ -121,9 +99,78 @@ def read_animal3d(
     )
 
 
-def _notes(records: Sequence[AnimalRecord], animals: "_Animals") -> tuple[str, ...]:
+class _Posed(NamedTuple):
+    """The animals of a dataset with their bodies.
+
+    Attributes:
+        records: those that have a body, and those that come without parameters.
+        bodies: posed by the animals' parameters; None if the model can pose none.
+        faults: of the animals whose parameters the model cannot pose.
+        notes: in whole sentences.
+    """
+
+    records: list[AnimalRecord]
+    bodies: ParametersBody | None
+    faults: tuple[SampleError, ...]
+    notes: tuple[str, ...]
+
+
+def _posed(records: Sequence[AnimalRecord], animals: CollectedAnimals, model: SmalModel) -> _Posed:
+    """The animals with their bodies of a model, and with the camera that these were fitted for."""
+    parameters, beta_faults, notes = with_betas_of(
+        model, animals.parameters, animals.keypoints_3d, VOCABULARY
+    )
+    unusable = {**beta_faults, **animals.limb_scale_faults}
+    usable = [record for record in records if record.sample_id not in unusable]
+    if not parameters:
+        return _Posed(usable, None, tuple(unusable.values()), notes)
+    bodies = ParametersBody(model, parameters)
+    pose, camera_notes = stored_camera(usable, bodies, animals.keypoints_3d)
+    notes = (*camera_notes, *notes)
+    if animals.without_tail:
+        notes = (*notes, _tail_note(len(animals.without_tail), len(parameters)))
+    with_pose = [
+        replace(record, stored_pose=pose)
+        if record.sample_id in parameters and record.K is not None
+        else record
+        for record in usable
+    ]
+    return _Posed(with_pose, bodies, tuple(unusable.values()), notes)
+
+
+def _notes(records: Sequence[AnimalRecord], animals: CollectedAnimals) -> tuple[str, ...]:
     """Sentences on masks, parameters and images that are not what they seem."""
-    return (*_mask_notes(records), *_zero_notes(animals), *elsewhere_notes(records))
+    return (
+        *_mask_notes(records),
+        *_zero_notes(animals),
+        *_notes_of_many(animals),
+        *elsewhere_notes(records),
+    )
+
+
+def _notes_of_many(animals: CollectedAnimals) -> tuple[str, ...]:
+    """Sentences on images of several animals."""
+    focal, close = many_animals.ASSUMED_FOCAL, many_animals.CLOSE_PX
+    sentences = (
+        (
+            animals.merged_masks,
+            "images have one mask of several animals together: it is nobody's and not used",
+        ),
+        (animals.without_animals, "entries say that no animal is in their image"),
+        (
+            animals.assumed_focals,
+            f"images have no focal length, and {focal:g} px is taken for it: with it their"
+            f" keypoint_3d lie within {close:g} px of keypoint_2d",
+        ),
+        (
+            animals.unknown_focals,
+            f"images have no focal length, and {focal:g} px does not fit them: theirs is"
+            " estimated, unless --focal-px or EXIF tell it",
+        ),
+    )
+    return tuple(
+        f"{len(images)} {words}; the first is {images[0]}" for images, words in sentences if images
+    )
 
 
 def _mask_notes(records: Sequence[AnimalRecord]) -> tuple[str, ...]:
@@ -139,13 +186,7 @@ def _mask_notes(records: Sequence[AnimalRecord]) -> tuple[str, ...]:
     )
 
 
-def _are_zero(parameters: SmalParameters) -> bool:
-    """Whether all of a body's parameters are zero, which stands for none."""
-    numbers = (parameters.pose, parameters.betas, parameters.trans)
-    return not any(bool(part.any()) for part in numbers)
-
-
-def _zero_notes(animals: "_Animals") -> tuple[str, ...]:
+def _zero_notes(animals: CollectedAnimals) -> tuple[str, ...]:
     """A sentence on animals whose parameters are all zero."""
     if not animals.without_parameters:
         return ()
@@ -162,89 +203,6 @@ def _tail_note(without: int, animals: int) -> str:
         " model's straight one: boxes that hold it are too long; label the dataset with --tail"
         " drop"
     )
-
-
-@dataclass(frozen=True)
-class _Animals:
-    """The animals of the splits, collected one by one.
-
-    Attributes:
-        records: the sound ones, in the files' order.
-        faults: the others, in the files' order.
-        parameters: sample id -> the body's parameters.
-        keypoints_3d: sample id -> the stored landmarks (26, 3).
-        without_tail: sample ids of bodies that were fitted without a tail.
-        limb_scale_faults: sample id -> the error that scales of single limbs are to a model.
-        image_counts: image -> number of its entries.
-        without_parameters: sample ids of animals whose parameters are all zero.
-        places: content of an entry -> where it stands.
-    """
-
-    records: list[AnimalRecord] = field(default_factory=list)
-    faults: list[SampleError] = field(default_factory=list)
-    parameters: dict[str, SmalParameters] = field(default_factory=dict)
-    keypoints_3d: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-    without_tail: set[str] = field(default_factory=set)
-    limb_scale_faults: dict[str, SampleError] = field(default_factory=dict)
-    image_counts: Counter[str] = field(default_factory=Counter)
-    without_parameters: list[str] = field(default_factory=list)
-    places: dict[bytes, str] = field(default_factory=dict)
-
-
-def _read_splits(
-    path: Path, images: Path | None, tolerance: Tolerance
-) -> tuple[list[SplitFile], _Animals]:
-    """The files of a dataset and all their animals; see read_animal3d."""
-    splits, animals = list[SplitFile](), _Animals()
-    for file in find_splits(path):
-        root = images or file.parent
-        if not root.is_dir():
-            raise DatasetNotFoundError(f"there is no folder of images {root}")
-        splits.append(decode_json(file, SplitFile))
-        _read_split(splits[-1], file.name, root, animals, tolerance=tolerance)
-    return splits, animals
-
-
-def _read_split(
-    split: SplitFile, name: str, root: Path, animals: _Animals, *, tolerance: Tolerance
-) -> None:
-    """Add the animals of a split; those of one image after its first get "#1", "#2", ...
-
-    Args:
-        split: the file's content.
-        name: the file's name.
-        root: the folder that img_path is relative to.
-        animals: the collection that they are added to.
-        tolerance: how bad parts are taken.
-
-    """
-    for i, raw in enumerate(split.data):
-        try:
-            place = f"{name} entry {i}"
-            sample_id = numbered_id(raw, place, animals.image_counts, root)
-            if (first := animals.places.setdefault(bytes(raw), place)) != place:
-                raise SampleError(
-                    sample_id,
-                    "entry",
-                    f"{place} is {first} once more: remove one, or it counts twice",
-                )
-            entry = decoded(raw, Animal3DEntry, sample_id)
-            record = record_of_entry(entry, sample_id, root, split, tolerance=tolerance)
-            parameters = parameters_of_entry(entry, sample_id)
-        except SampleError as error:
-            animals.faults.append(error)
-            continue
-        animals.records.append(record)
-        if parameters is not None and _are_zero(parameters):
-            animals.without_parameters.append(sample_id)
-        elif parameters is not None:
-            animals.parameters[sample_id] = parameters
-            if not entry.with_tail:
-                animals.without_tail.add(sample_id)
-            if any(entry.bone or ()):
-                animals.limb_scale_faults[sample_id] = SampleError(sample_id, "bone", _SCALED_LIMBS)
-        if entry.keypoint_3d is not None and {len(row) for row in entry.keypoint_3d} == {3}:
-            animals.keypoints_3d[sample_id] = np.array(entry.keypoint_3d, dtype=np.float64)
 
 
 def _model_with_landmarks(path: Path, vids: list[list[int]] | None) -> SmalModel:

@@ -241,7 +241,7 @@ def _animal(
     path = resolve_inside(root, image.name, sample_id, "file_name")
     height, width = image.image_hw
     image_hw = (
-        stored_size(path, sample_id)
+        stored_size(path, sample_id, upright=tolerance.upright)
         if height is None or width is None
         else image_size(height, width, sample_id, "width, height of the image")
     )
@@ -260,6 +260,7 @@ def _animal(
         category=kind.name,
         box=tolerance.part(lambda: _box(entry.bbox, image_hw, sample_id, form)),
         sighting=sighting_of(entry, image.sighting),
+        upright=tolerance.upright,
     )
     return _Animal(record, entry.num_keypoints not in (None, int((marked[:, 2] > 0).sum())))
 

@@ -21,6 +21,8 @@ def read_project(
     images: Path | None = None,
     vocabulary: Vocabulary | None = None,
     tolerance: Tolerance | None = None,
+    *,
+    upright: bool = False,
 ) -> RecordSet:
     """The animals of all videos of a project; a table that cannot be read spoils no other.
 
@@ -29,12 +31,13 @@ def read_project(
         images: the folder that the rows' paths are relative to; None: the project's.
         vocabulary: what the bodyparts are, if their names do not tell.
         tolerance: counts what is taken for missing; None: nobody asks.
+        upright: without tolerance: whether pictures are turned as their headers say.
 
     Raises:
         DatasetNotFoundError: no video has a table.
 
     """
-    tolerance = tolerance or Tolerance()
+    tolerance = tolerance or Tolerance(upright=upright)
     videos = [video for video in sorted((path / VIDEOS).iterdir()) if video.is_dir()]
     tables = [table for video in videos for table in label_files(video)]
     faults = [fault for video in videos for fault in _without_table(video, path)]

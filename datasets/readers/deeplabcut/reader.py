@@ -64,6 +64,8 @@ def read_deeplabcut(
     images: Path | None = None,
     vocabulary: Vocabulary | None = None,
     tolerance: Tolerance | None = None,
+    *,
+    upright: bool = False,
 ) -> RecordSet:
     """The animals of a table of DeepLabCut's.
 
@@ -72,6 +74,7 @@ def read_deeplabcut(
         images: the folder that the rows' paths are relative to; None: found by the first row.
         vocabulary: what the bodyparts are, if their names do not tell.
         tolerance: counts what is taken for missing, for somebody else's notes; None: for these.
+        upright: without tolerance: whether pictures are turned as their headers say.
 
     Returns:
         The records in the order of the rows, and a fault for each that is unusable.
@@ -82,7 +85,7 @@ def read_deeplabcut(
         ConfigError: the bodyparts are in no known vocabulary, or h5py is not installed.
 
     """
-    counts = tolerance or Tolerance()
+    counts = tolerance or Tolerance(upright=upright)
     file = find_labels(path)
     table = read_h5_table(file) if file.suffix.lower() in SUFFIXES else read_csv_table(file)
     if images is not None and not images.is_dir():
@@ -104,7 +107,10 @@ def read_deeplabcut(
                 sample_id = f"{picture.name}#{k}" if k else picture.name
                 _check_row(table, row, picture, sample_id)
                 points = counts.without_minus_ones(_points(table, row, name, sample_id), sample_id)
-                record = _record(points, picture, matches[name], sample_id, individual=name)
+                match, upright = matches[name], counts.upright
+                record = _record(
+                    points, picture, match, sample_id, individual=name, upright=upright
+                )
             except SampleError as error:
                 faults.append(error)
                 continue
@@ -235,6 +241,7 @@ def _record(
     sample_id: str,
     *,
     individual: str,
+    upright: bool,
 ) -> AnimalRecord | None:
     """The record of one animal in one image; None if the animal is not in the image.
 
@@ -244,6 +251,7 @@ def _record(
         match: of the bodyparts with a vocabulary.
         sample_id: named in every error.
         individual: the animal's name in the table; "" in tables of one animal.
+        upright: whether the image is turned as its header says.
 
     Raises:
         SampleError: there is no such image, or it cannot be read.
@@ -256,12 +264,13 @@ def _record(
         sample_id=sample_id,
         image_id=picture.name,
         image_path=image,
-        image_hw=stored_size(image, sample_id),
+        image_hw=stored_size(image, sample_id, upright=upright),
         vocabulary=match.vocabulary,
         keypoints_2d=match.rows(points),
         mask_runs=None,
         category="animal",
         sighting=Sighting(sequence=picture.sequence, individual=individual or None),
+        upright=upright,
     )
 
 

@@ -1,5 +1,6 @@
 """Cameras in JSON files: intrinsics, lens, and the camera's pose relative to a mesh."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +11,11 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, ShapeError
-from animal3dbox.geometry.camera import intrinsics
+from animal3dbox.geometry.camera import WEAK_FOCAL, intrinsics
 from animal3dbox.geometry.checks import check_intrinsics, check_rotation
 from animal3dbox.geometry.distortion import check_distortion
+
+Array = NDArray[np.float64]
 
 
 class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -27,6 +30,7 @@ class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
     distortion: list[float] | None = None
     image_hw: tuple[int, int] | None = None
     unit_m: float | None = None
+    weak_perspective: list[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,10 @@ def load_camera(path: Path, image_hw: tuple[int, int]) -> Camera:
             " (height, width)"
         )
     try:
-        K, pose = _intrinsics(camera, image_hw), _pose(camera)
+        if camera.weak_perspective is None:
+            K, pose = _intrinsics(camera, image_hw), _pose(camera)
+        else:
+            K, pose = _weak_perspective(camera, image_hw)
         lens = None if camera.distortion is None else np.array(camera.distortion, dtype=np.float64)
         if lens is not None:
             check_distortion("distortion", lens)
@@ -83,6 +90,54 @@ def load_camera(path: Path, image_hw: tuple[int, int]) -> Camera:
     return Camera(
         K=K, pose=pose, exact=camera.exact, distortion=lens, metres_per_unit=camera.unit_m
     )
+
+
+def weak_perspective_camera(
+    weak: Sequence[float], image_hw: tuple[int, int], R: Array | None = None
+) -> tuple[Array, tuple[Array, Array]]:
+    """K and pose of a camera so far away that its picture is a weak perspective's.
+
+    u = s X + tx and v = s Y + ty, with X, Y, Z = R times a vertex. With a focal length f, t =
+    ((tx - cx) / s, (ty - cy) / s, f / s) gives the same to some thousandths of a pixel.
+
+    Args:
+        weak: s in px a unit, tx and ty in px.
+        image_hw: height and width of the image, in whose middle the principal point is.
+        R: (3, 3); None: the mesh's x is to the right and its y down.
+
+    Raises:
+        ShapeError: not three finite numbers, or a scale that is not positive.
+
+    Example:
+        >>> K, (R, t) = weak_perspective_camera([200.0, 60.0, 50.0], (101, 121))
+        >>> K[0, 0] == WEAK_FOCAL, t.tolist()
+        (True, [0.0, 0.0, 50000.0])
+    """
+    if len(weak) != 3 or not np.isfinite(weak).all() or not weak[0] > 0:
+        raise ShapeError(
+            f"weak_perspective must be s, tx, ty in px with s above 0, got {list(weak)}"
+        )
+    K = np.asarray(intrinsics(WEAK_FOCAL, image_hw).numpy(), dtype=np.float64)
+    scale, x, y = weak
+    t = np.array([x - K[0, 2], y - K[1, 2], WEAK_FOCAL]) / scale
+    return K, (np.eye(3) if R is None else R, t)
+
+
+def _weak_perspective(
+    camera: CameraFile, image_hw: tuple[int, int]
+) -> tuple[Array, tuple[Array, Array]]:
+    """K and pose of a file's weak perspective; raises ShapeError."""
+    others = [
+        name
+        for name in ("K", "focal_px", "focal_over_side", "t", "distortion")
+        if getattr(camera, name) is not None
+    ]
+    if others:
+        raise ShapeError(f"weak_perspective says it all but R: leave out {' and '.join(others)}")
+    R = None if camera.R is None else np.array(camera.R, dtype=np.float64)
+    if R is not None:
+        check_rotation("R", torch.from_numpy(R))
+    return weak_perspective_camera(camera.weak_perspective or (), image_hw, R)
 
 
 def _intrinsics(camera: CameraFile, image_hw: tuple[int, int]) -> NDArray[np.float64] | None:

@@ -5,18 +5,19 @@ for each of several animals, or is shared by the images of several cameras' fold
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from animal3dbox.datasets.bodies.mesh_formats import MESH_SUFFIXES
 from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES
+from animal3dbox.datasets.readers.mesh_folder.regressor_names import Rank, own_name
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 
 COMMON_CAMERA = "camera.json"
 """The camera of all images that have none of their own."""
-EXTRAS = {"keypoints": ".json", "masks": ".png", "cameras": ".json"}
-"""Folders of further files of an animal or image, and the suffix of the files in each."""
+EXTRAS = {"keypoints": (".json", ".npy"), "masks": (".png",), "cameras": (".json",)}
+"""Folders of further files of an animal or image, and the suffixes of the files in each."""
 _NUMBERED = re.compile(r"(?P<name>.+)(?P<number>[._]\d+)")
 
 
@@ -62,7 +63,7 @@ class _Files:
 
     Attributes:
         images: name -> path in the folder of images.
-        meshes: name -> path in meshes/.
+        meshes: name -> path in meshes/, but for those that may be of either of two images.
         numbered: name -> meshes NAME_0, NAME_1, ... with their numbers.
         extras: folder -> name -> path, of keypoints/, masks/ and cameras/.
         has_common_camera: whether there is a camera.json.
@@ -125,7 +126,7 @@ def list_mesh_folder(root: Path, images: Path) -> Listing:
             )
     listing = Listing()
     files = _list_files(root, images, listing)
-    if not files.meshes:
+    if not files.meshes and not listing.faults:
         raise DatasetFormatError(
             f"{root / 'meshes'} holds no mesh ({', '.join((*MESH_SUFFIXES, '.npz'))})"
         )
@@ -161,18 +162,22 @@ def _note_unused(root: Path, images: Path, files: _Files, listing: Listing) -> N
             f"in {kind}/ belong to no animal",
         )
         listing.notes += _unused_note(
-            _of_other_kind(root / kind, EXTRAS[kind]), f"in {kind}/ are no {EXTRAS[kind]}"
+            _of_other_kind(root / kind, EXTRAS[kind]),
+            f"in {kind}/ are no {' or '.join(EXTRAS[kind])}",
         )
 
 
 def _list_files(root: Path, images: Path, listing: Listing) -> _Files:
     """The files of a mesh folder by name; those of a name that another has are faults."""
     pictures = _by_name(images, IMAGE_SUFFIXES, "image", listing)
-    meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", listing)
+    ends = {end for name in pictures for end in _ends(name)}
+    meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", listing, images=ends)
     extras = {
-        kind: _by_name(root / kind, (suffix,), kind, listing) for kind, suffix in EXTRAS.items()
+        kind: _by_name(root / kind, suffixes, kind, listing, images=ends)
+        for kind, suffixes in EXTRAS.items()
     }
-    numbered = _numbered(meshes, {end for name in pictures for end in _ends(name)})
+    _take_out_ambiguous(meshes, pictures, listing)
+    numbered = _numbered(meshes, ends)
     return _Files(
         images=pictures,
         meshes=meshes,
@@ -191,7 +196,7 @@ def _unused_note(files: list[str], reason: str) -> Iterable[str]:
         )
 
 
-def _of_other_kind(folder: Path, suffix: str) -> list[str]:
+def _of_other_kind(folder: Path, suffixes: tuple[str, ...]) -> list[str]:
     """The files of a folder, which may be missing, of other suffixes; hidden ones do not count."""
     files = (
         (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
@@ -199,24 +204,47 @@ def _of_other_kind(folder: Path, suffix: str) -> list[str]:
         else ()
     )
     return sorted(
-        path.relative_to(folder).as_posix() for path in files if path.suffix.lower() != suffix
+        path.relative_to(folder).as_posix() for path in files if path.suffix.lower() not in suffixes
     )
 
 
 def _by_name(
-    folder: Path, suffixes: tuple[str, ...], field_name: str, listing: Listing
+    folder: Path,
+    suffixes: tuple[str, ...],
+    field_name: str,
+    listing: Listing,
+    *,
+    images: set[str] | None = None,
 ) -> dict[str, str]:
     """Path without suffix -> path, both relative to the folder, which may be missing.
 
-    Of two files of one name it is the first; the second is a fault of the listing.
+    What regressors add to a name is no part of it, unless an image has it, too; of a mesh before
+    and after their adaptation it is the one after. Of two other files of one name it is the first;
+    the second is a fault of the listing.
+
+    Args:
+        folder: may be missing.
+        suffixes: of the files.
+        field_name: what they are, for errors.
+        listing: gets the faults.
+        images: the names of images, with and without their first folders; None: these are images.
+
     """
     names: dict[str, str] = {}
+    ranks: dict[str, Rank] = {}
+    replaced: list[str] = []
     for path in sorted(folder.rglob("*")) if folder.is_dir() else []:
         if path.suffix.lower() not in suffixes:
             continue
         relative = path.relative_to(folder)
-        name = relative.with_suffix("").as_posix()
-        if name in names:
+        plain = relative.with_suffix("").as_posix()
+        as_is = images is None or plain in images
+        name, rank = (plain, Rank.PLAIN) if as_is else own_name(plain)
+        if name in names and rank != ranks[name]:
+            replaced.append(names[name] if rank < ranks[name] else relative.as_posix())
+            if rank < ranks[name]:
+                names[name], ranks[name] = relative.as_posix(), rank
+        elif name in names:
             listing.faults.append(
                 SampleError(
                     relative.as_posix(),
@@ -225,7 +253,8 @@ def _by_name(
                 )
             )
         else:
-            names[name] = relative.as_posix()
+            names[name], ranks[name] = relative.as_posix(), rank
+    listing.notes += _unused_note(replaced, f"of {folder.name}/ have a better one beside them")
     return names
 
 
@@ -242,6 +271,57 @@ def _camera_places(name: str) -> list[str]:
     """Names of an image's own camera, then of its folders' cameras, the innermost first."""
     parts = name.split("/")
     return ["/".join(parts[:i]) for i in range(len(parts), 0, -1)]
+
+
+def _take_out_ambiguous(
+    meshes: dict[str, str], pictures: Mapping[str, str], listing: Listing
+) -> None:
+    """Remove each mesh that may be of either of two images, with a fault for every such image.
+
+    Beside dog.jpg and dog_1.jpg, dog_1.obj may be the first's animal of that number, or the other's
+    only one. It is the other's if dog.jpg has a mesh of its very name, and neither has numbered
+    ones besides: then each image has the mesh that is called like it, which a note says.
+    """
+    by_end: dict[str, list[str]] = {}
+    for name in sorted(pictures):
+        for end in _ends(name):
+            by_end.setdefault(end, []).append(name)
+    numbered = _numbered(meshes, set(by_end))
+    alike: list[str] = []
+    ambiguous: list[tuple[str, re.Match[str]]] = []
+    for mesh in sorted(meshes):
+        match = _NUMBERED.fullmatch(mesh)
+        if match is None or mesh not in by_end or match["name"] not in by_end:
+            continue
+        first = match["name"]
+        is_plain = first in meshes and not numbered.get(first) and not numbered.get(mesh)
+        if is_plain:
+            alike.append(mesh)
+        else:
+            ambiguous.append((mesh, match))
+    for mesh, match in ambiguous:
+        path, number = meshes.pop(mesh), int(match["number"][1:])
+        one, other = by_end[match["name"]], by_end[mesh]
+        problem = _either(path, pictures[one[0]], pictures[other[0]], match)
+        samples = [pictures[name] + (f"#{number}" if number else "") for name in one]
+        samples += [pictures[name] for name in other]
+        listing.faults += [SampleError(sample, "mesh", problem) for sample in samples]
+    if alike:
+        listing.notes.append(
+            f"{len(alike)} meshes are called like an image, and like a second animal of another"
+            f" one, and are taken for the first: {', '.join(meshes[mesh] for mesh in alike[:3])}"
+            f"{', ...' if len(alike) > 3 else ''}"
+        )
+
+
+def _either(path: str, one: str, other: str, match: re.Match[str]) -> str:
+    """The problem of a mesh that may be of either of two images, and its remedy."""
+    suffix, mark, number = Path(path).suffix, match["number"][0], match["number"][1:]
+    other_mark = "." if mark == "_" else "_"
+    return (
+        f"meshes/{path} may be animal {number} of {one}, or the first of {other}: name it"
+        f" {match['name']}{other_mark}{number}{suffix} or {match['name']}{mark}{number}_0{suffix}"
+    )
 
 
 def _numbered(meshes: Iterable[str], images: set[str]) -> dict[str, list[tuple[str, str]]]:

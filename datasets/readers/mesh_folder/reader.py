@@ -14,13 +14,27 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies.mesh_file import Place, read_landmarks
 from animal3dbox.datasets.bodies.mesh_folder import MeshFile, MeshFolderBodies
+from animal3dbox.datasets.bodies.regressor_npz import weak_perspective_of
 from animal3dbox.datasets.images.named_files import resolve_inside
 from animal3dbox.datasets.images.photos import stored_size
-from animal3dbox.datasets.readers.mesh_folder.camera_files import Camera, load_camera
+from animal3dbox.datasets.readers.mesh_folder.camera_files import (
+    Camera,
+    load_camera,
+    weak_perspective_camera,
+)
+from animal3dbox.datasets.readers.mesh_folder.crop_keypoints import without_crop_keypoints
 from animal3dbox.datasets.readers.mesh_folder.files import AnimalFiles, list_mesh_folder
+from animal3dbox.datasets.readers.mesh_folder.regressor_names import is_of_crop
+from animal3dbox.datasets.readers.tolerance import TURNED
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
-from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError, SampleError
+from animal3dbox.errors import (
+    ConfigError,
+    DatasetFormatError,
+    DatasetNotFoundError,
+    SampleError,
+    ShapeError,
+)
 from animal3dbox.smal.files.model_files import load_model
 from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -72,6 +86,8 @@ def read_mesh_folder(
     images: Path | None = None,
     model: Path | None = None,
     vocabulary: Vocabulary | None = None,
+    *,
+    upright: bool = False,
 ) -> MeshFolder:
     """The animals of a folder with images/ and meshes/, see docs/formats.md.
 
@@ -82,6 +98,7 @@ def read_mesh_folder(
         images: the folder of images; None: images/.
         model: the SMAL file whose vertices all meshes have.
         vocabulary: the keypoints; None: as mesh_folder.json says, else animal3d26.
+        upright: whether pictures and masks are turned as their EXIF headers say.
 
     Raises:
         DatasetNotFoundError: no such folders.
@@ -99,9 +116,10 @@ def read_mesh_folder(
         vocabulary=vocabulary or _vocabulary(manifest, home),
         manifest=manifest,
         load_camera=lru_cache(maxsize=None)(load_camera),
+        upright=upright,
     )
     listing = list_mesh_folder(home, reader.images)
-    records, faults, meshes = [], list(listing.faults), {}
+    records, faults, meshes, of_crop = [], list(listing.faults), {}, set[str]()
     for files in listing.animals:
         try:
             record, mesh = reader.record(files)
@@ -109,14 +127,16 @@ def read_mesh_folder(
             faults.append(error)
             continue
         records.append(record)
-        meshes[record.sample_id] = MeshFile(mesh)
-    landmarks = _landmarks(home / LANDMARKS)
+        camera = None if files.camera is None else Path(files.camera)
+        of_crop |= {record.sample_id} if is_of_crop(files.keypoints or "") else set()
+        meshes[record.sample_id] = MeshFile(mesh, camera)
+    landmarks, notes = _landmarks(home / LANDMARKS), (TURNED,) if upright else ()
     bodies = MeshFolderBodies(
         home.resolve(), meshes, landmarks, None if model is None else load_model(model)
     )
-    return MeshFolder(
-        RecordSet(FORMAT, tuple(records), tuple(faults), tuple(listing.notes)), bodies
-    )
+    records, crop_faults, crop_notes = without_crop_keypoints(records, bodies, of_crop)
+    notes = (*listing.notes, *notes, *crop_notes)
+    return MeshFolder(RecordSet(FORMAT, tuple(records), (*faults, *crop_faults), notes), bodies)
 
 
 def _manifest(home: Path) -> Manifest:
@@ -161,6 +181,7 @@ class _RecordReader:
         vocabulary: the keypoints.
         manifest: what holds for all animals.
         load_camera: reads a camera once for the many images that it took.
+        upright: whether pictures and masks are turned as their EXIF headers say.
     """
 
     home: Path
@@ -168,6 +189,7 @@ class _RecordReader:
     vocabulary: Vocabulary
     manifest: Manifest
     load_camera: Callable[[Path, tuple[int, int]], Camera]
+    upright: bool = False
 
     def record(self, files: AnimalFiles) -> tuple[AnimalRecord, Path]:
         """The record of an animal and its mesh's file, checked but for the mesh's content.
@@ -177,8 +199,8 @@ class _RecordReader:
         sample_id = files.sample_id
         image = resolve_inside(self.images, files.image, sample_id, "image")
         mesh = resolve_inside(self.home, files.mesh, sample_id, "mesh")
-        image_hw = stored_size(image, sample_id)
-        camera = self._camera(files, image_hw)
+        image_hw = stored_size(image, sample_id, upright=self.upright)
+        camera = self._camera(files, mesh, image_hw)
         keypoints = self._keypoints(files)
         if camera.pose is None and not keypoints.any():
             raise SampleError(sample_id, "camera, keypoints", _nothing_tells(files))
@@ -203,18 +225,35 @@ class _RecordReader:
             metres_per_unit=(
                 self.manifest.unit_m if camera.metres_per_unit is None else camera.metres_per_unit
             ),
+            upright=self.upright,
         )
         return record, mesh
 
-    def _camera(self, files: AnimalFiles, image_hw: tuple[int, int]) -> Camera:
-        """The camera of an animal's image, one of which nothing is known without a file."""
+    def _camera(self, files: AnimalFiles, mesh: Path, image_hw: tuple[int, int]) -> Camera:
+        """The camera of an animal's image, by its own file, else by a regressor's mesh file.
+
+        Nothing is known of it without either.
+        """
         if files.camera is None:
-            return Camera()
+            return self._camera_of_mesh(files, mesh, image_hw)
         path = resolve_inside(self.home, files.camera, files.sample_id, "camera")
         try:
             return self.load_camera(path, image_hw)
         except DatasetFormatError as error:
             raise SampleError(files.sample_id, "camera", str(error)) from error
+
+    def _camera_of_mesh(self, files: AnimalFiles, mesh: Path, image_hw: tuple[int, int]) -> Camera:
+        """The camera that an npz of GenZoo holds beside its mesh."""
+        if mesh.suffix.lower() != ".npz":
+            return Camera()
+        try:
+            weak = weak_perspective_of(mesh, image_hw)
+            if weak is None:
+                return Camera()
+            K, pose = weak_perspective_camera(weak, image_hw)
+        except (DatasetFormatError, ShapeError) as error:
+            raise SampleError(files.sample_id, "camera", str(error)) from error
+        return Camera(K, pose)
 
     def _keypoints(self, files: AnimalFiles) -> NDArray[np.float64]:
         """The animal's keypoints (J, 3) by a file that names them; zeros without a file."""
@@ -222,6 +261,8 @@ class _RecordReader:
         if files.keypoints is None:
             return rows
         path = resolve_inside(self.home, files.keypoints, files.sample_id, "keypoints")
+        if path.suffix.lower() == ".npy":
+            return self._keypoint_array(path, files)
         try:
             points: dict[str, list[float] | None] = decode_json(path, dict[str, list[float] | None])
             columns = match_by_name(list(points), self.vocabulary).columns
@@ -234,6 +275,39 @@ class _RecordReader:
             if column is not None and (point := values[column]) is not None:
                 rows[row] = _point(point, files, self.vocabulary.keypoints[row])
         return rows
+
+    def _keypoint_array(self, path: Path, files: AnimalFiles) -> NDArray[np.float64]:
+        """The keypoints (J, 3) of an array in the vocabulary's order: x, y, perhaps confidence.
+
+        A point that is not finite, and (0, 0) without a confidence, is missing.
+        """
+        try:
+            array = np.load(path, allow_pickle=False)
+            values = np.asarray(array, dtype=np.float64)
+        except (ValueError, TypeError, OSError, EOFError) as error:
+            raise SampleError(
+                files.sample_id, "keypoints", f"{files.keypoints} is no array of numbers: {error}"
+            ) from error
+        values = values[0] if values.ndim == 3 and len(values) == 1 else values
+        count = len(self.vocabulary)
+        if values.shape not in ((count, 2), (count, 3)):
+            raise SampleError(
+                files.sample_id,
+                "keypoints",
+                f"{files.keypoints}: must be {count} x 3 (x, y, confidence) or {count} x 2 of"
+                f" {self.vocabulary.name}, got {values.shape}",
+            )
+        is_known = np.isfinite(values).all(axis=1) & values[:, :2].any(axis=1)
+        marks = values[:, 2:] if values.shape[1] == 3 else np.ones((count, 1))
+        if not ((marks[is_known] >= 0) & (marks[is_known] <= 1)).all():
+            raise SampleError(
+                files.sample_id,
+                "keypoints",
+                f"{files.keypoints}: confidences must be from 0 to 1, got up to"
+                f" {np.abs(marks[is_known]).max():g}",
+            )
+        rows = np.concatenate((values[:, :2], marks), axis=1)
+        return np.where((is_known & (marks[:, 0] > 0))[:, None], rows, 0.0)
 
 
 def _point(numbers: list[float], files: AnimalFiles, name: str) -> list[float]:

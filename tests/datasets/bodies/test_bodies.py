@@ -160,7 +160,8 @@ def test_an_off_with_a_comment_that_is_not_utf8_is_read(tmp_path: Path) -> None:
 
 
 def test_an_stl_has_three_vertices_a_face_in_the_order_of_its_file(tmp_path: Path) -> None:
-    body = loaded(tmp_path, exported(".stl"), suffix=".stl")
+    points = '{"Nose": {"point": [1, 2, 3]}}'
+    body = loaded(tmp_path, exported(".stl"), points, suffix=".stl")
     assert body.vertices[body.faces].tolist() == [
         [list(map(float, CUBE[i])) for i in face] for face in TRIANGLES
     ]
