@@ -24,7 +24,7 @@ LONGEST_M = 30.0
 MILLIMETRES_FROM = 300.0
 """Length of a file's median box from which its unit looks like the millimetre."""
 SMALLEST_PX = 16.0
-"""Side of a picture, and focal length in pixels, below which nothing is told by them."""
+"""Focal length below which it is hardly in pixels, unless the picture's sides are as small."""
 SHORTEST_M = 0.02
 """Length of a file's median box below which its unit is hardly the metre."""
 

@@ -5,6 +5,7 @@ projected one belongs to another image, or K does.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,14 @@ from animal3dbox.errors import SampleError
 
 LEAST_OVERLAP = 0.5
 """Least overlap of bbox2D_proj and bbox2D_trunc with the projected box."""
+LIKELY_OVERLAP = 0.8
+"""Overlap from which on a likely cause is named."""
+MIRRORED = (
+    ((1.0, -1.0, 1.0), "axes with y up"),
+    ((-1.0, -1.0, 1.0), "PyTorch3D's axes (x left, y up)"),
+    ((-1.0, 1.0, 1.0), "axes with x left"),
+)
+"""Signs of the camera's axes that others write, and their words."""
 LEAST_SHARE = 0.5
 """Least part of bbox2D_tight that lies in the projected box: a visible part of a thing does."""
 
@@ -90,6 +99,29 @@ def with_consistent_boxes_2d(
     return consistent, faults
 
 
+def _likely_cause(record: CuboidRecord, stated: Floats, projections: Sequence[Floats]) -> str:
+    """Words on why a stated 2D box (4,) is elsewhere: other axes, a larger picture, or unknown."""
+    for signs, axes in MIRRORED:
+        turn = np.array(signs)
+        # Of a mirrored box the axis to its left is turned back, which its outline does not show.
+        rotation = turn[:, None] * record.rotation * [1, turn.prod(), 1]
+        turned = replace(record, center=turn * record.center, rotation=rotation)
+        if max(_overlaps(stated, _round(visible_boxes([turned]), 0))) >= LIKELY_OVERLAP:
+            return f"it would fit in {axes} of the camera; Omni3D's are x right, y down, z forward"
+    first = np.array([0.5, 0.5, 0.5, 0.5])  # the image's corner, from which pictures are scaled
+    for projected in projections:
+        factor = float((stated[2] - stated[0]) / (projected[2] - projected[0]))
+        if overlap((stated + first) / factor - first, projected) >= LIKELY_OVERLAP:
+            return (
+                f"it would fit a picture {factor:.3g} times as large: K or the image size is wrong"
+            )
+    return "K, the image size or the box belongs to another image"
+
+
+def _overlaps(stated: Floats, projections: Sequence[Floats]) -> list[float]:
+    return [0.0, *(overlap(stated, projected) for projected in projections)]
+
+
 def _round(visible: VisibleBoxes, number: int) -> list[Floats]:
     """The upright boxes (4,) round a projection, whole and in the frame, that there are."""
     return [
@@ -109,13 +141,13 @@ def _check_boxes_2d(
         stated = box_2d(getattr(box.annotation, field), record.sample_id, field, convention)
         if stated is None:
             continue
-        found = max(overlap(stated, projected) for projected in projections)
+        found = max(_overlaps(stated, projections))
         if found < LEAST_OVERLAP:
             raise SampleError(
                 record.sample_id,
                 field,
-                f"is not where K projects bbox3D_cam (overlap {found:.2f}): K, the image size"
-                " or the box belongs to another image",
+                f"is not where K projects bbox3D_cam (overlap {found:.2f}):"
+                f" {_likely_cause(record, stated, projections)}",
             )
     if record.box is None:
         return

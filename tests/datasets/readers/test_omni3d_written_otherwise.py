@@ -225,6 +225,44 @@ def test_a_2d_box_beside_the_projected_one_is_a_fault(
     assert (fault.sample_id, fault.field) == ("images/0.jpg", field)
 
 
+@pytest.mark.parametrize(
+    ("signs", "words"),
+    [((1, -1, 1), "y up"), ((-1, -1, 1), "PyTorch3D's axes"), ((-1, 1, 1), "x left of")],
+)
+def test_axes_of_another_camera_are_named_where_2d_boxes_tell_them(
+    tmp_path: Path, content: Content, signs: tuple[int, ...], words: str
+) -> None:
+    turn = np.array(signs)
+    annotation = content["annotations"][0]
+    for key in ("center_cam", "bbox3D_cam"):
+        annotation[key] = (turn * annotation[key]).tolist()
+    annotation["R_cam"] = None  # whose columns a mirror makes no rotation
+    if turn.prod() > 0:
+        annotation["R_cam"] = (turn[:, None] * content_rotation(tmp_path)).tolist()
+    else:
+        annotation["bbox3D_cam"] = [annotation["bbox3D_cam"][k] for k in (4, 5, 6, 7, 0, 1, 2, 3)]
+    back = read(tmp_path, content)
+    (fault,) = back.faults
+    assert (fault.sample_id, fault.field) == ("images/0.jpg", "bbox2D_proj")
+    assert words in fault.problem
+
+
+def content_rotation(tmp_path: Path) -> np.ndarray:
+    """R_cam of the first box of the good file."""
+    return np.array(json.loads((tmp_path / "good.json").read_text())["annotations"][0]["R_cam"])
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_k_of_a_picture_of_another_size_is_named(
+    tmp_path: Path, content: Content, factor: float
+) -> None:
+    K = np.array(content["images"][1]["K"])
+    content["images"][1]["K"] = (np.diag([1 / factor, 1 / factor, 1]) @ K).tolist()
+    (fault,) = read(tmp_path, content).faults
+    assert (fault.sample_id, fault.field) == ("images/1.jpg", "bbox2D_proj")
+    assert f"a picture {factor:g} times as large" in fault.problem
+
+
 def test_a_2d_box_of_the_visible_half_is_no_fault(tmp_path: Path, content: Content) -> None:
     for annotation in content["annotations"]:
         x1, y1, x2, y2 = annotation["bbox2D_trunc"]
