@@ -52,7 +52,7 @@ def _read_kitti(path: Path, options: CuboidOptions) -> CuboidSet:
     return read_kitti(
         path,
         options.images,
-        heading_known=options.heading_known is not False,
+        heading_known=options.heading_known,
         metric=options.metric,
     )
 

@@ -23,8 +23,8 @@ class KittiDataset(LabelDataset):
     Args:
         root: the folder with label_2/ (or label_02/) and calib/, or one of results beside calib/.
         images: the folder of pictures; None: image_2/ (or image_02/).
-        heading_known: whether forward and left mean something, as they do for KITTI's cars; False:
-            targets have no face fields.
+        heading_known: whether forward and left mean something; None: they do, as for KITTI's cars,
+            unless a file of this package says otherwise. If not, targets have no face fields.
         metric: whether lengths are metres: "yes", "no", or "info": as KITTI's are, unless a file of
             this package says otherwise.
         **options: LabelDataset's; those about labelling have no effect.
@@ -40,7 +40,7 @@ class KittiDataset(LabelDataset):
         root: Path | str,
         *,
         images: Path | str | None = None,
-        heading_known: bool = True,
+        heading_known: bool | None = None,
         metric: Metric = "info",
         **options: Unpack[Options],
     ) -> None:

@@ -22,6 +22,7 @@ from animal3dbox.datasets.exchange.occlusion import visible_parts
 from animal3dbox.datasets.images.photos import is_file, read_image
 from animal3dbox.datasets.readers.cuboid_conventions import KITTI, Floats, yaw_of, yaw_rotation
 from animal3dbox.datasets.readers.kitti.files import (
+    HEADING_UNKNOWN,
     OCCLUSION_UNKNOWN,
     UNITS,
     VISIBILITY,
@@ -39,6 +40,9 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
+
+FILES = ("label_2", "calib", "image_2", "ImageSets", "images.txt")
+"""What a folder holds, but for image_2/ if no picture was found."""
 
 
 def write_kitti(
@@ -115,17 +119,17 @@ def write_kitti(
         lines, with_box, outside = _lines(boxes)
         records += with_box
         faults += outside
-        calibration = calibration_text(KITTI.K_out(image.K))
         write_whole(folder / "label_2" / f"{number:06d}.txt", "".join(lines).encode())
-        write_whole(folder / "calib" / f"{number:06d}.txt", calibration.encode())
+        calibration = calibration_text(KITTI.K_out(image.K)).encode()
+        write_whole(folder / "calib" / f"{number:06d}.txt", calibration)
         try:
             missing += _write_picture(image, folder / "image_2" / f"{number:06d}.png")
         except SampleError as error:
             faults.append(error)
-    _write_lists(folder, images, split=split, units=units)
+    _write_lists(folder, images, split=split, remarks=_remarks(records, units))
     iou = yaw_only_iou(records)
     return ExportSummary(
-        files=tuple(folder / name for name in ("label_2", "calib", "images.txt", "ImageSets")),
+        files=tuple(folder / name for name in FILES if (folder / name).exists()),
         images=len(members),
         boxes=len(records),
         faults=tuple(faults),
@@ -141,10 +145,18 @@ def write_kitti(
     )
 
 
-def _write_lists(folder: Path, images: dict[int, CuboidImage], *, split: str, units: str) -> None:
-    """Write images.txt and the list of a split, of images by number."""
-    index = [image_line(number, image) for number, image in images.items()]
-    index = index if units == "m" else [f"{UNITS}{units}\n", *index]
+def _remarks(records: Sequence[CuboidRecord], units: str) -> list[str]:
+    """The lines of images.txt on what KITTI's format takes for granted and these boxes are not."""
+    remarks = [] if units == "m" else [f"{UNITS}{units}"]
+    return remarks + ([] if all(record.heading_known for record in records) else [HEADING_UNKNOWN])
+
+
+def _write_lists(
+    folder: Path, images: dict[int, CuboidImage], *, split: str, remarks: Sequence[str]
+) -> None:
+    """Write images.txt, with remarks on all boxes, and the list of a split, of images by number."""
+    index = [f"{remark}\n" for remark in remarks]
+    index += [image_line(number, image) for number, image in images.items()]
     numbers = "".join(f"{number:06d}\n" for number in images)
     write_whole(folder / "images.txt", "".join(index).encode())
     write_whole(folder / "ImageSets" / f"{split}.txt", numbers.encode())

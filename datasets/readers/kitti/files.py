@@ -24,6 +24,8 @@ VISIBILITY = {0: 1.0, 1: 0.7, 2: 0.3}
 """Part that is visible of a thing, which KITTI gives as a level of occlusion."""
 UNITS = "# lengths: "
 """Beginning of the line of images.txt that says that lengths are not metres."""
+HEADING_UNKNOWN = "# heading: unknown"
+"""The line of images.txt that says that forward means nothing, of some boxes at least."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ def parsed_images(text: str) -> dict[str, tuple[tuple[int, int], str]]:
     """
     images: dict[str, tuple[tuple[int, int], str]] = {}
     for line in text.splitlines():
-        if line.startswith(UNITS):
+        if line.startswith(UNITS) or line == HEADING_UNKNOWN:
             continue
         fields = line.split(" ", 3)
         if len(fields) != 4 or not (fields[1].isdecimal() and fields[2].isdecimal()):
@@ -176,6 +178,11 @@ def parsed_images(text: str) -> dict[str, tuple[tuple[int, int], str]]:
         number, width, height, path = fields
         images[number] = ((int(height), int(width)), path)
     return images
+
+
+def states_heading(text: str) -> bool:
+    """Whether images.txt leaves it at KITTI's headings, which all mean something."""
+    return HEADING_UNKNOWN not in text.splitlines()
 
 
 def states_metres(text: str) -> bool:

@@ -29,6 +29,7 @@ from animal3dbox.datasets.readers.kitti.files import (
     parsed_calibration,
     parsed_images,
     parsed_line,
+    states_heading,
     states_metres,
 )
 from animal3dbox.datasets.readers.kitti.layout import INDEX, KittiLayout, kitti_layout
@@ -70,7 +71,7 @@ def read_kitti(
     folder: Path,
     images: Path | None = None,
     *,
-    heading_known: bool = True,
+    heading_known: bool | None = None,
     metric: Metric = "info",
 ) -> CuboidSet:
     """The cuboids of a folder with label_2/ and calib/, and images.txt or image_2/.
@@ -82,7 +83,8 @@ def read_kitti(
     Args:
         folder: such as KITTI's own training/, or a folder of results beside calib/.
         images: the folder of pictures; None: image_2/ or image_02/.
-        heading_known: whether forward means something, as it does for KITTI's cars.
+        heading_known: whether forward means something; None: it does, as for KITTI's cars, unless
+            images.txt of this package says otherwise.
         metric: whether lengths are metres: "yes", "no", or "info": they are, as KITTI's always are,
             unless images.txt of this package says otherwise.
 
@@ -131,6 +133,8 @@ def read_kitti(
     for label in layout.labels:
         _read_label(label, reading)
     is_metric = (text is None or states_metres(text)) if metric == "info" else metric == "yes"
+    if heading_known is None:
+        heading_known = text is None or states_heading(text)
     records = [
         _record(stated, heading_known=heading_known, metric=is_metric) for stated in reading.lines
     ]

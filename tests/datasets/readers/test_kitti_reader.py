@@ -93,6 +93,7 @@ def test_a_good_folder_is_read_whole(folder: Path) -> None:
         assert np.abs(ours.size - there.size).max() < 1e-5
         assert np.abs(ours.rotation - there.rotation).max() < 1e-5
         assert ours.metric
+        assert ours.heading_known
 
 
 BAD: dict[str, tuple[Callable[[Fields], Fields], str, str]] = {
@@ -287,6 +288,13 @@ def test_lengths_that_an_export_says_are_no_metres_are_read_so(tmp_path: Path) -
     assert {record.metric for record in read_kitti(tmp_path, metric="yes").records} == {True}
     with pytest.raises(ConfigError, match="metric must be one of"):
         read_kitti(tmp_path, metric="maybe")  # type: ignore[arg-type]
+
+
+def test_headings_that_an_export_says_mean_nothing_are_read_so(tmp_path: Path) -> None:
+    known, *others = standing_set().records
+    write_kitti(CuboidSet("labels", (replace(known, heading_known=False), *others), ()), tmp_path)
+    assert not any(record.heading_known for record in read_kitti(tmp_path).records)
+    assert all(record.heading_known for record in read_kitti(tmp_path, heading_known=True).records)
 
 
 def test_millimetres_are_noted(folder: Path) -> None:
