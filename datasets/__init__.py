@@ -4,7 +4,7 @@ The rooms, in their order; each imports only from those before it (tests/test_pa
 
 - `records`, `images`, `storage`: what a dataset says of an animal, pixels, values as bytes.
 - `readers`, `bodies`, `synthetic`: annotation files, sources of bodies, a world with exact truth.
-- `formats`, `labelling`: any dataset by its path; the one way from a record to a label.
+- `formats`, `cuboid_formats`, `labelling`: any dataset by its path; the one way to its labels.
 - `label_dataset`, `batches`, `format_datasets`, ...: the Datasets, one a format, and their batches.
 - `exchange`, `inspection`: files for other tools; what is in a copy of a dataset.
 

@@ -1,1 +1,5 @@
-"""Cuboids of KITTI: `files` has the lines of its text files, `reader` makes the records."""
+"""Cuboids of KITTI's text files.
+
+`layout` finds the files, `files` has their lines, `checks` holds the fields of a line against each
+other; `reader` makes the records.
+"""
