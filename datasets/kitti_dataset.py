@@ -8,6 +8,7 @@ from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.readers.cuboid_checks import Metric
 from animal3dbox.datasets.readers.kitti.reader import read_kitti
+from animal3dbox.datasets.readers.tolerance import upright_cuboids
 from animal3dbox.files import user_path
 
 
@@ -27,6 +28,8 @@ class KittiDataset(LabelDataset):
             unless a file of this package says otherwise. If not, targets have no face fields.
         metric: whether lengths are metres: "yes", "no", or "info": as KITTI's are, unless a file of
             this package says otherwise.
+        apply_orientation: whether pictures are turned as their EXIF headers say, of boxes that are
+            for turned pictures; False: pixels are as stored.
         **options: LabelDataset's; those about labelling have no effect.
 
     Example:
@@ -42,8 +45,11 @@ class KittiDataset(LabelDataset):
         images: Path | str | None = None,
         heading_known: bool | None = None,
         metric: Metric = "info",
+        apply_orientation: bool = False,
         **options: Unpack[Options],
     ) -> None:
         folder = None if images is None else user_path(images)
         cuboids = read_kitti(user_path(root), folder, heading_known=heading_known, metric=metric)
+        if apply_orientation:
+            cuboids = upright_cuboids(cuboids)
         super().__init__(FileSource(cuboids), **options)

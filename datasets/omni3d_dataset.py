@@ -1,6 +1,5 @@
 """Boxes in Omni3D's format as a torch Dataset."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
@@ -9,8 +8,7 @@ from animal3dbox.datasets.labelling.dataset_options import Options
 from animal3dbox.datasets.labelling.file_source import FileSource
 from animal3dbox.datasets.readers.cuboid_checks import Metric
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
-from animal3dbox.datasets.readers.tolerance import TURNED
-from animal3dbox.datasets.records import CuboidSet
+from animal3dbox.datasets.readers.tolerance import upright_cuboids
 from animal3dbox.files import user_path
 
 
@@ -52,15 +50,5 @@ class Omni3DDataset(LabelDataset):
         folder = None if images is None else user_path(images)
         cuboids = read_omni3d(user_path(root), folder, heading_known=heading_known, metric=metric)
         if apply_orientation:
-            cuboids = _upright(cuboids)
+            cuboids = upright_cuboids(cuboids)
         super().__init__(FileSource(cuboids), **options)
-
-
-def _upright(cuboids: CuboidSet) -> CuboidSet:
-    """The same boxes, of pictures that are turned as their headers say."""
-    return replace(
-        cuboids,
-        records=tuple(replace(record, upright=True) for record in cuboids.records),
-        images=tuple(replace(image, upright=True) for image in cuboids.images),
-        notes=(*cuboids.notes, TURNED),
-    )

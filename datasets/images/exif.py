@@ -97,10 +97,10 @@ def facts_of(image: Image.Image, *, upright: bool = False) -> PhotoFacts:
         upright: whether its pixels are used turned as the header says, not as stored.
 
     """
-    exif = exif_tags(image)
-    if not exif:
+    exif, orientation = exif_tags(image), exif_orientation(image)
+    if not exif and orientation == UPRIGHT:
         return PhotoFacts()
-    orientation, size = exif_orientation(image), stored_width_height(image)
+    size = stored_width_height(image)
     messages, flags = _about_turn(orientation, size, upright=upright)
     time = None
     try:

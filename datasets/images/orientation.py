@@ -7,6 +7,7 @@ it turns while it decodes them and whose number it then forgets. Here pixels are
 them, or upright, for every format, as the caller says.
 """
 
+import re
 import struct
 from typing import IO
 
@@ -26,6 +27,7 @@ _TURNS = {
     8: Image.Transpose.ROTATE_90,
 }
 """What turns stored pixels upright, by EXIF's number."""
+_XMP = re.compile(rb"tiff:Orientation(?:=[\"']|>)([0-9])")
 _TIFF_SIZE = (int(ExifTags.Base.ImageWidth), int(ExifTags.Base.ImageLength))
 
 
@@ -49,11 +51,22 @@ def exif_tags(image: Image.Image) -> Image.Exif:
 def exif_orientation(image: Image.Image) -> int:
     """EXIF's number, 1 to 8, of a picture of which only the header has been read.
 
-    A number that EXIF does not have counts as 1. Ask before the pixels are decoded: Pillow forgets
-    a TIFF's number then.
+    Where EXIF says nothing, an XMP packet may, which not every version of Pillow reads. A number
+    that EXIF does not have counts as 1. Ask before the pixels are decoded: Pillow forgets a TIFF's
+    number then.
     """
-    value = exif_tags(image).get(ExifTags.Base.Orientation, UPRIGHT)
+    value = exif_tags(image).get(ExifTags.Base.Orientation)
+    if value is None:
+        value = _xmp_orientation(image)
     return value if isinstance(value, int) and 1 <= value <= 8 else UPRIGHT
+
+
+def _xmp_orientation(image: Image.Image) -> int:
+    """The number in a picture's XMP packet; 1 without."""
+    packet = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or b""
+    text = packet.encode() if isinstance(packet, str) else bytes(packet)
+    match = _XMP.search(text)
+    return UPRIGHT if match is None else int(match[1])
 
 
 def stored_width_height(image: Image.Image) -> tuple[int, int]:

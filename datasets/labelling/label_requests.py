@@ -26,7 +26,7 @@ class LabelRequest:
         facts: of the image's header. An EXIF orientation, applied or not, is among the label's
             warnings.
         key: names what its label is made from, for a cache; empty without one.
-        has_mask: False for a mask that cannot be used and is left out.
+        mask_problem: why a mask that cannot be used is left out; None of any other.
 
     Example:
         >>> from animal3dbox.datasets import SyntheticSet, preset_body, request_of_record
@@ -40,7 +40,7 @@ class LabelRequest:
     place: int
     facts: PhotoFacts
     key: bytes = b""
-    has_mask: bool = True
+    mask_problem: SampleError | None = None
 
     @property
     def entry(self) -> AnimalEntry:
@@ -60,7 +60,7 @@ class LabelRequest:
             SampleError: the mask's file cannot be read, or is of another size.
 
         """
-        return self.sample.mask(self.place) if self.has_mask else None
+        return self.sample.mask(self.place) if self.mask_problem is None else None
 
     @property
     def bodies(self) -> BodySource:

@@ -10,6 +10,7 @@ from animal3dbox.datasets.images.photos import Photo
 from animal3dbox.datasets.labelling.image_samples import ImageSample, SampleSource
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
 from animal3dbox.datasets.labelling.label_store import LabelStore
+from animal3dbox.datasets.labelling.sample_checks import with_decoded_mask
 from animal3dbox.errors import SampleError
 
 T = TypeVar("T")
@@ -46,7 +47,9 @@ def open_samples(
         elif not isinstance(sample, SampleError):
             opened.append((sample, photo, _requests(sample, photo, classes, store)))
     return [
-        one if isinstance(one, SampleError) else (one[0], one[1], list(map(_with_mask, one[2])))
+        one
+        if isinstance(one, SampleError)
+        else (one[0], one[1], [_with_mask(request, store) for request in one[2]])
         for one in opened
     ]
 
@@ -79,10 +82,8 @@ def _requests(
     return requests
 
 
-def _with_mask(request: RequestOrError) -> RequestOrError:
-    """A request whose mask has been decoded, or why it cannot be."""
-    try:
-        mask_of(request)
-    except SampleError as error:
-        return error
-    return request
+def _with_mask(request: RequestOrError, store: LabelStore) -> RequestOrError:
+    """A request whose mask has been decoded, or is left out, or why it cannot be decoded."""
+    if isinstance(request, SampleError):
+        return request
+    return _attempt(with_decoded_mask, request, store.optional)

@@ -29,6 +29,22 @@ class Remarks:
     flags: list[str] = field(default_factory=list)
 
 
+def with_decoded_mask(request: LabelRequest, optional: BadParts) -> LabelRequest:
+    """A request whose mask has been decoded, or is left out if it cannot be and that is allowed.
+
+    Raises:
+        SampleError: the mask cannot be used, and that is an error.
+
+    """
+    try:
+        _ = request.mask  # decoded once, and kept
+    except SampleError as error:
+        if optional == "fault":
+            raise
+        return replace(request, mask_problem=error)
+    return request
+
+
 def checked_request(
     request: LabelRequest, misplaced: Misplaced, optional: BadParts
 ) -> tuple[LabelRequest, Remarks]:
@@ -39,13 +55,11 @@ def checked_request(
 
     """
     remarks, record = Remarks(), request.record
-    try:
-        mask = request.mask
-    except SampleError as error:
-        if optional == "fault":
-            raise
-        remarks.warnings.append(f"the mask is left out: {error.field} {error.problem}")
-        request, mask = replace(request, has_mask=False), None
+    request = with_decoded_mask(request, optional)
+    mask, problem_of_mask = request.mask, request.mask_problem
+    if problem_of_mask is not None:
+        words = f"{problem_of_mask.field} {problem_of_mask.problem}"
+        remarks.warnings.append(f"the mask is left out: {words}")
     if isinstance(record, AnimalRecord) and (problem := keypoints_problem(record, mask)):
         if misplaced == "fault":
             raise SampleError(record.sample_id, "keypoints_2d", problem)

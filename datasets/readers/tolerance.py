@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.named_files import is_end_of_path
-from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.records import AnimalRecord, CuboidSet, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
 
 Array = NDArray[np.float64]
@@ -125,6 +125,16 @@ class Tolerance:
         if self.visibility == "scores":
             notes.append(f"keypoints of a score below {LEAST_SCORE:g} count as missing")
         return tuple(notes)
+
+
+def upright_cuboids(cuboids: CuboidSet) -> CuboidSet:
+    """The same boxes, of pictures that are turned upright as their EXIF headers say."""
+    return replace(
+        cuboids,
+        records=tuple(replace(record, upright=True) for record in cuboids.records),
+        images=tuple(replace(image, upright=True) for image in cuboids.images),
+        notes=(*cuboids.notes, TURNED),
+    )
 
 
 def one_name_a_file(

@@ -110,7 +110,7 @@ def weak_perspective_camera(
 
     Example:
         >>> K, (R, t) = weak_perspective_camera([200.0, 60.0, 50.0], (101, 121))
-        >>> K[0, 0] == WEAK_FOCAL, t.tolist()
+        >>> float(K[0, 0]) == WEAK_FOCAL, t.tolist()
         (True, [0.0, 0.0, 50000.0])
     """
     if len(weak) != 3 or not np.isfinite(weak).all() or not weak[0] > 0:

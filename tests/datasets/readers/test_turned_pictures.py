@@ -18,6 +18,7 @@ from animal3dbox.cli.main import main as animal3dbox
 from animal3dbox.datasets.bodies.sources import preset_body
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.formats import read_dataset
+from animal3dbox.datasets.kitti_dataset import KittiDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.label_records import label_records
 from animal3dbox.datasets.labelling.label_requests import request_of_record
@@ -275,6 +276,25 @@ def test_a_focal_length_of_exif_has_its_middle_in_the_turned_picture(
     assert width > height
     assert target["meta"]["K_source"] == "exif"
     assert target["K"][:2, 2].tolist() == [(width - 1) / 2, (height - 1) / 2]
+
+
+def test_boxes_of_kitti_may_be_for_turned_pictures(tmp_path: Path) -> None:
+    picture = np.zeros((48, 64, 3), dtype=np.uint8)
+    picture[:, :20] = 255
+    for folder in ("image_2", "label_2", "calib"):
+        (tmp_path / folder).mkdir()
+    Image.fromarray(picture).save(tmp_path / "image_2" / "000000.png")
+    turn_file(tmp_path / "image_2" / "000000.png", 3)
+    line = "Dog 0.00 0 0.00 20.00 15.00 40.00 35.00 0.60 0.30 0.90 0.00 0.30 4.00 0.00\n"
+    (tmp_path / "label_2" / "000000.txt").write_text(line)
+    P2 = "60 0 31.5 0 0 60 23.5 0 0 0 1 0"
+    (tmp_path / "calib" / "000000.txt").write_text(f"P2: {P2}\n")
+    for apply in (False, True):
+        dataset = KittiDataset(tmp_path, on_bad="skip", apply_orientation=apply)
+        photo = dataset.source.photo(dataset.source.sample(0))
+        expected = picture if apply else picture[::-1, ::-1]
+        assert np.array_equal(photo.pixels, expected)
+        assert any("turned upright" in note for note in dataset.notes) == apply
 
 
 @pytest.mark.parametrize("has_box", [False, True])
