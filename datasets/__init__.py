@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.bodies.sources import ModelBody as ModelBody
     from animal3dbox.datasets.bodies.sources import ParametersBody as ParametersBody
     from animal3dbox.datasets.bodies.sources import preset_body as preset_body
+    from animal3dbox.datasets.cuboid_datasets import KittiDataset as KittiDataset
+    from animal3dbox.datasets.cuboid_datasets import Omni3DDataset as Omni3DDataset
     from animal3dbox.datasets.exchange.animal3d_writer import (
         write_animal3d_fits as write_animal3d_fits,
     )
@@ -45,7 +47,6 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.formats import read_dataset as read_dataset
     from animal3dbox.datasets.formats import recognised_format as recognised_format
     from animal3dbox.datasets.inspection.inspect import inspect_dataset as inspect_dataset
-    from animal3dbox.datasets.kitti_dataset import KittiDataset as KittiDataset
     from animal3dbox.datasets.label_dataset import LabelDataset as LabelDataset
     from animal3dbox.datasets.labelling.file_source import FileSource as FileSource
     from animal3dbox.datasets.labelling.filters import LabelFilter as LabelFilter
@@ -57,7 +58,6 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.labelling.scale import KnownScale as KnownScale
     from animal3dbox.datasets.labelling.scale import SpeciesScale as SpeciesScale
     from animal3dbox.datasets.labelling.skipped import Skipped as Skipped
-    from animal3dbox.datasets.omni3d_dataset import Omni3DDataset as Omni3DDataset
     from animal3dbox.datasets.read_options import ReadOptions as ReadOptions
     from animal3dbox.datasets.readers.kitti.reader import read_kitti as read_kitti
     from animal3dbox.datasets.readers.omni3d.reader import read_omni3d as read_omni3d
@@ -97,7 +97,6 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "formats": ("read_dataset", "recognised_format"),
         "read_options": ("ReadOptions",),
         "inspection.inspect": ("inspect_dataset",),
-        "kitti_dataset": ("KittiDataset",),
         "label_dataset": ("LabelDataset",),
         "labelling.file_source": ("FileSource",),
         "labelling.filters": ("LabelFilter",),
@@ -113,7 +112,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "SpeciesScale",
         ),
         "labelling.skipped": ("Skipped",),
-        "omni3d_dataset": ("Omni3DDataset",),
+        "cuboid_datasets": ("KittiDataset", "Omni3DDataset"),
         "readers.kitti.reader": ("read_kitti",),
         "readers.omni3d.reader": ("read_omni3d",),
         "records": (

@@ -133,8 +133,7 @@ DATASET_ROOMS = (
     {"records", "sightings", "images", "storage"},
     {"readers", "bodies", "synthetic"},
     {"formats", "cuboid_formats", "labelling", "read_options", "record_changes"},
-    {"label_dataset", "batches", "format_datasets", "synthetic_dataset"}
-    | {"kitti_dataset", "omni3d_dataset"},
+    {"label_dataset", "batches", "format_datasets", "synthetic_dataset"} | {"cuboid_datasets"},
     {"exchange", "inspection"},
 )
 """The rooms and files of datasets/ from the lowest: each imports from its own tier and from those

@@ -12,8 +12,8 @@ from commands import ran
 from cuboid_sets import random_set, standing_set, visible_part
 from PIL import Image
 
+from animal3dbox.datasets.cuboid_datasets import KittiDataset
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
-from animal3dbox.datasets.kitti_dataset import KittiDataset
 from animal3dbox.datasets.labelling.skipped import Skipped
 from animal3dbox.datasets.readers.kitti.reader import read_kitti
 from animal3dbox.datasets.records import CuboidSet

@@ -9,9 +9,9 @@ import pytest
 from cuboid_sets import random_set
 from PIL import Image
 
+from animal3dbox.datasets.cuboid_datasets import Omni3DDataset
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.labelling.skipped import Skipped
-from animal3dbox.datasets.omni3d_dataset import Omni3DDataset
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.records import CuboidSet
 

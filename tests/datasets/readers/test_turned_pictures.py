@@ -16,14 +16,13 @@ from written_otherwise import json_set
 
 from animal3dbox.cli.main import main as animal3dbox
 from animal3dbox.datasets.bodies.sources import preset_body
+from animal3dbox.datasets.cuboid_datasets import KittiDataset, Omni3DDataset
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.formats import read_dataset
-from animal3dbox.datasets.kitti_dataset import KittiDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.label_records import label_records
 from animal3dbox.datasets.labelling.label_requests import request_of_record
 from animal3dbox.datasets.labelling.skipped import Skipped
-from animal3dbox.datasets.omni3d_dataset import Omni3DDataset
 from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import SampleError
