@@ -35,7 +35,7 @@ ROOM_MEMBERS = {
     "labelling": "cache filters given_boxes label_rows labelling ledger opened row_maker scale "
     "targets threads",
     "label_dataset": "label_dataset batches by_format collate format_datasets formats "
-    "cuboid_datasets reading synthetic_dataset",
+    "cuboid_datasets omni3d_dataset reading synthetic_dataset",
 }
 """Files at the top of datasets/, and folders of other names, by the room they belong to.
 
