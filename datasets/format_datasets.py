@@ -10,6 +10,7 @@ from typing import ClassVar, Literal, Unpack, get_args
 from animal3dbox.datasets.bodies.fitted import FIT
 from animal3dbox.datasets.bodies.mesh_folder import MeshFolderBodies
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
+from animal3dbox.datasets.bodies.own_or_fitted import OwnOrFittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource, ParametersBody
 from animal3dbox.datasets.formats import bodies_for, read_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset
@@ -128,7 +129,7 @@ class AnnotatedDataset(LabelDataset):
         )
         own_body = body_source(body, model=fitted) if isinstance(body, str) else body
         bodies = bodies_for(dataset, own_body)
-        if isinstance(bodies, ParametersBody | MeshFolderBodies):
+        if isinstance(bodies, ParametersBody | MeshFolderBodies | OwnOrFittedBodies):
             bodies = bodies.packed()
         super().__init__(FileSource(dataset.records, bodies), **options)
 

@@ -11,7 +11,8 @@ from pathlib import Path
 import msgspec
 
 from animal3dbox.datasets.bodies.options import DEFAULT_BODY, body_source
-from animal3dbox.datasets.bodies.sources import BodySource
+from animal3dbox.datasets.bodies.own_or_fitted import own_or_fitted
+from animal3dbox.datasets.bodies.sources import BodySource, ParametersBody
 from animal3dbox.datasets.cuboid_formats import CUBOID_READERS, cuboid_format
 from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.readers import stanfordextra
@@ -324,6 +325,8 @@ def _read_as(kind: str, path: Path, options: ReadOptions) -> ReadDataset:
 def bodies_for(dataset: ReadDataset, own: BodySource | None) -> BodySource:
     """The user's body for all animals if there is one, else the dataset's own bodies, else a fit.
 
+    Animals that have no parameters in a dataset that has some are fitted, too, with its model.
+
     Raises:
         ConfigError: a user's body for a dataset whose cameras are known in the frame of its own.
 
@@ -333,4 +336,6 @@ def bodies_for(dataset: ReadDataset, own: BodySource | None) -> BodySource:
             f"{own.name} cannot be the body of all animals: this dataset's cameras are known only"
             " to its own meshes; leave it out"
         )
+    if own is None and isinstance(dataset.bodies, ParametersBody):
+        return own_or_fitted(dataset.bodies, dataset.records.records)
     return own or dataset.bodies or body_source(DEFAULT_BODY)

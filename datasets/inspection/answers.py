@@ -26,12 +26,7 @@ def answers(inspection: Inspection) -> list[str]:
             f"{field} {count}" for field, count in inspection.faults.by_field.items()
         )
         sentences.append(f"{inspection.faults.count} samples cannot be used, by field: {fields}")
-    if inspection.image_files.other_size or inspection.image_files.unreadable:
-        sentences.append(
-            f"of {inspection.image_files.looked_at} image files looked at,"
-            f" {inspection.image_files.other_size} are of another size than annotated and"
-            f" {inspection.image_files.unreadable} cannot be read"
-        )
+    sentences += _about_pictures(inspection)
     sentences += _about_masks(inspection)
     sentences += _about_places(inspection.keypoint_places)
     if inspection.bodies.unusable:
@@ -56,6 +51,22 @@ def answers(inspection: Inspection) -> list[str]:
     if inspection.animal3d is not None:
         sentences += _about_animal3d(inspection.animal3d)
     return sentences
+
+
+def _about_pictures(inspection: Inspection) -> Iterator[str]:
+    """Sentences on picture files that are not as annotated, or may lie otherwise."""
+    files = inspection.image_files
+    if files.other_size or files.unreadable:
+        yield (
+            f"of {files.looked_at} image files looked at, {files.other_size} are of another size"
+            f" than annotated and {files.unreadable} cannot be read"
+        )
+    if files.turned_by_exif:
+        yield (
+            f"of {files.looked_at} image files looked at, {files.turned_by_exif} say by EXIF that"
+            " they are to be turned: pixels are taken as stored, or with --orientation apply"
+            " turned; look at overlays of both"
+        )
 
 
 def _about_stored_fits(facts: StoredFitFacts) -> str:

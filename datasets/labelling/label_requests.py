@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.bodies.own_or_fitted import OwnOrFittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
 from animal3dbox.datasets.labelling.image_index import AnimalEntry
@@ -67,6 +68,8 @@ class LabelRequest:
         """Where its body comes from; raises SampleError if nothing is known of that."""
         if self.sample.bodies is None:
             raise SampleError(self.entry.sample_id, "body", "there is no source of bodies")
+        if isinstance(self.sample.bodies, OwnOrFittedBodies):
+            return self.sample.bodies.of(self.entry.sample_id)
         return self.sample.bodies
 
 

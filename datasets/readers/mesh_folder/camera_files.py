@@ -65,9 +65,14 @@ def load_camera(path: Path, image_hw: tuple[int, int]) -> Camera:
     """
     camera: CameraFile = decode_json(path, CameraFile)
     if camera.image_hw is not None and camera.image_hw != image_hw:
+        is_turned = camera.image_hw == image_hw[::-1]
+        remedy = (
+            ": is it for the pixels turned as the picture's EXIF header says, or as stored? See"
+            " --orientation (apply_orientation)"
+        )
         raise DatasetFormatError(
             f"{path}: image_hw is {list(camera.image_hw)}, but the image is {list(image_hw)}"
-            " (height, width)"
+            f" (height, width){remedy if is_turned else ''}"
         )
     try:
         if camera.weak_perspective is None:

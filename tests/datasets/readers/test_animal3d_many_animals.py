@@ -1,6 +1,7 @@
 """Entries of several animals, as SMAL+'s files have them: one an image, a row an animal."""
 
 import json
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -164,6 +165,55 @@ def test_a_row_of_zeros_stands_for_no_parameters(home: Path, tmp_path: Path) -> 
     assert first.box is not None
     assert second.box is None
     assert any("of 1 animals are all zero" in note for note in found.records.notes)
+
+
+def second_without_parameters(content: Content) -> None:
+    entry = content["data"][0]
+    for key in ("pose", "shape", "trans"):
+        entry[key] = [entry[key][0], zeros_like(entry[key][1])]
+
+
+def test_an_animal_without_parameters_gets_a_fit_of_the_same_model(
+    home: Path, tmp_path: Path
+) -> None:
+    path = many(home, tmp_path, change=second_without_parameters)
+    dataset = AnnotatedDataset(
+        path, model=home / "body.pkl", config=QUICK, cache=tmp_path / "cache"
+    )
+    sample = dataset[0]
+    assert not isinstance(sample, Skipped)
+    qualities = sample[1]["meta"]["quality"]
+    assert [quality["body"] for quality in qualities] == ["given", "fit"]
+    whole = dataset[1]
+    assert not isinstance(whole, Skipped)
+    assert [quality["body"] for quality in whole[1]["meta"]["quality"]] == ["given"]
+    # The same animal twice: what the fit finds is near what the file has.
+    own, fitted = sample[1]["center"]
+    assert float((own - fitted).norm()) < 0.1 * float(own.norm())
+    again = pickle.loads(pickle.dumps(dataset))[0]
+    assert again[1]["meta"]["quality"][1]["body"] == "fit"
+    image = dataset.source.sample(0)
+    assert image.bodies is not None
+    assert image.bodies.name.endswith("1 others fitted")
+    contents = {image.bodies.content(one.sample_id) for one in image.animals}
+    assert len(contents) == 2
+
+
+def test_an_animal_of_unknown_camera_gets_none_beside_bodies_of_their_own(
+    home: Path, tmp_path: Path
+) -> None:
+    def change(content: Content) -> None:
+        second_without_parameters(content)
+        del content["flength"]
+
+    path = many(home, tmp_path, change=change)
+    dataset = AnnotatedDataset(path, model=home / "body.pkl", config=QUICK, on_bad="skip")
+    for place in range(len(dataset)):
+        dataset[place]
+    (case,) = dataset.report().of("fault")
+    assert case.sample_id.endswith("#1")
+    assert case.field == "parameters"
+    assert "fit a body to it" in case.problem
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from animal3dbox.datasets.bodies.sources import preset_body
 from animal3dbox.datasets.cuboid_datasets import KittiDataset, Omni3DDataset
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.formats import read_dataset
+from animal3dbox.datasets.inspection.inspect import inspect_dataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.label_records import label_records
 from animal3dbox.datasets.labelling.label_requests import request_of_record
@@ -251,6 +252,24 @@ def test_a_camera_for_the_other_pixels_is_a_fault(tmp_path: Path, *, apply: bool
     right = replace(found.records.records[0], K=np.array(camera["K"])[[1, 0, 2]][:, [1, 0, 2]])
     (label,) = label_records([request_of_record(right, found.bodies)], QUICK)
     assert not isinstance(label, SampleError)
+
+
+def test_a_camera_of_the_other_size_names_the_option(tmp_path: Path) -> None:
+    root = write_mesh_folder(tmp_path / "set")
+    turn_file(root / "images" / "a.jpg", 6)
+    (fault,) = read_dataset(root).records.faults
+    assert (fault.sample_id, fault.field) == ("a.jpg", "camera")
+    assert "See --orientation" in fault.problem
+    assert read_dataset(root, options=ReadOptions(apply_orientation=True)).records.faults == ()
+
+
+def test_inspect_says_which_pictures_may_lie_otherwise(coco: Path) -> None:
+    plain = inspect_dataset(coco, options=ReadOptions(images=coco.parent / "images"))
+    assert not any("--orientation apply" in answer for answer in plain.answers)
+    turn_file(coco.parent / "images" / "a.jpg", 3)
+    turned = inspect_dataset(coco, options=ReadOptions(images=coco.parent / "images"))
+    assert turned.image_files.turned_by_exif == 1
+    assert any("1 say by EXIF" in answer for answer in turned.answers)
 
 
 def test_a_focal_length_of_exif_has_its_middle_in_the_turned_picture(
