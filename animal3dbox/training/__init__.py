@@ -1,5 +1,6 @@
 """Support of training: an order of samples that can be resumed, and sanity checks of targets.
 
+The metrics of detectors are in a room of their own, `animal3dbox.training.metrics`.
 The names below are loaded when first used (PEP 562).
 """
 
