@@ -36,6 +36,7 @@ EXAMPLES = (
     "animal3dbox.report",
     "animal3dbox.smal",
     "animal3dbox.training",
+    "animal3dbox.training.detector_targets",
     "animal3dbox.training.metrics",
     "animal3dbox.transforms",
 )

@@ -8,8 +8,13 @@ import numpy as np
 
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.arrays import as_numpy, norm
-from animal3dbox.geometry.box_visibility import projected_faces, visible_face_shares, visible_faces
-from animal3dbox.geometry.cuboid import FACES, corners_of
+from animal3dbox.geometry.box_visibility import (
+    QUADS,
+    projected_faces,
+    visible_face_shares,
+    visible_faces,
+)
+from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.polygon import polygon_area
 from animal3dbox.geometry.rigid_transforms import nearest_rotation
 from animal3dbox.training.metrics.box_table import BoxTable, Flags, Floats, Whole
@@ -23,7 +28,6 @@ mended, and anything else is no rotation."""
 MOST = 1e30
 """Lengths and coordinates from here on, and sizes below its inverse, are no box's: their volumes
 would overflow."""
-QUADS = np.array(list(FACES.values()))
 
 
 @dataclass(frozen=True)

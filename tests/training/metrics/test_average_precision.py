@@ -92,6 +92,14 @@ def test_depths_are_unknown_unless_lengths_are_metres() -> None:
     assert measured([detected(target, 0.9)], [told], metric=True)["ap_3d_near"] is None
 
 
+def test_images_of_unknown_scale_raise_no_false_alarms_by_depth() -> None:
+    unknown = {**animals(HERE), "scale_known": torch.tensor([False])}
+    predictions = [detected(animals(ASIDE), 0.9), detected(animals(HERE), 0.1)]
+    result = measured(predictions, [unknown, animals(HERE)])
+    assert result["ap_3d_near"] == 1.0
+    assert measured(predictions, [animals(), animals(HERE)])["ap_3d_near"] == 0.5
+
+
 def test_a_heading_off_by_40_degrees_is_a_hit_within_45_and_not_within_30() -> None:
     off = detected(animals(HERE), 0.9, rotation=turned(40)[None])
     result = measured([off], [animals(HERE)])
@@ -210,3 +218,23 @@ def area_under(found: list[tuple[float, bool]], total: int) -> float:
         for recall in np.linspace(0, 1, 101)
     ]
     return float(np.mean(best))
+
+
+def test_a_box_takes_an_animal_before_a_crowd_that_it_overlaps_more() -> None:
+    target = {**animals((0.3, 0, 8), HERE), "iscrowd": torch.tensor([0, 1])}
+    result = measured([detected(animals(HERE), 0.9)], [target])
+    assert (result["ap_3d"], result["pairs"]) == (1.0, 1)
+
+
+def test_boxes_beyond_the_best_of_an_image_are_no_false_alarms() -> None:
+    crowded = detected(animals(HERE, NOWHERE), 0.9, 0.8)
+    images = [(crowded, animals(HERE)), (detected(animals(HERE), 0.1), animals(HERE))]
+    predictions, targets = [list(side) for side in zip(*images, strict=True)]
+    assert measured(predictions, targets, max_detections=1)["ap_3d"] == 1.0
+    assert measured(predictions, targets)["ap_3d"] == pytest.approx((51 + 50 * 2 / 3) / 101)
+
+
+def test_a_degenerate_box_does_not_hit_an_animal_about_the_camera() -> None:
+    target = animals((0.0, 0, 0.1), size=(1, 1, 1))
+    broken = detected(target, 0.9, size=torch.zeros(1, 3))
+    assert measured([broken], [target])["ap_3d"] == 0.0

@@ -202,6 +202,9 @@ def test_ap3d_h_leaves_out_truths_without_a_front_and_what_hits_them() -> None:
     target = {**animals(HERE, ASIDE), "heading_known": torch.tensor([True, False])}
     prediction = detected(target, 0.5, 0.9, rotation=torch.stack((turned(0), turned(180))))
     assert measured(prediction, target)["ap_3d_h30"] == 1.0
+    missed = detected(animals(HERE), 0.9)
+    assert measured(missed, target)["ap_3d_h30"] == 1.0
+    assert measured(missed, target)["ap_3d"] < 1.0
 
 
 def test_pairs_by_boxes_measure_headings_where_no_cuboid_overlaps() -> None:
