@@ -36,6 +36,8 @@ EXAMPLES = (
     "animal3dbox.report",
     "animal3dbox.smal",
     "animal3dbox.training",
+    "animal3dbox.training.detector_targets",
+    "animal3dbox.training.metrics",
     "animal3dbox.transforms",
 )
 """Doors whose every name shows a value."""

@@ -27,6 +27,8 @@ LEAST_WIDTH = 480
 """Small pictures are enlarged before drawing, so that the words stay legible."""
 MOST_HEIGHT = 2000
 """A narrow strip is not enlarged beyond this."""
+DASH, GAP = 9, 8
+"""Lengths of the dashes and gaps of dashed lines, px, where lines are one pixel thick."""
 SHIFT = 4
 """Bits of OpenCV's fixed-point coordinates."""
 
@@ -83,7 +85,14 @@ def enlarged(image: Picture) -> tuple[Picture, float]:
     )
 
 
-def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: float = 1.0) -> None:
+def draw_cuboid(
+    canvas: Picture,
+    cuboid_cam: Cuboid,
+    K: torch.Tensor,
+    factor: float = 1.0,
+    *,
+    dashed: bool = False,
+) -> None:
     """Draw a cuboid of the camera frame into a picture that was enlarged by a factor.
 
     It is cut at the near plane. The picture itself is drawn into.
@@ -93,6 +102,7 @@ def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: fl
         cuboid_cam: in the camera frame.
         K: (3, 3) px of the picture before it was enlarged.
         factor: by which it was.
+        dashed: draw lines dashed and fill no face, as of a detection beside a label.
 
     Example:
         >>> canvas = np.zeros((120, 160, 3), dtype=np.uint8)
@@ -107,15 +117,31 @@ def draw_cuboid(canvas: Picture, cuboid_cam: Cuboid, K: torch.Tensor, factor: fl
         name: _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
         for name in ("back", "front")
     }
-    for name, outline in outlines.items():
+    for name, outline in outlines.items() if not dashed else ():
         strength = 0.38 if visible[FACE_NAMES.index(name)] else 0.16
         _fill(canvas, outline, FACE_COLORS[name], strength)
-    _draw_edges(canvas, corners, visible, near=near, K=K, factor=factor)
-    for name, outline in outlines.items():
+    _draw_edges(canvas, corners, visible, near=near, K=K, factor=factor, dashed=dashed)
+    for name, outline in outlines.items() if not dashed else ():
         if visible[FACE_NAMES.index(name)]:
             points = np.round(outline * (1 << SHIFT)).astype(np.int32)
             width = 2 * thickness(canvas)
             cv2.polylines(canvas, [points], True, FACE_COLORS[name], width, cv2.LINE_AA, SHIFT)
+
+
+def _draw_dashes(
+    canvas: Picture, line: NDArray[np.float64], color: tuple[int, int, int], width: int
+) -> None:
+    """Draw the part of a line (2, 2) px that lies in the picture, dashed."""
+    first, last = ((round(float(x)), round(float(y))) for x, y in line)
+    inside, *ends = cv2.clipLine((0, 0, canvas.shape[1], canvas.shape[0]), first, last)
+    if not inside:
+        return
+    start, end = np.array(ends, dtype=np.float64)
+    length, unit = float(np.linalg.norm(end - start)), thickness(canvas)
+    for begin in np.arange(0.0, max(length, 1.0), (DASH + GAP) * unit):
+        along = np.array([begin, min(begin + DASH * unit, length)]) / max(length, 1.0)
+        dash = start + along[:, None] * (end - start)
+        cv2.line(canvas, _fixed(*dash[0]), _fixed(*dash[1]), color, width, cv2.LINE_AA, SHIFT)
 
 
 def _draw_edges(
@@ -126,22 +152,30 @@ def _draw_edges(
     near: torch.Tensor,
     K: torch.Tensor,
     factor: float,
+    dashed: bool,
 ) -> None:
-    """Draw the twelve edges, those of visible faces thicker and last."""
+    """Draw the twelve edges, those of visible faces thicker and last.
+
+    Dashed ones of a visible front or back have its colour, for no outline goes over them.
+    """
     edges_of_visible_faces = {
-        frozenset(edge)
-        for face, is_visible in zip(FACES.values(), visible, strict=True)
-        if is_visible
-        for edge in zip(face, face[1:] + face[:1], strict=True)
+        frozenset(edge): FACE_COLORS.get(name, EDGE) if dashed else EDGE
+        for name in sorted(FACES, key=lambda name: name in FACE_COLORS)
+        if visible[FACE_NAMES.index(name)]
+        for edge in zip(FACES[name], FACES[name][1:] + FACES[name][:1], strict=True)
     }
     unit = thickness(canvas)
     for edge in sorted(EDGES, key=lambda e: frozenset(e) in edges_of_visible_faces):
         line = clip_to_near(corners[[edge[0], edge[1], edge[1]]], near)
         if float(line.amax(0)[2] - line.amin(0)[2]) == 0 and float(line.abs()[:, :2].sum()) == 0:
             continue  # all of it is behind the near plane
-        start, end = _pixels(line, K, factor)[:2]
-        is_visible = frozenset(edge) in edges_of_visible_faces
-        color, width = (EDGE, 2 * unit) if is_visible else (HIDDEN, unit)
+        ends = _pixels(line, K, factor)[:2]
+        visible_color = edges_of_visible_faces.get(frozenset(edge))
+        color, width = (visible_color, 2 * unit) if visible_color else (HIDDEN, unit)
+        if dashed:
+            _draw_dashes(canvas, ends, color, width)
+            continue
+        start, end = ends
         cv2.line(canvas, _fixed(*start), _fixed(*end), color, width, cv2.LINE_AA, SHIFT)
 
 

@@ -1,5 +1,7 @@
 """Support of training: an order of samples that can be resumed, and sanity checks of targets.
 
+What detectors learn, and how they are measured, are rooms of their own:
+`animal3dbox.training.detector_targets` and `animal3dbox.training.metrics`.
 The names below are loaded when first used (PEP 562).
 """
 

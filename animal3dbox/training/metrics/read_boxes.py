@@ -1,0 +1,261 @@
+"""Predictions and targets of one image, checked, as tables of boxes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from animal3dbox.errors import SampleError
+from animal3dbox.geometry.arrays import as_numpy, norm
+from animal3dbox.geometry.box_visibility import (
+    QUADS,
+    projected_faces,
+    visible_face_shares,
+    visible_faces,
+)
+from animal3dbox.geometry.cuboid import corners_of
+from animal3dbox.geometry.polygon import polygon_area
+from animal3dbox.geometry.rigid_transforms import nearest_rotation
+from animal3dbox.training.metrics.box_table import BoxTable, Flags, Floats, Whole
+from animal3dbox.training.metrics.options import MetricOptions
+
+Fields = Mapping[str, Any]
+
+ROTATION_TOLERANCE = 1e-2
+"""By how much R R^T of a prediction may differ from the identity: what half precision rounds is
+mended, and anything else is no rotation."""
+MOST = 1e30
+"""Lengths and coordinates from here on, and sizes below its inverse, are no box's: their volumes
+would overflow."""
+
+
+@dataclass(frozen=True)
+class BoxSource:
+    """Where boxes come from: the fields of one image's predictions or target, and their name.
+
+    Attributes:
+        kind: "prediction" or "target", for messages.
+        fields: the dict.
+        image_id: the image, for messages.
+    """
+
+    kind: str
+    fields: Fields
+    image_id: str
+
+    def error(self, field: str, problem: str, animal: int | None = None) -> SampleError:
+        """What is wrong with a field, of one of its boxes or of all."""
+        sample = self.image_id if animal is None else f"{self.image_id}#{animal}"
+        return SampleError(sample, f"{self.kind} {field}", problem)
+
+    def array(self, name: str, shape: tuple[int, ...], count: int | None = None) -> Floats | None:
+        """A field as float64 (N, *shape); None if it is not there.
+
+        Args:
+            name: of the field.
+            shape: of an entry.
+            count: how many entries it must have; None: as many as there are.
+
+        Raises:
+            SampleError: it has another shape.
+
+        """
+        value = self.fields.get(name)
+        if value is None:
+            return None
+        try:
+            array = np.asarray(as_numpy(value), dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise self.error(name, f"must be a tensor or an array, got {value!r}") from error
+        if array.size == 0 and not count:
+            array = array.reshape(0, *shape)
+        if array.shape[1:] != shape or array.ndim == 0 or count not in (None, len(array)):
+            expected = ", ".join(map(str, ("N" if count is None else count, *shape)))
+            raise self.error(name, f"must have shape ({expected}), got {array.shape}")
+        return array
+
+    def required(self, name: str, shape: tuple[int, ...], count: int | None = None) -> Floats:
+        """A field that must be there; see array."""
+        array = self.array(name, shape, count)
+        if array is None:
+            remedy = (
+                "; animal3dbox.geometry.corners_to_cuboid gives center, rotation and size of"
+                " corners_3d"
+                if "corners_3d" in self.fields
+                else ""
+            )
+            raise self.error(name, f"is missing{remedy}")
+        return array
+
+    def flags(self, name: str, count: int, otherwise: bool) -> Flags:
+        """A field of flags (N,), or the same for all if it is not there."""
+        array = self.array(name, (), count)
+        return np.full(count, otherwise) if array is None else array != 0
+
+
+def read_predictions(
+    fields: Fields, target: Fields, image_id: str, options: MetricOptions
+) -> BoxTable:
+    """The predicted boxes of an image.
+
+    Args:
+        fields: `center`, `rotation`, `size`, `scores`; `labels`; and what else of a target's fields
+            the detector says: `boxes`, `face_visible` (flags, or probabilities), `face_share`,
+            `flank`; `heading_known`.
+        target: of the same image; its K serves where the prediction brings none.
+        image_id: for messages.
+        options: the metrics'.
+
+    Raises:
+        SampleError: a field is missing, or of the wrong shape, or a score is no number.
+
+    """
+    source = BoxSource("prediction", fields, image_id)
+    score = source.required("scores", (), len(source.required("center", (3,))))
+    if not np.isfinite(score).all():
+        wrong = int(np.flatnonzero(~np.isfinite(score))[0])
+        raise source.error("scores", f"must be finite, got {score[wrong]}", wrong)
+    if "labels" in target and "labels" not in fields and not options.class_agnostic:
+        raise source.error("labels", "is missing, and the target has labels; or class_agnostic")
+    camera = BoxSource("prediction", {**target, **fields}, image_id)
+    return _table(source, camera, score=score, metric=np.zeros(len(score), bool), options=options)
+
+
+def read_truths(target: Fields, image_id: str, options: MetricOptions) -> BoxTable:
+    """The true boxes of an image.
+
+    Args:
+        target: a Dataset's; of its fields `center`, `rotation` and `size` are needed, and what is
+            compared beside them.
+        image_id: for messages.
+        options: the metrics'.
+
+    Raises:
+        SampleError: a field is missing or of the wrong shape, or a box is none.
+
+    """
+    source = BoxSource("target", target, image_id)
+    count = len(source.required("center", (3,)))
+    metric = source.flags("scale_known", count, options.metric)
+    table = _table(source, source, score=np.zeros(count), metric=metric, options=options)
+    for animal in np.flatnonzero(~table.usable):
+        raise source.error(
+            "center, rotation or size",
+            "is no box: not finite, no rotation, or a size that is not positive;"
+            " animal3dbox.training.check_targets says which",
+            int(animal),
+        )
+    return table
+
+
+def _table(
+    source: BoxSource, camera: BoxSource, *, score: Floats, metric: Flags, options: MetricOptions
+) -> BoxTable:
+    """The boxes of an image.
+
+    Args:
+        source: of the boxes.
+        camera: of K and distortion.
+        score: (N,).
+        metric: (N,) whether lengths are metres.
+        options: the metrics'.
+
+    """
+    count = len(score)
+    center, rotation, size, usable = _placed(source, count)
+    truth = source.kind == "target"
+    heading_known = source.flags("heading_known", count, options.heading_known or not truth)
+    face_score, face_share = _faces(source, camera, (center, rotation, size))
+    face_score[~(usable & heading_known)] = np.nan
+    face_share[~(usable & heading_known)] = np.nan
+    box, flank = source.array("boxes", (4,), count), source.array("flank", (), count)
+    return BoxTable(
+        score=score,
+        label=_labels(source, count, options),
+        center=center,
+        rotation=rotation,
+        size=size,
+        box=np.full((count, 4), np.nan) if box is None else box,
+        face_score=face_score,
+        face_share=face_share,
+        flank=np.full(count, np.nan) if flank is None else flank,
+        usable=usable,
+        heading_known=heading_known,
+        metric=metric,
+        crowd=source.flags("iscrowd", count, False) & truth,
+    )
+
+
+def _labels(source: BoxSource, count: int, options: MetricOptions) -> Whole:
+    """The classes (N,) of boxes: 0 if they have none, or if classes do not matter."""
+    labels = None if options.class_agnostic else source.array("labels", (), count)
+    if labels is None:
+        return np.zeros(count, np.int64)
+    for animal in np.flatnonzero(~(np.mod(labels, 1) == 0)):
+        raise source.error("labels", f"must be whole, got {labels[animal]}", int(animal))
+    return labels.astype(np.int64)
+
+
+def _placed(source: BoxSource, count: int) -> tuple[Floats, Floats, Floats, Flags]:
+    """Center, rotation and size of N boxes, and which of them are boxes.
+
+    What is none gets a unit box's numbers, which nothing is computed of.
+    """
+    center = source.required("center", (3,), count)
+    rotation = source.required("rotation", (3, 3), count)
+    size = source.required("size", (3,), count)
+    with np.errstate(all="ignore"):
+        off = np.abs(rotation @ rotation.mT - np.eye(3)).max((1, 2), initial=0.0)
+        usable = (np.abs(center) < MOST).all(1) & ((size > 1 / MOST) & (size < MOST)).all(1)
+        usable &= (off <= ROTATION_TOLERANCE) & (np.linalg.det(rotation) > 0)
+    if not usable.all():
+        center = np.where(usable[:, None], center, 0.0)
+        size = np.where(usable[:, None], size, 1.0)
+        rotation = np.where(usable[:, None, None], rotation, np.eye(3))
+    return center, nearest_rotation(rotation) if count else rotation, size, usable
+
+
+def _faces(
+    source: BoxSource, camera: BoxSource, placed: tuple[Floats, Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """How sure it is that each face is seen, and each face's part of the visible area, (N, 6) each.
+
+    Both are what the fields say; else what the cuboid implies, a face whose normal makes the angle
+    a with the way to the camera being seen with a score of (1 + cos a) / 2. Parts of the area need
+    K then, and are NaN without.
+    """
+    center, _, _ = placed
+    count = len(center)
+    score = source.array("face_visible", (6,), count)
+    share = source.array("face_share", (6,), count)
+    if score is not None and not ((score >= 0) & (score <= 1)).all():
+        wrong = int(np.flatnonzero(~((score >= 0) & (score <= 1)).all(1))[0])
+        problem = "must be flags or probabilities in 0 to 1 (of logits: torch.sigmoid), got"
+        raise source.error("face_visible", f"{problem} {score[wrong].tolist()}", wrong)
+    if score is not None and share is not None:
+        return score.copy(), share.copy()
+    corners = corners_of(*placed)
+    if score is None:
+        score = _scores_of(corners)
+    if share is None:
+        K, distortion = camera.fields.get("K"), camera.fields.get("distortion")
+        if K is None:
+            return score.copy(), np.full((count, 6), np.nan)
+        quads = projected_faces(
+            corners,
+            np.asarray(as_numpy(K), dtype=np.float64),
+            None if distortion is None else np.asarray(as_numpy(distortion), dtype=np.float64),
+        )
+        visible = visible_faces(corners, np.zeros_like(center))
+        share = visible_face_shares(polygon_area(quads) * visible)
+    return score.copy(), share.copy()
+
+
+def _scores_of(corners: Floats) -> Floats:
+    """(1 + cos a) / 2 of each face (N, 6), a between its normal and the way to the camera."""
+    faces = corners[:, QUADS].mean(2)  # (N, 6, 3)
+    normals = faces - corners.mean(1)[:, None]
+    lengths = norm(normals) * norm(faces)
+    cosines = -(normals * faces).sum(2) / np.maximum(lengths, np.finfo(np.float64).tiny)
+    return np.asarray((1 + cosines) / 2)

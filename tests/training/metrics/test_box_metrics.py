@@ -1,0 +1,254 @@
+"""The metrics as an object: its states, its intervals, what it refuses, and torchmetrics' form."""
+
+import ast
+import pickle
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from detections import animals, detected
+from scenes import scene
+
+from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.geometry import FACE_NAMES
+from animal3dbox.training.metrics import BoxMetrics, MetricOptions, TorchBoxMetrics
+from animal3dbox.training.metrics.evaluation import Evaluation
+
+HERE, ASIDE = (0.0, 0, 8), (4.0, 0, 8)
+Pairs = list[tuple[dict[str, Any], dict[str, Any]]]
+
+
+def noisy_images(count: int, seed: int = 0) -> Pairs:
+    """Predictions and targets of images, some right, some turned, some shifted, some alarms."""
+    rng = np.random.default_rng(seed)
+    images = []
+    for number in range(count):
+        target = {**scene(3, seed=100 * seed + number), "scale_known": torch.ones(3)}
+        target["labels"] = torch.from_numpy(rng.integers(0, 2, 3))
+        which = torch.from_numpy(rng.integers(0, 3, 5))
+        turn = torch.from_numpy(np.where(rng.random((5, 1, 1)) < 0.3, [-1.0, -1, 1], 1.0))
+        prediction = {
+            "center": target["center"][which] + torch.from_numpy(rng.normal(0, 0.1, (5, 3))),
+            "rotation": target["rotation"][which] * turn,
+            "size": target["size"][which] * torch.from_numpy(rng.uniform(0.8, 1.2, (5, 3))),
+            "labels": target["labels"][which],
+            "scores": torch.from_numpy(rng.uniform(0, 1, 5)),
+        }
+        images.append((prediction, target))
+    return images
+
+
+def fed(images: Pairs, batch: int = 4, **options: Any) -> BoxMetrics:
+    metrics = BoxMetrics(**options)
+    for start in range(0, len(images), batch):
+        part = images[start : start + batch]
+        metrics.update([p for p, _ in part], [t for _, t in part])
+    return metrics
+
+
+def test_the_size_of_batches_changes_nothing() -> None:
+    images = noisy_images(9)
+    result = fed(images, 1).compute()
+    assert 0 < result["ap_3d_h30"] < result["ap_3d"] < 1  # type: ignore[operator]
+    assert fed(images, 4).compute() == result == fed(images, 9).compute()
+
+
+def test_merged_metrics_are_those_of_all_images_in_that_order() -> None:
+    images = noisy_images(7)
+    first, second = fed(images[:3]), fed(images[3:])
+    first.merge(pickle.loads(pickle.dumps(second)))  # as it comes from another process
+    assert first.compute() == fed(images).compute()
+    first.reset()
+    assert first.compute() == BoxMetrics().compute()
+
+
+def test_metrics_of_other_options_are_not_merged() -> None:
+    with pytest.raises(ConfigError, match="other options cannot be merged"):
+        BoxMetrics(metric=True).merge(BoxMetrics())
+
+
+def test_without_images_and_without_truths_all_is_unknown_and_nothing_is_negative() -> None:
+    alarms = fed([(detected(animals(HERE), 0.9), animals())], relative=True)
+    for metrics, counts in ((BoxMetrics(relative=True), 0), (alarms, 1)):
+        result = metrics.compute()
+        assert (result["images"], result["predictions"], result["truths"]) == (counts, counts, 0)
+        known = {name for name, value in result.items() if value is not None}
+        assert known == {
+            *("images", "truths", "predictions", "degenerate_predictions"),
+            *("pairs", "heading_count", "flank_count"),
+        }
+
+
+def test_nothing_found_is_an_ap_of_0_and_errors_unknown() -> None:
+    result = fed([(detected(animals()), animals(HERE))]).compute()
+    assert (result["ap_3d"], result["ap_3d_h30"], result["ap_3d_near"]) == (0.0, 0.0, 0.0)
+    assert result["heading_error_deg"] is result["nhd"] is result["face_f1"] is None
+
+
+def test_an_image_taken_twice_by_weight_counts_as_one_given_twice() -> None:
+    images = noisy_images(8)
+    weights = np.array([[1, 2, 0, 3, 1, 0, 0, 1]])
+    repeated = [image for image, n in zip(images, weights[0], strict=True) for _ in range(n)]
+    expected = fed(repeated, relative=False, resamples=0).compute()
+    metrics = fed(images)
+    evaluation = Evaluation(metrics._candidates(), metrics.options)
+    for statistic in evaluation.statistics():
+        for name, value in statistic(weights).items():
+            if expected[name] is None:
+                assert np.isnan(value[0]), name
+            else:
+                assert value[0] == pytest.approx(expected[name], abs=1e-12), name
+
+
+def test_intervals_hold_the_value_and_shrink_with_the_number_of_images() -> None:
+    widths = []
+    for count in (8, 72):
+        result = fed(noisy_images(count)).compute()
+        for name in ("ap_3d", "ap_3d_h45", "heading_error_deg", "face_f1", "nhd"):
+            assert result[f"{name}_low"] <= result[name] <= result[f"{name}_high"]  # type: ignore[operator]
+        widths.append(result["flip_rate_high"] - result["flip_rate_low"])  # type: ignore[operator]
+    assert 0 < widths[1] < 0.6 * widths[0]  # a third for nine times as many
+
+
+def test_the_interval_of_a_mean_is_that_of_its_standard_error() -> None:
+    rng = np.random.default_rng(0)
+    errors = rng.normal(0, 0.02, 400)
+    target = animals(HERE)
+    images = [(detected(target, 0.9, center=target["center"] * (1 + e)), target) for e in errors]
+    result = fed(images, resamples=1000).compute()
+    half = 1.96 * np.abs(errors).std() / np.sqrt(400)
+    assert result["distance_error"] == pytest.approx(np.abs(errors).mean())
+    assert result["distance_error_high"] == pytest.approx(np.abs(errors).mean() + half, rel=0.02)
+    assert result["distance_error_low"] == pytest.approx(np.abs(errors).mean() - half, rel=0.02)
+
+
+def test_intervals_are_left_out_if_none_are_asked_for_or_there_is_one_image() -> None:
+    assert not any(name.endswith("_low") for name in fed(noisy_images(3), resamples=0).compute())
+    assert not any(name.endswith("_low") for name in fed(noisy_images(1)).compute())
+
+
+WRONG: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
+    "no scores": ({"scores": None}, {}, "a.jpg: prediction scores: is missing"),
+    "NaN score": ({"scores": [0.5, np.nan]}, {}, r"a.jpg#1: prediction scores: must be finite"),
+    "a score too few": ({"scores": [0.5]}, {}, r"prediction scores: must have shape \(2\), got"),
+    "no labels": ({"labels": None}, {}, "prediction labels: is missing, and the target has"),
+    "broken labels": ({"labels": [0, 0.5]}, {}, "a.jpg#1: prediction labels: must be whole"),
+    "vectors": ({"rotation": torch.zeros(2, 3)}, {}, r"prediction rotation: must have shape \(2, "),
+    "corners": (
+        {"center": None, "corners_3d": torch.zeros(2, 8, 3)},
+        {},
+        "prediction center: is missing; animal3dbox.geometry.corners_to_cuboid gives",
+    ),
+    "logits": (
+        {"face_visible": torch.tensor([[0.0] * 6, [0, 3, 0, 0, -2, 0]])},
+        {},
+        r"a.jpg#1: prediction face_visible: must be flags or probabilities.*torch.sigmoid",
+    ),
+    "words": ({"scores": ["a", "b"]}, {}, "prediction scores: must be a tensor or an array"),
+    "a true box without volume": (
+        {},
+        {"size": torch.tensor([[2.0, 1, 1], [2, 0, 1]])},
+        "a.jpg#1: target center, rotation or size: is no box",
+    ),
+    "a target without boxes": ({}, {"rotation": None}, "a.jpg: target rotation: is missing"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_what_is_wrong_is_named_by_image_animal_and_field_and_adds_nothing(kind: str) -> None:
+    in_prediction, in_target, message = WRONG[kind]
+    target = {**animals(HERE, ASIDE), "image_id": "a.jpg"}
+    prediction = {**detected(target, 0.9, 0.8), **in_prediction}
+    good = (detected(animals(HERE), 0.9), animals(HERE))
+    bad = (
+        {name: value for name, value in prediction.items() if value is not None},
+        {name: value for name, value in {**target, **in_target}.items() if value is not None},
+    )
+    metrics = BoxMetrics()
+    with pytest.raises(SampleError, match=message):
+        metrics.update([good[0], bad[0]], [good[1], bad[1]])
+    assert metrics.compute()["images"] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"pair_by": "iou"}, "pair_by must be iou_3d or boxes"),
+        ({"pair_iou": 0.0}, r"pair_iou must lie in \(0, 1\]"),
+        ({"classes": "cat"}, "classes must be a list of names"),
+        ({"resamples": -1}, "resamples and seed not negative"),
+        ({"max_detections": 0}, "max_detections must be at least 1"),
+        ({"metrics": True}, "options of BoxMetrics are classes, .*metrics"),
+    ],
+    ids=str,
+)
+def test_an_option_that_cannot_be_is_refused(options: dict[str, Any], message: str) -> None:
+    for kind in (BoxMetrics, TorchBoxMetrics):
+        with pytest.raises(ConfigError, match=message):
+            kind(**options)
+
+
+def test_batches_that_are_no_batches_are_refused() -> None:
+    target = animals(HERE)
+    with pytest.raises(ConfigError, match="1 predictions for 2 targets"):
+        BoxMetrics().update([detected(target, 0.9)], [target, target])
+    with pytest.raises(ConfigError, match="targets must be a list of dicts"):
+        BoxMetrics().update([detected(target, 0.9)], target)  # type: ignore[arg-type]
+
+
+def torch_fed(images: Pairs, **options: Any) -> TorchBoxMetrics:
+    metric = TorchBoxMetrics(**options)
+    for prediction, target in images:
+        metric.update([prediction], [target])
+    return metric
+
+
+def test_torchmetrics_form_gives_the_same_dict_and_forgets_on_reset() -> None:
+    images = noisy_images(5)
+    metric = torch_fed(images, classes=["cat", "dog"])
+    expected = fed(images, classes=["cat", "dog"]).compute()
+    assert metric.compute() == expected
+    assert pickle.loads(pickle.dumps(metric)).compute() == expected
+    metric.reset()
+    metric.update([images[0][0]], [images[0][1]])
+    assert metric.compute()["images"] == 1
+
+
+def test_torchmetrics_form_is_synchronised_over_processes() -> None:
+    images = noisy_images(7)
+    ranks = [torch_fed(images[:3]), torch_fed(images[3:])]
+    gathered = {
+        name: [torch.cat(getattr(rank, name)) for rank in ranks]
+        for name in ("image_counts", "prediction_rows", "truth_rows")
+    }
+    order = iter(gathered.values())
+    ranks[0].sync(dist_sync_fn=lambda *_, **__: next(order), distributed_available=lambda: True)
+    ranks[0]._should_unsync = False
+    ranks[0]._to_sync = False
+    assert ranks[0].compute() == fed(images).compute()
+
+
+def test_every_key_is_in_the_docs_and_every_key_of_the_docs_is_computed() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "metrics.md").read_text()
+    rows = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \|", page.split("## Average precision")[1], re.M)
+    documented = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    for pattern, names in (("FACE", FACE_NAMES), ("NAME", ("0", "1"))):
+        for name in [name for name in documented if name.endswith(pattern)]:
+            documented |= {name.replace(pattern, one) for one in names}
+            documented.remove(name)
+    result = fed(noisy_images(6), relative=True).compute()
+    assert documented == {name for name in result if not name.endswith(("_low", "_high"))}
+    counts = {"images", "truths", "predictions", "degenerate_predictions", "pairs", "rel_scale"}
+    counts |= {"heading_count", "flank_count"}
+    assert {name for name in result if f"{name}_low" in result} == documented - counts
+
+
+def test_every_option_is_in_the_docs_with_its_default() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "metrics.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \| ", page, re.M)
+    told = {name: ast.literal_eval(default) for name, default in rows}
+    assert told == asdict(MetricOptions())
