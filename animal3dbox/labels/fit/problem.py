@@ -15,6 +15,9 @@ LOOSE_SD = 0.5
 FOCAL_SD = 0.5
 """Of the logarithm of a focal length that is not known, about the guess."""
 FOCAL_KNOWN_SD = 1e-4
+MOST_LOG = 50.0
+"""Greatest logarithm of a camera's distance and focal length: a step beyond is never taken, but its
+cost must be a number."""
 CAMERA = 7
 """Numbers of a camera: turn (3), aim (2), logarithms of scale and of focal length."""
 
@@ -151,8 +154,8 @@ class FitState:
             self.animal,
             small_turns(step[:, :3]) @ self.R,
             self.aim + step[:, 3:5],
-            self.scale + step[:, 5],
-            self.focal + step[:, 6],
+            np.clip(self.scale + step[:, 5], -MOST_LOG, MOST_LOG),
+            np.clip(self.focal + step[:, 6], -MOST_LOG, MOST_LOG),
             pose,
             shape,
             self.exchanged,

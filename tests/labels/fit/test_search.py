@@ -11,7 +11,7 @@ from animal3dbox.labels.fit.descent import LocalFit, descend_fit, keypoint_terms
 from animal3dbox.labels.fit.fit_body import FitBody, fit_body
 from animal3dbox.labels.fit.mask_target import mask_target
 from animal3dbox.labels.fit.mask_term import MaskWeights, mask_terms
-from animal3dbox.labels.fit.problem import FitProblem, FitState, frame_about
+from animal3dbox.labels.fit.problem import CAMERA, FitProblem, FitState, frame_about
 from animal3dbox.labels.fit.surface import posed_surface, surface_of
 from animal3dbox.labels.fit.view_scan import EXCHANGED_STARTS, STARTS, even_views, scan_starts
 from animal3dbox.labels.pose.choice import MOST_UP
@@ -191,3 +191,21 @@ def test_a_camera_under_the_ground_and_a_rolled_one_cost_more() -> None:
     upright = state_from(60)
     rolled = replace(upright, R=np.diag([-1.0, -1.0, 1.0]) @ upright.R)
     assert up(rolled) == MOST_UP
+
+
+def test_a_step_into_nowhere_leaves_a_camera_of_numbers() -> None:
+    one = np.ones(1)
+    state = FitState(
+        animal=np.zeros(1, dtype=np.intp),
+        R=np.eye(3)[None],
+        aim=np.zeros((1, 2)),
+        scale=one,
+        focal=one,
+        pose=np.zeros((1, 2)),
+        shape=np.zeros((1, 2)),
+        exchanged=np.zeros(1, dtype=bool),
+    )
+    step = np.zeros((1, CAMERA + 4))
+    step[:, 5:7] = 1e4
+    with np.errstate(all="raise"):
+        assert np.isfinite(state.moved(step, 2).t).all()
