@@ -18,6 +18,16 @@ def user_path(path: Path | str) -> Path:
         return Path(path)
 
 
+def portable_path(path: Path) -> str:
+    """A path as outputs may hold it: as it was given, of an absolute one the name alone.
+
+    Example:
+        >>> portable_path(Path("/home/me/animals")), portable_path(Path("sets/animals"))
+        ('animals', 'sets/animals')
+    """
+    return path.name if path.is_absolute() else str(path)
+
+
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file whole or not at all: into a neighbour first, then renamed over the old one."""
     path.parent.mkdir(parents=True, exist_ok=True)

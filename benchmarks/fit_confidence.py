@@ -1,6 +1,6 @@
 """Fit the coefficients of a label's confidence, and judge them on another mix of animals.
 
-    python benchmarks/fit_confidence.py --n 1500 --judge 1000 --judge-from 750 --fits 500 \
+    python benchmarks/fit_confidence.py --n 2500 --judge 1000 --judge-from 2000 --fits 500 \
         --judge-fits 400
 
 The coefficients are made with the mix "learned" of animal3dbox.evaluate.confidence_mix, its labels
@@ -143,11 +143,11 @@ def axes_part(draws: Sequence[Draw]) -> float:
 def main() -> None:
     """Fit, write, judge and print."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--n", type=int, default=1500)
+    parser.add_argument("--n", type=int, default=2500)
     parser.add_argument("--judge", type=int, default=1000)
     parser.add_argument("--fits", type=int, default=500)
     parser.add_argument("--judge-fits", type=int, default=400)
-    parser.add_argument("--judge-from", type=int, default=750)
+    parser.add_argument("--judge-from", type=int, default=2000)
     parser.add_argument("--draws", type=Path, default=None)
     options = parser.parse_args()
     torch.set_num_threads(1)

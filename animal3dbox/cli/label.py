@@ -1,7 +1,7 @@
 """The command `label`: a dataset in, labels and pictures out."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import msgspec
@@ -19,9 +19,10 @@ from animal3dbox.datasets.images.photos import Photo, read_photo
 from animal3dbox.datasets.labelling.calibrate import lesson_notes
 from animal3dbox.datasets.labelling.file_source import has_camera
 from animal3dbox.datasets.labelling.label_records import check_camera_policy, label_records
-from animal3dbox.datasets.labelling.label_requests import LabelRequest, request_of_record
+from animal3dbox.datasets.labelling.label_requests import LabelRequest, requests_of_image
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.files import portable_path
 from animal3dbox.labels.calibration import Calibration, calibration_of
 from animal3dbox.report.run import Labelled, RunWriter
 from animal3dbox.report.summary import Summary
@@ -58,7 +59,7 @@ def _write_labels(job: LabelJob) -> ExitCode:
     )
     writer = RunWriter(
         out,
-        source=str(job.path),
+        source=portable_path(job.path),
         body=bodies.name,
         config=job.config,
         fitted=bodies.model if job.outline and isinstance(bodies, FittedBodies) else None,
@@ -68,8 +69,7 @@ def _write_labels(job: LabelJob) -> ExitCode:
     progress = tqdm(
         total=len(records.records), desc="labelling", unit="animal", disable=job.json or None
     )
-    for first in range(0, len(records.records), AT_ONCE):
-        batch = records.records[first : first + AT_ONCE]
+    for batch in image_batches(records.records):
         writer.add(_labelled(batch, bodies, job, calibration, turned=turned))
         progress.update(len(batch))
     progress.close()
@@ -77,7 +77,20 @@ def _write_labels(job: LabelJob) -> ExitCode:
         print(f"{len(turned)} pictures were turned by their EXIF orientation", file=sys.stderr)
     summary = writer.finish()
     _print(summary, job, out)
-    return ExitCode.FAULTY if summary.faulty else ExitCode.OK
+    has_none = summary.animals > 0 and not summary.kept + summary.flagged
+    return ExitCode.FAULTY if summary.faulty or has_none else ExitCode.OK
+
+
+def image_batches(records: Sequence[AnimalRecord]) -> Iterator[list[AnimalRecord]]:
+    """Records in order, AT_ONCE or more at a time: those of an image, if they follow, together."""
+    batch: list[AnimalRecord] = []
+    for record in records:
+        if len(batch) >= AT_ONCE and record.image_id != batch[-1].image_id:
+            yield batch
+            batch = []
+        batch.append(record)
+    if batch:
+        yield batch
 
 
 def _checked_folder(job: LabelJob) -> Path:
@@ -107,7 +120,10 @@ def _labelled(
     *,
     turned: set[str],
 ) -> list[Labelled | SampleError]:
-    """Animals read and labelled together, in order; images that were turned join `turned`."""
+    """Animals read and labelled together, in order; images that were turned join `turned`.
+
+    The animals of an image are one sample: a focal length that nothing tells is one for all.
+    """
     results: list[Labelled | SampleError | None] = [None] * len(records)
     photos: dict[int, Photo] = {}
     requests: dict[int, LabelRequest] = {}
@@ -115,9 +131,15 @@ def _labelled(
         try:
             photos[place] = _photo(record)
             turned |= {record.image_id} if photos[place].facts.upright else set()
-            requests[place] = request_of_record(record, bodies, photos[place].facts)
         except SampleError as error:
             results[place] = error
+    by_image: dict[str, list[int]] = {}
+    for place in photos:
+        by_image.setdefault(records[place].image_id, []).append(place)
+    for places in by_image.values():
+        facts = [photos[place].facts for place in places]
+        own = requests_of_image([records[place] for place in places], bodies, facts)
+        requests |= dict(zip(places, own, strict=True))
     outcomes = label_records(
         list(requests.values()),
         job.config,
@@ -160,6 +182,10 @@ def _print(summary: Summary, job: LabelJob, out: Path) -> None:
     )
     for reason, count in {**summary.flags, **summary.reasons}.items():
         print(f"  {count} x {reason}")
+    if summary.masks_left_out:
+        print(f"  {summary.masks_left_out} masks cannot be used and are left out (gallery: why)")
+    if summary.reasons.get("too_few_keypoints"):
+        print(f"  (labels are made from {job.config.min_keypoints} on: --min-keypoints)")
     for fault in summary.faults:
         print(f"  faulty: {fault.sample_id}: {fault.field}: {fault.problem}")
     if summary.median_reprojection_error_px is not None:

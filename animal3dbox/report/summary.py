@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from animal3dbox.datasets.labelling.sample_checks import MASK_LEFT_OUT
 from animal3dbox.errors import SampleError
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.report.label_files import AnimalRow, RejectedRow
@@ -76,6 +77,7 @@ class Summary(msgspec.Struct, kw_only=True):
     median_reprojection_error_px: float | None
     median_mask_iou: float | None
     faults: list[FaultRow]
+    masks_left_out: int = 0
 
 
 def flags_of(label: CuboidLabel) -> tuple[str, ...]:
@@ -156,7 +158,14 @@ def summarize(
             FaultRow(sample_id=fault.sample_id or "", field=fault.field, problem=fault.problem)
             for fault in faults
         ],
+        masks_left_out=sum(_lost_its_mask(row) for row in animals),
     )
+
+
+def _lost_its_mask(row: AnimalRow) -> bool:
+    """Whether a label was made without the mask that its animal has."""
+    warnings = row.quality.get("warnings")
+    return isinstance(warnings, list) and any(one.startswith(MASK_LEFT_OUT) for one in warnings)
 
 
 def _numbers(animals: Sequence[AnimalRow], quality: str) -> list[float]:

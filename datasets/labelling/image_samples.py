@@ -71,12 +71,17 @@ class ImageSample:
 
 def sample_of_record(record: Record, bodies: BodySource | None) -> ImageSample:
     """A sample of one animal alone, of its record."""
+    return sample_of_records((record,), bodies)
+
+
+def sample_of_records(records: tuple[Record, ...], bodies: BodySource | None) -> ImageSample:
+    """A sample of the animals of one image, of their records, at least one."""
     return ImageSample(
-        image_id=record.image_id,
-        image_path=str(record.image_path or ""),
+        image_id=records[0].image_id,
+        image_path=str(records[0].image_path or ""),
         has_unread=False,
-        animals=(entry_of(record, b""),),
-        unpack=lambda: (record,),
+        animals=tuple(entry_of(record, b"") for record in records),
+        unpack=lambda: records,
         bodies=bodies,
     )
 

@@ -1,5 +1,6 @@
 """Animals that need a label."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +11,12 @@ from animal3dbox.datasets.bodies.own_or_fitted import OwnOrFittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
 from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
 from animal3dbox.datasets.labelling.image_index import AnimalEntry
-from animal3dbox.datasets.labelling.image_samples import ImageSample, Record, sample_of_record
+from animal3dbox.datasets.labelling.image_samples import (
+    ImageSample,
+    Record,
+    sample_of_record,
+    sample_of_records,
+)
 from animal3dbox.errors import SampleError
 
 
@@ -71,6 +77,27 @@ class LabelRequest:
         if isinstance(self.sample.bodies, OwnOrFittedBodies):
             return self.sample.bodies.of(self.entry.sample_id)
         return self.sample.bodies
+
+
+def requests_of_image(
+    records: Sequence[Record], bodies: BodySource | None, facts: Sequence[PhotoFacts]
+) -> list[LabelRequest]:
+    """The requests for the labels of an image's animals, which share its camera.
+
+    Args:
+        records: the animals.
+        bodies: the source of their bodies.
+        facts: of the picture's header, as read for each.
+
+    Example:
+        >>> from animal3dbox.datasets import SyntheticSet, preset_body
+        >>> records = SyntheticSet(seed=0, images=1).records().records
+        >>> requests = requests_of_image(records, preset_body("dog"), [PhotoFacts()] * len(records))
+        >>> len(requests) == len(records)
+        True
+    """
+    sample = sample_of_records(tuple(records), bodies)
+    return [LabelRequest(sample, place, one) for place, one in enumerate(facts)]
 
 
 def request_of_record(

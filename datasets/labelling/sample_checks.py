@@ -13,6 +13,8 @@ from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
 from animal3dbox.labels.types import CuboidLabel, Rejection
 
+MASK_LEFT_OUT = "the mask is left out"
+"""How the warning begins of a label whose mask cannot be used."""
 Outcome = CuboidLabel | Rejection | SampleError
 """What becomes of an animal."""
 
@@ -59,7 +61,7 @@ def checked_request(
     mask, problem_of_mask = request.mask, request.mask_problem
     if problem_of_mask is not None:
         words = f"{problem_of_mask.field} {problem_of_mask.problem}"
-        remarks.warnings.append(f"the mask is left out: {words}")
+        remarks.warnings.append(f"{MASK_LEFT_OUT}: {words}")
     if isinstance(record, AnimalRecord) and (problem := keypoints_problem(record, mask)):
         if misplaced == "fault":
             raise SampleError(record.sample_id, "keypoints_2d", problem)

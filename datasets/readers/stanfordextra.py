@@ -8,13 +8,14 @@ import msgspec
 
 from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
 from animal3dbox.datasets.images.segmentation import read_runs
+from animal3dbox.datasets.readers.distinct_animals import distinct_animals, elsewhere_notes
 from animal3dbox.datasets.readers.elements import (
     decoded,
     image_size,
     read_box,
     read_rows,
 )
-from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
+from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.sightings import SightingKeys, sighting_of
 from animal3dbox.datasets.storage.json_files import read_json_list
@@ -43,7 +44,7 @@ class StanfordExtraEntry(_ImageName):
     joints: list[list[float | None]]
     img_bbox: Any = None
     seg: Any = None
-    is_multiple_dogs: bool = False
+    is_multiple_dogs: Any = False
 
 
 def find_annotations(path: Path) -> Path:
@@ -123,7 +124,7 @@ def read_stanfordextra(
             records.append(record)
         except SampleError as error:
             faults.append(error)
-    kept, same_files = one_name_a_file(records)
+    kept, same_files = distinct_animals(records, tolerance)
     return RecordSet(
         FORMAT,
         kept,

@@ -2,14 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images.named_files import is_end_of_path
-from animal3dbox.datasets.records import AnimalRecord, CuboidSet, RecordSet
+from animal3dbox.datasets.records import CuboidSet, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
 
 Array = NDArray[np.float64]
@@ -135,71 +133,6 @@ def upright_cuboids(cuboids: CuboidSet) -> CuboidSet:
         images=tuple(replace(image, upright=True) for image in cuboids.images),
         notes=(*cuboids.notes, TURNED),
     )
-
-
-def one_name_a_file(
-    records: Sequence[AnimalRecord],
-) -> tuple[tuple[AnimalRecord, ...], tuple[SampleError, ...]]:
-    """Records without those whose image is not certain to be their own, and an error for each.
-
-    An image is not its own if it is another image's file, too; or if it was found without the
-    folder that its name begins with, while other images lie in theirs: a file of the same name may
-    be any other one.
-    """
-    first: dict[object, str] = {}
-    kept, faults = [], []
-    is_moved = [_is_elsewhere(record) for record in records]
-    some_are_in_place = not all(is_moved)
-    for record, moved in zip(records, is_moved, strict=True):
-        if moved and some_are_in_place:
-            faults.append(
-                SampleError(
-                    record.sample_id,
-                    "image",
-                    f"there is no file of this name, and {_end_of(record.image_path)!r} is not"
-                    " taken for it, since other images are where their names say; correct the name"
-                    " or add the file",
-                )
-            )
-            continue
-        name = first.setdefault(record.image_path, record.image_id)
-        if record.image_path is None or name == record.image_id:
-            kept.append(record)
-            continue
-        faults.append(
-            SampleError(
-                record.sample_id,
-                "image",
-                f"is the file of {name!r}, too: two images of a dataset are two files; give the"
-                " folder in which both names are right (--images)",
-            )
-        )
-    return tuple(kept), tuple(faults)
-
-
-def elsewhere_notes(records: Sequence[AnimalRecord]) -> tuple[str, ...]:
-    """A sentence on images that lie a folder higher than their names say."""
-    moved = [record for record in records if _is_elsewhere(record)]
-    if not moved:
-        return ()
-    return (
-        f"{len(moved)} animals' images are not where their names say: {moved[0].image_id!r} is"
-        f" taken to be {_end_of(moved[0].image_path)}; see that these are the right ones",
-    )
-
-
-def _is_elsewhere(record: AnimalRecord) -> bool:
-    """Whether a record's image was found without all of the folders that its name says."""
-    if record.image_path is None:
-        return False
-    path = record.image_path.as_posix()
-    if path.endswith(record.image_id):  # as nearly always
-        return False
-    return not is_end_of_path(record.image_id, path)
-
-
-def _end_of(path: Path | None) -> str:
-    return "/".join(path.parts[-2:]) if path is not None else ""
 
 
 def of_categories(records: RecordSet, categories: Sequence[str]) -> RecordSet:

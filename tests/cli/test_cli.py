@@ -225,9 +225,9 @@ def good(tmp_path_factory: pytest.TempPathFactory, views: dict[str, View]) -> Pa
     entries = [add_photo(root, view, name) for name, view in views.items()]
     entries.append(add_photo(root, views["left.jpg"], "<script>alert(1)<&.jpg"))
     entries.append({**add_photo(root, views["back.jpg"], "two.jpg"), "seg": None})
-    entries.append(
-        {**add_photo(root, views["back.jpg"], "two.jpg"), "seg": None, "is_multiple_dogs": True}
-    )
+    other = {**entries[-1], "is_multiple_dogs": True}
+    other["joints"] = [[x + 4 * bool(v), y, v] for x, y, v in other["joints"]]
+    entries.append(other)
     write_annotations(root, entries)
     assert ran("label", root, "--out", root / "out").code == 0
     return root
@@ -537,7 +537,7 @@ def test_stdout_of_a_process_is_one_json(small: Path) -> None:
     result = alone(
         "-W", "error", "-m", "animal3dbox", "label", small, "--out", small / "out", "--json"
     )
-    assert (result.returncode, result.stderr) == (0, "")
+    assert (result.returncode, result.stderr) == (4, "")  # no animal has a label
     assert json.loads(result.stdout)["reasons"] == {"too_few_keypoints": 1}
 
 

@@ -66,8 +66,7 @@ def coco_content(root: Path, names: Sequence[str] = AP10K_NAMES) -> Content:
         path = root / "images" / file
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(view.picture).save(path, quality=90)
-    other = annotation_of(views[1], 2, 11, names)
-    other["bbox"][2] += 1  # or it would be the first one's copy
+    other = annotation_of(views[2], 2, 11, names)  # or it would be the first one's copy
     return {
         "info": {"description": "toy animals"},
         "images": [

@@ -56,6 +56,21 @@ class JsonSet:
                 key = "joints" if self.format == "stanfordextra" else "keypoint_2d"
                 animal[key] = change(animal[key])
 
+    def append(self, animal: dict[str, Any]) -> None:
+        """Add an animal's element at the end."""
+        lists = {"coco": "annotations", "animal3d": "data"}
+        key = lists.get(self.format)
+        (self.content if key is None else self.content[key]).append(animal)
+
+    def change_last_keypoints(
+        self, change: Callable[[list[list[float]]], list[list[float]]]
+    ) -> None:
+        """Rewrite the keypoints of the last animal, as change_keypoints does."""
+        whole, self.content = self.content, copy.deepcopy(self.content)
+        self.change_keypoints(change)
+        last, self.content = self.animals[-1], whole
+        self.animals[-1].update(last)
+
     def rename_images(self, rename: Callable[[str], str]) -> None:
         """Rewrite the name of every image."""
         for element, key in self.images:

@@ -19,7 +19,8 @@ from animal3dbox.datasets.readers.animal3d.entries import (
     category_names,
     find_splits,
 )
-from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
+from animal3dbox.datasets.readers.distinct_animals import distinct_animals, elsewhere_notes
+from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import (
     ConfigError,
@@ -77,7 +78,7 @@ def read_animal3d(
         raise DatasetFormatError(
             f"{' and '.join(str(file) for file in find_splits(path))} has an empty data list"
         )
-    kept, same_files = one_name_a_file(animals.records)
+    kept, same_files = distinct_animals(animals.records, tolerance)
     records, faults = list(kept), (*animals.faults, *same_files)
     bodies, notes = None, tuple[str, ...]()
     if model is not None and animals.parameters:

@@ -25,13 +25,14 @@ from animal3dbox.datasets.readers.coco.file import (
     take_apart,
     wanted_species,
 )
+from animal3dbox.datasets.readers.distinct_animals import distinct_animals, elsewhere_notes
 from animal3dbox.datasets.readers.elements import (
     decoded,
     image_size,
     read_box,
     read_rows,
 )
-from animal3dbox.datasets.readers.tolerance import Tolerance, elsewhere_notes, one_name_a_file
+from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.sightings import SightingKeys, sighting_of
 from animal3dbox.errors import DatasetNotFoundError, SampleError
@@ -127,12 +128,11 @@ def read_coco(
     found = _animals(parts, root, species=species, read=read, tolerance=tolerance)
     has_flags = tolerance.visibility == "flags"
     graded = any(bool((animal.record.keypoints_2d[:, 2] > 1).any()) for animal in found.animals)
-    records, copies = one_name_a_file(
-        [
-            _with_confidence(animal.record, graded) if has_flags else animal.record
-            for animal in found.animals
-        ]
-    )
+    animals = [
+        _with_confidence(animal.record, graded) if has_flags else animal.record
+        for animal in found.animals
+    ]
+    records, copies = distinct_animals(animals, tolerance)
     used = {key: kind for key, kind in species.items() if kind.name in read}
     return RecordSet(
         name=FORMAT,

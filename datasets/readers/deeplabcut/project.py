@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from animal3dbox.datasets.readers.deeplabcut.reader import FORMAT, label_files, read_deeplabcut
-from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
+from animal3dbox.datasets.readers.distinct_animals import distinct_animals
+from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import Animal3DBoxError, DatasetNotFoundError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -62,7 +63,7 @@ def read_project(
             problem = f"is in {first}, too, and counts once: give it to one table alone"
             faults.append(SampleError(record.sample_id, name, problem))
         notes += [f"{name}: {note}" for note in found.notes]
-    kept, same_files = one_name_a_file(records)
+    kept, same_files = distinct_animals(records, tolerance)
     return RecordSet(FORMAT, kept, (*faults, *same_files), (*notes, *tolerance.notes()))
 
 

@@ -16,7 +16,8 @@ from animal3dbox.datasets.images.named_files import portable_name, resolve_insid
 from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES, is_file, stored_size
 from animal3dbox.datasets.readers.deeplabcut.h5 import SUFFIXES, read_h5_table
 from animal3dbox.datasets.readers.deeplabcut.table import DlcTable, is_csv_table, read_csv_table
-from animal3dbox.datasets.readers.tolerance import Tolerance, one_name_a_file
+from animal3dbox.datasets.readers.distinct_animals import distinct_animals, elsewhere_notes
+from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.sightings import Sighting
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
@@ -116,8 +117,8 @@ def read_deeplabcut(
                 continue
             empty += record is None
             records += [] if record is None else [record]
-    kept, same_files = one_name_a_file(records)
-    notes = _notes(table, len(pictures), matches, empty)
+    kept, same_files = distinct_animals(records, counts)
+    notes = (*_notes(table, len(pictures), matches, empty), *elsewhere_notes(kept))
     own_notes = counts.notes() if tolerance is None else ()
     return RecordSet(FORMAT, kept, (*faults, *same_files), (*notes, *own_notes))
 

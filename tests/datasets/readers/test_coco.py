@@ -359,7 +359,7 @@ def test_label_reads_coco_with_a_vocabulary_of_the_users_own(
 ) -> None:
     names = [f"point {i}" for i in range(17)]
     content = coco_content(tmp_path, names)
-    for i, azimuth in ((0, 110), (1, 60), (2, 110)):
+    for i, azimuth in ((0, 110), (1, 60), (2, 120)):
         content["annotations"][i]["keypoints"] = annotation_of(ap10k_view(azimuth), 0, 0)[
             "keypoints"
         ]

@@ -39,7 +39,8 @@ def good(tmp_path: Path, view: View) -> Entry:
 def wider(entry: Entry, by: int) -> Entry:
     """Another dog of the same image, as far as the reader can tell."""
     x, y, width, height = entry["img_bbox"]
-    return {**entry, "img_bbox": [x, y, width + by, height]}
+    joints = [[u + 3 * by * bool(v), w, v] for u, w, v in entry["joints"]]
+    return {**entry, "img_bbox": [x, y, width + by, height], "joints": joints}
 
 
 # What is there

@@ -276,3 +276,35 @@ def test_categories_are_of_every_format(made: JsonSet) -> None:
     assert len(read(made, categories=(name.upper(),)).records) == len(plain.records)
     with pytest.raises(ConfigError, match="categories must be of"):
         read(made, categories=("unicorn",))
+
+
+def test_an_animal_that_comes_twice_but_for_rounding_is_a_fault(made: JsonSet) -> None:
+    again = copy.deepcopy(made.animals[0])
+    again["note"] = "from another tool"
+    if made.format == "coco":
+        again["id"] = 99
+    made.append(again)
+    made.change_last_keypoints(lambda rows: [[x + 0.04, y - 0.04, v] for x, y, v in rows])
+    (fault,) = read(made).faults
+    assert fault.field == "keypoints_2d"
+    assert "once more, but for rounding" in fault.problem
+
+
+@pytest.mark.parametrize("made", ["coco", "stanfordextra"], indirect=True)
+def test_boxes_of_two_corners_are_not_read_as_width_and_height(made: JsonSet) -> None:
+    for animal in made.animals:
+        x, y, width, height = animal[box_key(made)]
+        animal[box_key(made)] = [x, y, x + width, y + height]
+    found = read(made)
+    assert not found.records
+    assert all("looks like two corners" in fault.problem for fault in found.faults)
+    dropped = read(made, optional="drop")
+    assert not dropped.faults
+    assert all(record.box is None for record in dropped.records)
+
+
+def test_two_missing_images_do_not_share_a_third_file(tmp_path: Path, view: View) -> None:
+    made = json_set("stanfordextra", tmp_path / "set", view)
+    made.animals[0]["img_path"], made.animals[1]["img_path"] = "vid1/a.jpg", "vid2/a.jpg"
+    found = read(made)
+    assert [fault.sample_id for fault in found.faults] == ["vid1/a.jpg", "vid2/a.jpg"]
