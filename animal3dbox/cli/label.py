@@ -46,8 +46,9 @@ def _write_labels(job: LabelJob) -> ExitCode:
     options = job.body.read_options(job.dataset, job.camera.focal_px)
     dataset = read_dataset(job.path, job.dataset.format, options)
     bodies, records = bodies_for(dataset, own_body), dataset.records
-    words = (record.vocabulary for record in records.records)
-    notes = [*records.notes, *lesson_notes(calibration, bodies, words)]
+    words = {record.vocabulary.name: record.vocabulary for record in records.records}
+    notes = [*records.notes, *lesson_notes(calibration, bodies, words.values())]
+    notes += [note for vocabulary in words.values() for note in vocabulary.notes]
     if isinstance(bodies, FittedBodies | PresetBodies):
         notes += species_notes(bodies.species, records.records)
     for note in notes:

@@ -7,6 +7,7 @@ from animal3dbox.cli.jobs import VocabulariesJob
 from animal3dbox.smal.keypoints.known_places import KNOWN_PLACES
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES, vocabulary_of_option
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 NO_PLACE = "(not on the body)"
 
@@ -18,9 +19,16 @@ def run_vocabularies(job: VocabulariesJob) -> ExitCode:
         ConfigError: no such vocabulary, or a file that is none.
 
     """
-    lines = _overview() if job.name is None else _keypoints(vocabulary_of_option(job.name))
+    lines = _overview() if job.name is None else _keypoints(_checked(job.name))
     print("\n".join(lines))
     return ExitCode.OK
+
+
+def _checked(option: str) -> Vocabulary:
+    """A vocabulary whose places the embedded quadruped has, or knows; raises ConfigError."""
+    vocabulary, model = vocabulary_of_option(option), load_quadruped()
+    model.read_keypoints(vocabulary, model.v_template)
+    return vocabulary
 
 
 def _overview() -> Iterator[str]:

@@ -21,6 +21,9 @@ MOST_IDS = 31
 
 A higher one holds brightness.
 """
+EXTREME, MOST_BETWEEN = 0.2, 0.35
+"""Of a mask, be it compressed or blurred, no more than this part lies between the lowest and the
+highest fifth of its range; of photographs far more does."""
 OTHER_ID = 100
 """Most pixels that one level in the lower half of a mask's range has as the blur of an edge.
 
@@ -80,11 +83,24 @@ def read_mask(
         )
     if top <= MOST_IDS:
         return np.asarray(levels > 0)
+    _check_two_levels(levels, top, Path(path).name, sample_id)
     mask = np.asarray(levels > top // 2)
     area = int(np.count_nonzero(mask))
     if np.count_nonzero(levels) - area > max(OTHER_ID, area / 4):
         _check_smoothed(levels, top, area, sample_id)
     return mask
+
+
+def _check_two_levels(levels: NDArray[np.integer], top: int, name: str, sample_id: str) -> None:
+    """Raise a SampleError for a picture most of which is neither dark nor bright: a photograph."""
+    between = (levels > EXTREME * top) & (levels < (1 - EXTREME) * top)
+    if between.mean() > MOST_BETWEEN and len(np.unique(levels[between])) > MOST_IDS:
+        raise SampleError(
+            sample_id,
+            "mask",
+            f"{name} looks like a photograph: {between.mean():.0%} of its pixels are neither dark"
+            " nor bright; give the mask's path, or leave it out",
+        )
 
 
 def mask_levels(

@@ -25,6 +25,8 @@ LEAST_INSIDE, INSIDE_AGAIN = 0.5, 0.7
 """The part of the keypoints that must be inside; and for a cause to be named, once it is undone."""
 NORMALISED = 1.5
 """No coordinate is greater where all are parts of the picture's sides."""
+LEAST_SHARED, PART_SHARED = 3, 0.15
+"""So many keypoints, and this part of all, are at one place only if it stands for missing."""
 LEAST_SIDE = 16
 """Pictures of fewer pixels a side are not asked whether their keypoints are normalised."""
 SCALES = (0.5, 2.0, 0.25, 4.0)
@@ -69,6 +71,13 @@ def keypoints_problem(record: AnimalRecord, mask: NDArray[np.bool_] | None) -> s
     points = points[points.any(1)]  # (0, 0) is a keypoint that is missing, whatever its mark
     if len(points) < LEAST_MARKED or not np.isfinite(points).all():
         return None  # labels say themselves that a keypoint is not finite
+    shared, count = np.unique(points, axis=0, return_counts=True)
+    if count.max() >= max(LEAST_SHARED, PART_SHARED * len(points)):
+        x, y = shared[count.argmax()].tolist()
+        return (
+            f"share one place: {count.max()} of {len(points)} marked ones are at ({x:g}, {y:g}); if"
+            " that stands for missing, mark them as missing (visibility 0)"
+        )
     greatest = float(np.abs(points).max())
     if greatest <= NORMALISED and min(record.image_hw) >= LEAST_SIDE:
         return (

@@ -54,3 +54,31 @@ def test_what_is_no_vocabulary_is_refused(capsys: pytest.CaptureFixture[str]) ->
         main(["vocabularies", "dog"])
     assert caught.value.code == 2
     assert "vocabulary must be one of animal3d26" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("keypoints", "flip", "words"),
+    [
+        ('nose = ["noze", "nosse"]', "", "'noze', which no body has"),
+        ('nose = "joint:pelvs"', "", "nearest: joint:pelvis"),
+        ('nose = "vertex:99999"', "", "at vertices [99999]"),
+        ('nose = "nose"\ntail = "tail_base"', 'nose = "tail"', "say in [flip]"),
+    ],
+)
+def test_places_that_no_body_has_and_wrong_twins_are_refused(
+    tmp_path: Path, keypoints: str, flip: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "own.toml"
+    file.write_text(f'name = "own"\n[keypoints]\n{keypoints}\n[flip]\n{flip}\n')
+    with pytest.raises(SystemExit) as caught:
+        main(["vocabularies", str(file)])
+    assert caught.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_second_place_that_no_body_here_has_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "own.toml"
+    file.write_text('name = "own"\n[keypoints]\nnose = ["nose", "noze"]\n')
+    assert "names the place 'noze' of 'nose'" in printed(capsys, str(file))

@@ -1,6 +1,7 @@
 """The places on a body that a keypoint can be: the quadruped's landmarks, by their names."""
 
 import difflib
+from collections.abc import Sequence
 
 KNOWN_PLACES = (
     "left_eye", "right_eye", "chin", "left_front_paw", "right_front_paw", "left_back_paw",
@@ -14,11 +15,11 @@ KNOWN_PLACES = (
 """In the quadruped's order. Other bodies have some of them, or places of their own."""
 
 
-def nearest_places(name: str) -> str:
-    """The two known places whose names are most like another, in words.
+def nearest_places(name: str, others: Sequence[str] = ()) -> str:
+    """The two known places, or others, whose names are most like another, in words.
 
     Example:
         >>> nearest_places("tailbase").partition(",")[0]
         'tail_base'
     """
-    return ", ".join(difflib.get_close_matches(name, KNOWN_PLACES, n=2, cutoff=0.0))
+    return ", ".join(difflib.get_close_matches(name, (*KNOWN_PLACES, *others), n=2, cutoff=0.0))

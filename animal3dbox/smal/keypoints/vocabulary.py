@@ -96,6 +96,19 @@ class Vocabulary:
                     f" ({', '.join(self.landmarks[i])}), but is its own mirror image: say in [flip]"
                     " which keypoint is the one of the other side"
                 )
+            self._check_twin(i)
+
+    def _check_twin(self, i: int) -> None:
+        """Raise a ConfigError if a keypoint's mirror image is another place of the body."""
+        own, twin = self.landmarks[i], self.landmarks[self.flip[i]]
+        mirrored = {swap_sides(name) for name in own if ":" not in name}
+        known = {name for name in twin if ":" not in name}
+        if mirrored and known and not mirrored & known:
+            raise ConfigError(
+                f"vocabulary {self.name}: {self.keypoints[i]!r} is at {own[0]}, but its mirror"
+                f" image {self.keypoints[self.flip[i]]!r} at {twin[0]}: say in [flip] which"
+                " keypoint is at the same place of the other side"
+            )
 
     def __len__(self) -> int:
         return len(self.keypoints)
@@ -113,14 +126,21 @@ class Vocabulary:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Whole sentences about landmarks whose names have become ambiguous; usually none."""
-        if not any(name in OLD_SHOULDERS for names in self.landmarks for name in names):
-            return ()
-        return (
-            f"The vocabulary {self.name} says left_shoulder or right_shoulder, which is taken for"
-            " the point of the shoulder, the joint, as before: say left_shoulder_point if it is"
-            " that, or left_shoulder_blade if it is the upper edge of the blade.",
-        )
+        """Whole sentences about landmarks that may not be what was meant; usually none."""
+        notes = [
+            f"The vocabulary {self.name} names the place {name!r} of {keypoint!r}, which is on no"
+            f" body but perhaps one of your own (nearest: {nearest_places(name)})."
+            for keypoint, names in zip(self.keypoints, self.landmarks, strict=True)
+            for name in names
+            if ":" not in name and not any(alias in KNOWN_PLACES for alias in aliases(name))
+        ]
+        if any(name in OLD_SHOULDERS for names in self.landmarks for name in names):
+            notes.append(
+                f"The vocabulary {self.name} says left_shoulder or right_shoulder, which is taken"
+                " for the point of the shoulder, the joint, as before: say left_shoulder_point if"
+                " it is that, or left_shoulder_blade if it is the upper edge of the blade."
+            )
+        return tuple(notes)
 
     def index_of(self, landmark: str) -> int | None:
         """The keypoint that a landmark is best read as, or None if the vocabulary has none."""
@@ -152,8 +172,7 @@ class Vocabulary:
                 groups.get(alias, _vertex_ids(alias)) for name in names for alias in aliases(name)
             )
             place = next((place for place in known if place is not None), None)
-            if place is None:
-                self._check_known(keypoint, names)
+            self._check_known(keypoint, names, groups)
             ids = () if place is None or isinstance(place, Tensor) else place
             if not all(0 <= i < n_vertices for i in ids):
                 raise ConfigError(
@@ -163,18 +182,20 @@ class Vocabulary:
             places.append(place)
         return places
 
-    def _check_known(self, keypoint: str, names: Sequence[str]) -> None:
+    def _check_known(self, keypoint: str, names: Sequence[str], groups: Groups) -> None:
         """Raise a ConfigError for a keypoint whose places are none that a body could have."""
+        joints = [name for name in groups if name.startswith("joint:")]
         unknown = [
             name
             for name in names
-            if ":" not in name and not any(alias in KNOWN_PLACES for alias in aliases(name))
+            if not any(alias in KNOWN_PLACES or alias in groups for alias in aliases(name))
+            and (":" not in name or (name.startswith("joint:") and joints))
         ]
         if unknown and len(unknown) == len(names):
             raise ConfigError(
                 f"vocabulary {self.name}: keypoint {keypoint!r} is at {unknown[0]!r}, which no body"
-                f" has (nearest: {nearest_places(unknown[0])}); say [] for a keypoint that is not"
-                " on the body"
+                f" has (nearest: {nearest_places(unknown[0], joints)}); say [] for a keypoint that"
+                " is not on the body"
             )
 
 

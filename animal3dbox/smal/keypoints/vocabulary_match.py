@@ -132,13 +132,16 @@ def plain_name(name: str) -> str:
     """A keypoint's name without what programs write otherwise: case, blanks, dashes, L_ and R_.
 
     Example:
-        >>> [plain_name(name) for name in ("LeftFrontPaw", "left front-paw", "L_Front_Paw")]
+        >>> [plain_name(name) for name in ("LeftFrontPaw", "L_Front-Paw", "front paw left")]
         ['left_front_paw', 'left_front_paw', 'left_front_paw']
     """
     words = re.split(r"[\W_]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).casefold())
     words = [word for word in words if word]
     if len(words) > 1:
-        words[0] = {"l": "left", "r": "right"}.get(words[0], words[0])
+        for place in (0, -1):
+            words[place] = {"l": "left", "r": "right"}.get(words[place], words[place])
+        if words[-1] in ("left", "right") and words[0] not in ("left", "right"):
+            words = [words[-1], *words[:-1]]
     return "_".join(words)
 
 
@@ -175,7 +178,11 @@ def _unknown(names: Sequence[str], match: NameMatch) -> str:
     vocabulary, unknown = match.vocabulary, []
     for name in match.unused[:5]:
         keypoint_of = {plain_name(keypoint): keypoint for keypoint in vocabulary.keypoints}
-        likest = difflib.get_close_matches(plain_name(name), keypoint_of, n=2, cutoff=0.0)
+        plain = plain_name(name)
+        side = plain.partition("_")[0]
+        of_its_side = [one for one in keypoint_of if one.partition("_")[0] == side]
+        candidates = of_its_side if side in ("left", "right") and of_its_side else keypoint_of
+        likest = difflib.get_close_matches(plain, candidates, n=2, cutoff=0.0)
         near = [keypoint_of[one] for one in likest]
         unknown.append(f"{name!r} (nearest: {', '.join(near)})")
     more = f" and {len(match.unused) - 5} more" if len(match.unused) > 5 else ""

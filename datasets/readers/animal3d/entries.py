@@ -136,7 +136,7 @@ def record_of_entry(
             sample_id, "flength", f"must be a focal length in px, got {split.flength}"
         )
     is_of_many = isinstance(entry, AnimalOfMany)
-    mask_path, mask_source = tolerance.part(lambda: _mask_path(entry, root, sample_id)) or (
+    mask_path, mask_source = tolerance.part(lambda: _mask_path(entry, root, sample_id, image)) or (
         None,
         "dataset",
     )
@@ -191,7 +191,9 @@ def _keypoints(
     return np.concatenate((marked[:, :2], np.minimum(marked[:, 2:], 1.0)), axis=1)
 
 
-def _mask_path(entry: Animal3DEntry, root: Path, sample_id: str) -> tuple[Path | None, str]:
+def _mask_path(
+    entry: Animal3DEntry, root: Path, sample_id: str, picture: Path
+) -> tuple[Path | None, str]:
     """The file of the mask, or else of the rendered one, and the record's mask_source.
 
     A mask_path that is the picture's own path, as one converter writes it, is no mask.
@@ -202,9 +204,10 @@ def _mask_path(entry: Animal3DEntry, root: Path, sample_id: str) -> tuple[Path |
             try:
                 if not isinstance(path, str):
                     raise SampleError(sample_id, field, f"must be a path, got {path!r}")
-                return resolve_inside(root, path, sample_id, field), (
-                    "dataset" if field == "mask_path" else "rendered"
-                )
+                mask = resolve_inside(root, path, sample_id, field)
+                if mask == picture:
+                    continue  # its own name, written otherwise
+                return mask, "dataset" if field == "mask_path" else "rendered"
             except SampleError:
                 if field == "rd_mask_path" or not entry.rd_mask_path:
                     raise

@@ -75,7 +75,7 @@ def _without_table(video: Path, project: Path) -> list[SampleError]:
             file.relative_to(project).as_posix(),
             "table",
             "is no table of DeepLabCut: its first rows must be scorer, bodyparts and coords, in"
-            " UTF-8 and with commas",
+            " UTF-8, with commas, semicolons or tabs",
         )
         for file in sorted(video.iterdir())
         if file.suffix.lower() == ".csv" and file.stem not in known

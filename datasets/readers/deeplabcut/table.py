@@ -13,6 +13,8 @@ from animal3dbox.errors import DatasetFormatError
 
 COORDS = ("x", "y", "likelihood")
 """Names of a bodypart's columns; tables labelled by hand have no likelihood."""
+SEPARATORS = (",", ";", "\t")
+"""What may stand between two cells; spreadsheets write ";" where numbers have a comma."""
 LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
 """Names of the header's rows, of a table of one animal an image and of several."""
 
@@ -103,7 +105,8 @@ def is_csv_table(path: Path) -> bool:
     """Whether a csv file begins as DeepLabCut's do."""
     try:
         with path.open("rb") as file:
-            return file.read(16).lstrip(b"\xef\xbb\xbf").startswith(b"scorer,")
+            beginning = file.read(16).lstrip(b"\xef\xbb\xbf").replace(b'"', b"")
+            return beginning[:7].decode("latin1") in {f"scorer{mark}" for mark in SEPARATORS}
     except OSError:
         return False
 
@@ -111,11 +114,9 @@ def is_csv_table(path: Path) -> bool:
 def read_csv_table(path: Path) -> DlcTable:
     """The table of a csv file; raises DatasetFormatError if it is not DeepLabCut's."""
     try:
-        lines = [
-            line
-            for line in csv.reader(path.read_text(encoding="utf-8-sig").splitlines())
-            if any(line)
-        ]
+        text = path.read_text(encoding="utf-8-sig").splitlines()
+        separator = next((one for one in SEPARATORS if one in "".join(text[:1])), ",")
+        lines = [line for line in csv.reader(text, delimiter=separator) if any(line)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise DatasetFormatError(f"{path} cannot be read as csv: {error}") from error
     depth = next((i + 1 for i, line in enumerate(lines[:6]) if line[0] == "coords"), 0)
@@ -138,8 +139,13 @@ def read_csv_table(path: Path) -> DlcTable:
         path,
         header,
         [_image(line[:index_width]) for line in lines[depth:]],
-        [line[index_width:] for line in lines[depth:]],
+        [_numbers(line[index_width:], separator) for line in lines[depth:]],
     )
+
+
+def _numbers(cells: list[str], separator: str) -> list[str]:
+    """The cells of numbers, which have a point even where a comma stands for it."""
+    return cells if separator == "," else [cell.replace(",", ".") for cell in cells]
 
 
 def _image(cells: Sequence[str]) -> str | int:

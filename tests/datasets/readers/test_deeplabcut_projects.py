@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from animal3dbox.datasets.formats import read_dataset, recognised_format
@@ -104,7 +105,7 @@ def test_a_csv_that_is_no_table_is_a_fault_of_its_video(tmp_path: Path) -> None:
     picture(tmp_path / SECOND, 10)
     table(tmp_path / "labeled-data/vid1/CollectedData_Me.csv", {FIRST: 5.0})
     other = table(tmp_path / "labeled-data/vid2/CollectedData_Me.csv", {SECOND: 5.0})
-    other.write_text(other.read_text().replace(",", ";"))
+    other.write_text(other.read_text().replace(",", "|"))
     found = read_dataset(tmp_path).records
     assert len(found.records) == 1
     (fault,) = found.faults
@@ -118,3 +119,16 @@ def test_zeros_are_missing_and_absolute_paths_do_not_travel(tmp_path: Path) -> N
     (record,) = read_deeplabcut(file).records
     assert int((record.keypoints_2d[:, 2] > 0).sum()) == len(NAMES) - 1
     assert "somebody" not in record.image_id + record.sample_id
+
+
+@pytest.mark.parametrize(("separator", "point"), [(";", "."), (";", ","), ("\t", ".")])
+def test_tables_of_spreadsheets_are_read_the_same(
+    tmp_path: Path, separator: str, point: str
+) -> None:
+    picture(tmp_path / FIRST, 10)
+    file = table(tmp_path / "CollectedData.csv", {FIRST: 5.5})
+    plain = read_dataset(file).records.records[0]
+    text = file.read_text().replace(",", separator).replace(".5", f"{point}5")
+    file.write_text(text)
+    assert recognised_format(tmp_path) == "deeplabcut"
+    assert np.array_equal(read_dataset(file).records.records[0].keypoints_2d, plain.keypoints_2d)

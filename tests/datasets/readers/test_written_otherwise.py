@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from photo_dataset import View, toy_scene, view_of
+from PIL import Image
 from written_otherwise import JsonSet, broken_mask, json_set
 
 from animal3dbox.datasets.formats import read_dataset
+from animal3dbox.datasets.labelling.keypoint_places import keypoints_problem
 from animal3dbox.datasets.records import RecordSet
 from animal3dbox.errors import ConfigError, SampleError
 
@@ -308,3 +310,27 @@ def test_two_missing_images_do_not_share_a_third_file(tmp_path: Path, view: View
     made.animals[0]["img_path"], made.animals[1]["img_path"] = "vid1/a.jpg", "vid2/a.jpg"
     found = read(made)
     assert [fault.sample_id for fault in found.faults] == ["vid1/a.jpg", "vid2/a.jpg"]
+
+
+@pytest.mark.parametrize("place", [(-2.0, -2.0), (-0.5, -0.5), (159.0, 119.0)])
+def test_a_place_that_stands_for_missing_is_told(made: JsonSet, place: tuple[float, float]) -> None:
+    made.change_keypoints(
+        lambda rows: [[*place, v] if k % 4 == 0 else [x, y, v] for k, (x, y, v) in enumerate(rows)]
+    )
+    problems = [keypoints_problem(one, one.mask) or "" for one in read(made).records]
+    assert problems
+    assert all("share one place" in problem for problem in problems)
+
+
+@pytest.mark.parametrize("made", ["animal3d"], indirect=True)
+def test_the_picture_is_no_mask_however_it_is_named(made: JsonSet) -> None:
+    animal = made.animals[0]
+    for name in (f"./{animal['img_path']}", animal["img_path"].upper(), "copy.png"):
+        Image.open(made.root / "images" / "a.jpg").save(made.root / "images" / "copy.png")
+        animal["mask_path"] = name
+        record = read(made).records[0]
+        if name == "copy.png":
+            with pytest.raises(SampleError, match="looks like a photograph"):
+                _ = record.mask
+        else:
+            assert record.mask_path is None
