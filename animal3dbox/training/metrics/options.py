@@ -24,7 +24,9 @@ class MetricOptions:
             upright `boxes` in the picture ("boxes"), for detectors whose depth is not metric.
         pair_iou: the least such IoU; None: 0.05 of cuboids, 0.5 of boxes.
         metric: whether lengths are metres where a target has no `scale_known`.
-        heading_known: whether the truth's front is known where a target has no `heading_known`.
+        heading_known: whether the truth's front is known where a target has no `heading_known`;
+            None: it is, but for targets of Datasets that name no faces because their boxes have no
+            front.
         relative: compute Rel-AP3D too, which is AP3D at 28 scales.
         resamples: resamples of the images for the 95 % intervals; 0 leaves the intervals out.
         seed: of the resampling.
@@ -43,7 +45,7 @@ class MetricOptions:
     pair_by: PairBy = "iou_3d"
     pair_iou: float | None = None
     metric: bool = False
-    heading_known: bool = True
+    heading_known: bool | None = None
     relative: bool = False
     resamples: int = 200
     seed: int = 0

@@ -17,6 +17,7 @@ from animal3dbox.geometry.box_visibility import (
 from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.polygon import polygon_area
 from animal3dbox.geometry.rigid_transforms import nearest_rotation
+from animal3dbox.target_schema import FIELDS
 from animal3dbox.training.metrics.box_table import BoxTable, Flags, Floats, Whole
 from animal3dbox.training.metrics.options import MetricOptions
 
@@ -25,6 +26,8 @@ Fields = Mapping[str, Any]
 ROTATION_TOLERANCE = 1e-2
 """By how much R R^T of a prediction may differ from the identity: what half precision rounds is
 mended, and anything else is no rotation."""
+NAMED_FACES = tuple(field.name for field in FIELDS if field.named_faces)
+"""Fields that a target has only if its boxes' fronts are known."""
 MOST = 1e30
 """Lengths and coordinates from here on, and sizes below its inverse, are no box's: their volumes
 would overflow."""
@@ -165,7 +168,8 @@ def _table(
     count = len(score)
     center, rotation, size, usable = _placed(source, count)
     truth = source.kind == "target"
-    heading_known = source.flags("heading_known", count, options.heading_known or not truth)
+    known = not truth or _front_is_known(source.fields, options)
+    heading_known = source.flags("heading_known", count, known)
     face_score, face_share = _faces(source, camera, (center, rotation, size))
     face_score[~(usable & heading_known)] = np.nan
     face_share[~(usable & heading_known)] = np.nan
@@ -185,6 +189,17 @@ def _table(
         metric=metric,
         crowd=source.flags("iscrowd", count, False) & truth,
     )
+
+
+def _front_is_known(target: Fields, options: MetricOptions) -> bool:
+    """Whether the true boxes of a target that does not say so have a front.
+
+    A Dataset of boxes without one gives the fields of its corners and leaves out those that name
+    faces.
+    """
+    if options.heading_known is not None:
+        return options.heading_known
+    return "corner_in_front" not in target or any(name in target for name in NAMED_FACES)
 
 
 def _labels(source: BoxSource, count: int, options: MetricOptions) -> Whole:

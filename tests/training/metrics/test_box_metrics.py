@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from cuboid_sets import standing_set
 from detections import animals, detected
+from PIL import Image
 from scenes import scene
 
+from animal3dbox.datasets import Omni3DDataset, write_omni3d
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry import FACE_NAMES
 from animal3dbox.training.metrics import BoxMetrics, MetricOptions, TorchBoxMetrics
@@ -129,6 +132,22 @@ def test_the_interval_of_a_mean_is_that_of_its_standard_error() -> None:
 def test_intervals_are_left_out_if_none_are_asked_for_or_there_is_one_image() -> None:
     assert not any(name.endswith("_low") for name in fed(noisy_images(3), resamples=0).compute())
     assert not any(name.endswith("_low") for name in fed(noisy_images(1)).compute())
+
+
+def test_a_dataset_of_boxes_without_a_front_has_no_headings_to_be_measured(tmp_path: Path) -> None:
+    boxes = standing_set()
+    for record in boxes.records:
+        Image.fromarray(np.zeros((*record.image_hw, 3), np.uint8)).save(tmp_path / record.image_id)
+    write_omni3d(boxes, tmp_path / "boxes.json")
+    for heading_known in (True, False):
+        dataset = Omni3DDataset(tmp_path / "boxes.json", heading_known=heading_known)
+        samples = [dataset[index] for index in range(len(dataset))]
+        targets = [sample[1] for sample in samples if isinstance(sample, tuple)]
+        images = [(detected(target, *[0.9] * len(target["center"])), target) for target in targets]
+        result = fed(images).compute()
+        assert (result["ap_3d"], result["truths"], result["pairs"]) == (1.0, 4, 4)
+        headings = (result["ap_3d_h30"], result["heading_count"])
+        assert headings == ((1.0, 4) if heading_known else (None, 0))
 
 
 WRONG: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
