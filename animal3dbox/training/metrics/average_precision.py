@@ -91,9 +91,9 @@ def _precisions(weights: Whole, hit: Flags, counts: Flags, total: Whole) -> Floa
         if len(hits) == 0:
             average[known, level] = 0.0
             continue
-        seen = np.cumsum(weights * counts[:, level], axis=1)[:, hits]
+        n = np.cumsum(weights * counts[:, level], axis=1)[:, hits]
         tp = np.cumsum(weights[:, hits], axis=1)
-        precision = tp / np.maximum(seen, 1)
+        precision = tp / np.maximum(n, 1)
         best = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
         # The first place with hits enough; rows are kept apart, so that one search serves all
         apart = np.arange(len(weights))[:, None] * (int(max(total.max(), tp.max())) + 2)

@@ -120,8 +120,8 @@ class Evaluation:
         """Predictions on truths of AP3D-H by tolerance; None if no front is known on a side."""
         c = self.candidates
         heading_known = c.truths.heading_known
-        told = not len(c.predictions) or bool(c.predictions.heading_known.any())
-        if not told or not heading_known.any():
+        has_fronts = not len(c.predictions) or bool(c.predictions.heading_known.any())
+        if not has_fronts or not heading_known.any():
             return dict.fromkeys(HEADING_TOLERANCES_DEG)
         unknown_truth = ~heading_known[c.pairs[1]]
         return {
@@ -211,9 +211,9 @@ class Evaluation:
         c, (of_prediction, of_truth) = self.candidates, self.pairs
         scores = c.predictions.face_score[of_prediction]
         true = c.truths.face_score[of_truth]
-        seen = np.where(np.isnan(true), np.nan, true > 0.5)
-        f1 = [F1(*both, self.pair_image, c.images)(weights) for both in _columns(scores, seen)]
-        auc = [Auc(*both, self.pair_image)(weights) for both in _columns(scores, seen)]
+        visible = np.where(np.isnan(true), np.nan, true > 0.5)
+        f1 = [F1(*both, self.pair_image, c.images)(weights) for both in _columns(scores, visible)]
+        auc = [Auc(*both, self.pair_image)(weights) for both in _columns(scores, visible)]
         values = {
             "face_f1": mean_of_known(np.stack(f1), 0),
             "face_auc": mean_of_known(np.stack(auc), 0),
@@ -261,6 +261,6 @@ def _within(depth: Floats, bounds: tuple[float, float]) -> Flags:
     return np.asarray((depth >= bounds[0]) & (depth < bounds[1]))
 
 
-def _columns(scores: Floats, seen: Floats) -> list[tuple[Floats, Floats]]:
+def _columns(scores: Floats, visible: Floats) -> list[tuple[Floats, Floats]]:
     """Scores and truths (P,) of each face."""
-    return list(zip(scores.T, seen.T, strict=True))
+    return list(zip(scores.T, visible.T, strict=True))
