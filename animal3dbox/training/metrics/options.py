@@ -55,6 +55,8 @@ class MetricOptions:
             raise ConfigError(f"classes must be a list of names, got {self.classes!r}")
         if self.classes is not None:  # a list is taken too, and two options stay comparable
             object.__setattr__(self, "classes", tuple(self.classes))
+            if len(set(self.classes)) < len(self.classes):
+                raise ConfigError(f"classes must be names that differ, got {self.classes}")
         if self.pair_by not in get_args(PairBy):
             raise ConfigError(f"pair_by must be iou_3d or boxes, got {self.pair_by!r}")
         if not 0 < self.least_pair_iou <= 1:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from torch import Tensor
 
 from animal3dbox.errors import SampleError
-from animal3dbox.geometry.arrays import as_numpy, norm
+from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.box_visibility import (
     QUADS,
     projected_faces,
@@ -68,7 +69,9 @@ class BoxSource:
         if value is None:
             return None
         try:
-            array = np.asarray(as_numpy(value), dtype=np.float64)
+            # On the host first: not every device has float64; NumPy does not have bfloat16
+            host = value.detach().cpu().double() if isinstance(value, Tensor) else value
+            array = np.asarray(host, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise self.error(name, f"must be a tensor or an array, got {value!r}") from error
         if array.size == 0 and not count:
@@ -121,7 +124,7 @@ def read_predictions(
         raise source.error("scores", f"must be finite, got {score[wrong]}", wrong)
     if "labels" in target and "labels" not in fields and not options.class_agnostic:
         raise source.error("labels", "is missing, and the target has labels; or class_agnostic")
-    camera = BoxSource("prediction", {**target, **fields}, image_id)
+    camera = BoxSource("camera", {**target, **fields}, image_id)
     return _table(source, camera, score=score, metric=np.zeros(len(score), bool), options=options)
 
 
@@ -254,14 +257,10 @@ def _faces(
     if score is None:
         score = _scores_of(corners)
     if share is None:
-        K, distortion = camera.fields.get("K"), camera.fields.get("distortion")
+        K = camera.array("K", (3,), 3)
         if K is None:
             return score.copy(), np.full((count, 6), np.nan)
-        quads = projected_faces(
-            corners,
-            np.asarray(as_numpy(K), dtype=np.float64),
-            None if distortion is None else np.asarray(as_numpy(distortion), dtype=np.float64),
-        )
+        quads = projected_faces(corners, K, camera.array("distortion", ()))
         visible = visible_faces(corners, np.zeros_like(center))
         share = visible_face_shares(polygon_area(quads) * visible)
     return score.copy(), share.copy()

@@ -178,6 +178,7 @@ WRONG: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
         {"size": torch.tensor([[2.0, 1, 1], [2, 0, 1]])},
         "a.jpg#1: target center, rotation or size: is no box",
     ),
+    "a camera of a lens": ({"K": torch.zeros(1, 3, 3)}, {}, r"camera K: must have shape \(3, 3\)"),
     "a target without boxes": ({}, {"rotation": None}, "a.jpg: target rotation: is missing"),
 }
 
@@ -204,6 +205,7 @@ def test_what_is_wrong_is_named_by_image_animal_and_field_and_adds_nothing(kind:
         ({"pair_by": "iou"}, "pair_by must be iou_3d or boxes"),
         ({"pair_iou": 0.0}, r"pair_iou must lie in \(0, 1\]"),
         ({"classes": "cat"}, "classes must be a list of names"),
+        ({"classes": ["cat", "cat"]}, "classes must be names that differ"),
         ({"resamples": -1}, "resamples and seed not negative"),
         ({"max_detections": 0}, "max_detections must be at least 1"),
         ({"metrics": True}, "options of BoxMetrics are classes, .*metrics"),
