@@ -48,7 +48,7 @@ def noisy_images(count: int, seed: int = 0) -> Pairs:
 
 
 def fed(images: Pairs, batch: int = 4, **options: Any) -> BoxMetrics:
-    metrics = BoxMetrics(**options)
+    metrics = BoxMetrics(**{"relative": False, **options})
     for start in range(0, len(images), batch):
         part = images[start : start + batch]
         metrics.update([p for p, _ in part], [t for _, t in part])
@@ -227,7 +227,7 @@ def test_batches_that_are_no_batches_are_refused() -> None:
 
 
 def torch_fed(images: Pairs, **options: Any) -> TorchBoxMetrics:
-    metric = TorchBoxMetrics(**options)
+    metric = TorchBoxMetrics(**{"relative": False, **options})
     for prediction, target in images:
         metric.update([prediction], [target])
     return metric

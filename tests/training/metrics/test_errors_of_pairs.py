@@ -14,7 +14,7 @@ HERE, ASIDE = (0.0, 0, 8), (4.0, 0, 8)
 
 
 def measured(prediction: dict[str, Any], target: dict[str, Any], **options: Any) -> dict[str, Any]:
-    metrics = BoxMetrics(**options)
+    metrics = BoxMetrics(**{"relative": False, **options})
     metrics.update([prediction], [target])
     return metrics.compute()
 
