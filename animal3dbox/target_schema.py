@@ -138,6 +138,8 @@ FIELDS: tuple[Field, ...] = (
           meaning="all maps of pixels since the image was read; left by transforms"),
     Field(name="depth", shape="H W", per="image", made_by="user", meaning="z of each pixel"),
     Field(name="occlusion", shape="", under_map="unmoved", made_by="user", meaning="hidden part"),
+    Field(name="heading_known", shape="", kind="flag", dtype="bool", under_map="unmoved",
+          made_by="user", meaning="whether front and left mean something"),
     Field(name="scores", shape="", under_map="unmoved", made_by="user", meaning="of detections"),
     Field(name="iscrowd", shape="", kind="whole", dtype="int64", under_map="unmoved",
           made_by="user", meaning="COCO's flag"),

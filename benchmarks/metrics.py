@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 import torch
 
+sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 from scenes import scene
 
-from animal3dbox.geometry import Cuboid, pairwise_box_iou
 from animal3dbox.training.metrics import BoxMetrics
 from animal3dbox.training.metrics.evaluation import DEPTHS_M, IOU_THRESHOLDS
 
@@ -68,7 +68,7 @@ def measured(pairs: Sequence[tuple[Target, Target]], **options: Any) -> tuple[An
 
 
 def annotations_of(pairs: Sequence[tuple[Target, Target]], side: int) -> list[Target]:
-    """COCO's annotations: ids from 1, the depth as area, the cuboid beside them."""
+    """COCO's annotations as ExactIou takes them: ids from 1, the depth for the area."""
     rows: list[Target] = []
     for image, pair in enumerate(pairs, start=1):
         boxes = pair[side]
@@ -79,31 +79,19 @@ def annotations_of(pairs: Sequence[tuple[Target, Target]], side: int) -> list[Ta
                 "category_id": int(boxes["labels"][k]) + 1,
                 "bbox": [0.0, 0.0, 1.0, 1.0],
                 "iscrowd": int(pair[1]["iscrowd"][k]) if side else 0,
-                "cuboid": [boxes[name][k] for name in ("center", "rotation", "size")],
+                "area": float(boxes["center"][k, 2]),
+                "center_cam": boxes["center"][k].tolist(),
+                "R_cam": boxes["rotation"][k].tolist(),
+                "dimensions": boxes["size"][k].flip(0).tolist(),
             }
             rows.append(row | ({} if side else {"score": float(boxes["scores"][k])}))
     return rows
 
 
 def coco_precisions(pairs: Sequence[tuple[Target, Target]]) -> dict[str, float]:
-    """AP3D of COCOeval, of all depths and of each range."""
+    """AP3D of COCOeval, of all depths and of each range; SystemExit without pycocotools."""
+    from omni3d_self_ap import ExactIou
     from pycocotools.coco import COCO
-    from pycocotools.cocoeval import COCOeval
-
-    class ExactIou(COCOeval):  # type: ignore[misc]
-        """COCOeval that matches by the IoU of cuboids."""
-
-        def computeIoU(self, imgId: int, catId: int) -> Any:
-            """The IoU (D, G) of an image's detections, best first, with its boxes."""
-            found = sorted(self._dts[imgId, catId], key=lambda one: -one["score"])
-            there = self._gts[imgId, catId]
-            if not found or not there:
-                return []
-            sides = (
-                Cuboid(*(torch.stack(part) for part in zip(*(o["cuboid"] for o in side))))  # noqa: B905
-                for side in (found, there)
-            )
-            return pairwise_box_iou(*sides).double().numpy()
 
     content = {
         "images": [{"id": number} for number in range(1, len(pairs) + 1)],
@@ -113,10 +101,7 @@ def coco_precisions(pairs: Sequence[tuple[Target, Target]]) -> dict[str, float]:
         sides = []
         for side in (1, 0):
             coco = COCO()
-            rows = annotations_of(pairs, side)
-            depths = [float(row["cuboid"][0][2]) for row in rows]
-            rows = [{**row, "area": depth} for row, depth in zip(rows, depths, strict=True)]
-            coco.dataset = {**content, "annotations": rows}
+            coco.dataset = {**content, "annotations": annotations_of(pairs, side)}
             coco.createIndex()
             sides.append(coco)
         evaluation = ExactIou(*sides, "bbox")
@@ -142,9 +127,9 @@ def main() -> None:
     torch.set_num_threads(1)
     pairs = world(arguments.images, 3, 10, seed=0)
     cases: dict[str, dict[str, Any]] = {
-        "AP and errors": {"resamples": 0},
-        "with intervals": {},
-        "with intervals and Rel-AP3D": {"relative": True},
+        "AP and errors": {"resamples": 0, "relative": False},
+        "with intervals": {"relative": False},
+        "with intervals and Rel-AP3D": {},
     }
     for name, options in cases.items():
         result, update, compute = measured(pairs, **options)
@@ -152,15 +137,10 @@ def main() -> None:
             f"{arguments.images} images x 3 truths x 10 boxes, {name}: update {update:.2f} s,"
             f" compute {compute:.2f} s, AP3D {result['ap_3d']:.4f}"
         )
-    try:
-        import pycocotools  # noqa: F401
-    except ImportError:
-        print("pip install pycocotools to compare with COCOeval")
-        return
     worst = 0.0
     for seed in range(1, arguments.worlds + 1):
         pairs = world(60, 4, 12, seed)
-        theirs, (ours, _, _) = coco_precisions(pairs), measured(pairs, resamples=0)
+        theirs, (ours, _, _) = coco_precisions(pairs), measured(pairs, resamples=0, relative=False)
         worst = max(worst, *(abs(ours[name] - value) for name, value in theirs.items()))
         print(f"world {seed}: " + ", ".join(f"{k} {v:.4f}" for k, v in theirs.items()))
     print(f"greatest difference to COCOeval: {worst:.1e}")

@@ -51,7 +51,8 @@ class AveragePrecision:
     def _of_class(self, label: int, weights: Whole) -> Floats:
         """The average precision (R, T) of one class."""
         c, matches = self.candidates, self.matches
-        mine = np.flatnonzero(c.predictions.label == label)
+        # What counts at no threshold is left out from the start
+        mine = np.flatnonzero((c.predictions.label == label) & ~matches.ignored.all(1))
         mine = mine[np.argsort(-c.predictions.score[mine], kind="stable")]
         truths = matches.counted_truths & (c.truths.label == label)
         total = weights @ np.bincount(c.truth_image[truths], minlength=c.images)
@@ -86,14 +87,15 @@ def _precisions(weights: Whole, hit: Flags, counts: Flags, total: Whole) -> Floa
     needed = _hits_needed(total)  # (R, 101)
     average = np.full((len(weights), hit.shape[1]), np.nan)
     known = total > 0
+    n_with_ignored = np.cumsum(weights, axis=1)
     for level in range(hit.shape[1]):
         hits = np.flatnonzero(hit[:, level])
         if len(hits) == 0:
             average[known, level] = 0.0
             continue
-        seen = np.cumsum(weights * counts[:, level], axis=1)[:, hits]
+        n = n_with_ignored[:, hits] - _ignored_before(weights, ~counts[:, level], hits)
         tp = np.cumsum(weights[:, hits], axis=1)
-        precision = tp / np.maximum(seen, 1)
+        precision = tp / np.maximum(n, 1)
         best = np.maximum.accumulate(precision[:, ::-1], axis=1)[:, ::-1]
         # The first place with hits enough; rows are kept apart, so that one search serves all
         apart = np.arange(len(weights))[:, None] * (int(max(total.max(), tp.max())) + 2)
@@ -103,6 +105,15 @@ def _precisions(weights: Whole, hit: Flags, counts: Flags, total: Whole) -> Floa
         chosen = np.take_along_axis(best, np.minimum(place, len(hits) - 1), axis=1)
         average[known, level] = np.where(reached, chosen, 0.0).mean(1)[known]
     return average
+
+
+def _ignored_before(weights: Whole, ignored: Flags, hits: Whole) -> Whole:
+    """How often predictions that do not count were taken before each hit, (R, H)."""
+    places = np.flatnonzero(ignored)
+    before = np.searchsorted(places, hits)
+    sums = np.zeros((len(weights), len(places) + 1), np.int64)
+    np.cumsum(weights[:, places], axis=1, out=sums[:, 1:])
+    return np.asarray(sums[:, before])
 
 
 def _hits_needed(total: Whole) -> Whole:

@@ -155,12 +155,12 @@ class BoxMetrics:
         values: Metrics = {}
         intervals: Metrics = {}
         resamples = self.options.resamples if images > 1 else 0
-        drawn = resampled(images, resamples, self.options.seed) if resamples else None
+        draws = resampled(images, resamples, self.options.seed) if resamples else None
         for statistic in statistics:
             for name, value in statistic(np.ones((1, images), np.int64)).items():
                 values[name] = _or_none(value[0])
-            if drawn is not None:
-                for name, sample in statistic(drawn).items():
+            if draws is not None:
+                for name, sample in statistic(draws).items():
                     intervals |= _interval(name, sample)
         return {**values, **intervals}
 

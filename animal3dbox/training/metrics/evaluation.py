@@ -22,7 +22,7 @@ from animal3dbox.training.metrics.pair_errors import (
     share_errors,
     size_errors,
 )
-from animal3dbox.training.metrics.weighted_statistics import F1, Auc, Mean, mean_of_known
+from animal3dbox.training.metrics.weighted_statistics import F1, Auc, Mean, mean_of_known, ratio
 
 IOU_PERCENT = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50)
 IOU_THRESHOLDS = tuple(percent / 100 for percent in IOU_PERCENT)
@@ -59,8 +59,7 @@ class Evaluation:
             self._overall_precision,
             *(partial(self._heading_precision, tolerance) for tolerance in HEADING_TOLERANCES_DEG),
             *(partial(self._depth_precision, name) for name in DEPTHS_M),
-            self._heading_errors,
-            self._place_errors,
+            self._pair_means,
             self._faces,
         ]
 
@@ -87,10 +86,6 @@ class Evaluation:
     def pair_image(self) -> Whole:
         """The image (P,) of each pair."""
         return self.candidates.truth_image[self.pairs[1]]
-
-    def mean(self, values: Floats) -> Mean:
-        """The mean of numbers (P,) of the pairs."""
-        return Mean(values, self.pair_image, self.candidates.images)
 
     def _overall_precision(self, weights: Whole) -> Values:
         """AP3D, AP15, AP25, AP50, and AP3D of each class."""
@@ -120,8 +115,8 @@ class Evaluation:
         """Predictions on truths of AP3D-H by tolerance; None if no front is known on a side."""
         c = self.candidates
         heading_known = c.truths.heading_known
-        told = not len(c.predictions) or bool(c.predictions.heading_known.any())
-        if not told or not heading_known.any():
+        has_fronts = not len(c.predictions) or bool(c.predictions.heading_known.any())
+        if not has_fronts or not heading_known.any():
             return dict.fromkeys(HEADING_TOLERANCES_DEG)
         unknown_truth = ~heading_known[c.pairs[1]]
         return {
@@ -170,56 +165,46 @@ class Evaluation:
         """AP3D of a range of depth."""
         return {f"ap_3d_{name}": self._precision(self.depth_matches[name], weights)}
 
-    def _heading_errors(self, weights: Whole) -> Values:
-        """Heading error, flip rate and flank accuracy."""
-        c = self.candidates
-        degrees = self._heading_deg
-        flipped = np.where(np.isnan(degrees), np.nan, degrees > 90)
+    @cached_property
+    def pair_values(self) -> Values:
+        """The errors (P,) whose means are metrics, by the metrics' names; NaN where unknown."""
+        tables = (self.candidates.predictions, self.candidates.truths, self.pairs)
+        truths, (_, of_truth) = self.candidates.truths, self.pairs
+        degrees, apart, sizes = (
+            error(*tables) for error in (heading_errors_deg, distance_errors, size_errors)
+        )
         return {
-            "heading_error_deg": self.mean(degrees)(weights),
-            "flip_rate": self.mean(flipped)(weights),
-            "flank_accuracy": self.mean(self._flanks_right)(weights),
-            "corner_error": self.mean(corner_errors(c.predictions, c.truths, self.pairs))(weights),
+            "heading_error_deg": degrees,
+            "flip_rate": np.where(np.isnan(degrees), np.nan, degrees > 90),
+            "flank_accuracy": flanks_right(*tables),
+            "corner_error": corner_errors(*tables),
+            "nhd": hungarian_distances(*tables),
+            "length_error": sizes[:, 0],
+            "width_error": sizes[:, 1],
+            "height_error": sizes[:, 2],
+            "distance_error": ratio(apart, truths.distance[of_truth]),
+            "distance_error_m": np.where(truths.metric[of_truth], apart, np.nan),
+            "face_share_error": share_errors(*tables),
         }
 
-    @cached_property
-    def _heading_deg(self) -> Floats:
-        return heading_errors_deg(self.candidates.predictions, self.candidates.truths, self.pairs)
-
-    @cached_property
-    def _flanks_right(self) -> Floats:
-        return flanks_right(self.candidates.predictions, self.candidates.truths, self.pairs)
-
-    def _place_errors(self, weights: Whole) -> Values:
-        """NHD, and errors of sizes and distance."""
-        predictions, truths = self.candidates.predictions, self.candidates.truths
-        tables = (predictions, truths, self.pairs)
-        apart, sizes = distance_errors(*tables), size_errors(*tables)
-        of_truth = self.pairs[1]
-        metres = np.where(truths.metric[of_truth], apart, np.nan)
-        values = {
-            "nhd": self.mean(hungarian_distances(*tables))(weights),
-            "distance_error": self.mean(apart / truths.distance[of_truth])(weights),
-            "distance_error_m": self.mean(metres)(weights),
+    def _pair_means(self, weights: Whole) -> Values:
+        """The means of the pairs' errors."""
+        return {
+            name: Mean(values, self.pair_image, self.candidates.images)(weights)
+            for name, values in self.pair_values.items()
         }
-        for axis, name in enumerate(("length", "width", "height")):
-            values[f"{name}_error"] = self.mean(sizes[:, axis])(weights)
-        return values
 
     def _faces(self, weights: Whole) -> Values:
-        """F1 and AUC of each face and their means over the faces, and the error of the shares."""
+        """F1 and AUC of each face, and their means over the faces."""
         c, (of_prediction, of_truth) = self.candidates, self.pairs
         scores = c.predictions.face_score[of_prediction]
         true = c.truths.face_score[of_truth]
-        seen = np.where(np.isnan(true), np.nan, true > 0.5)
-        f1 = [F1(*both, self.pair_image, c.images)(weights) for both in _columns(scores, seen)]
-        auc = [Auc(*both, self.pair_image)(weights) for both in _columns(scores, seen)]
+        visible = np.where(np.isnan(true), np.nan, true > 0.5)
+        f1 = [F1(*both, self.pair_image, c.images)(weights) for both in _columns(scores, visible)]
+        auc = [Auc(*both, self.pair_image)(weights) for both in _columns(scores, visible)]
         values = {
             "face_f1": mean_of_known(np.stack(f1), 0),
             "face_auc": mean_of_known(np.stack(auc), 0),
-            "face_share_error": self.mean(share_errors(c.predictions, c.truths, self.pairs))(
-                weights
-            ),
         }
         for name, face_f1, face_auc in zip(FACE_NAMES, f1, auc, strict=True):
             values |= {f"face_f1_{name}": face_f1, f"face_auc_{name}": face_auc}
@@ -234,9 +219,13 @@ class Evaluation:
             "predictions": len(predictions),
             "degenerate_predictions": int((~predictions.usable).sum()),
             "pairs": len(self.pairs[0]),
-            "heading_count": int((~np.isnan(self._heading_deg)).sum()),
-            "flank_count": int((~np.isnan(self._flanks_right)).sum()),
+            "heading_count": self._known("heading_error_deg"),
+            "flank_count": self._known("flank_accuracy"),
         }
+
+    def _known(self, name: str) -> int:
+        """How many pairs an error is known of."""
+        return int((~np.isnan(self.pair_values[name])).sum())
 
     def best_scale(self) -> tuple[float, Statistic] | None:
         """Rel-AP3D: the factor of SCALES under which AP3D is highest, and the AP3D under it.
@@ -261,6 +250,6 @@ def _within(depth: Floats, bounds: tuple[float, float]) -> Flags:
     return np.asarray((depth >= bounds[0]) & (depth < bounds[1]))
 
 
-def _columns(scores: Floats, seen: Floats) -> list[tuple[Floats, Floats]]:
+def _columns(scores: Floats, visible: Floats) -> list[tuple[Floats, Floats]]:
     """Scores and truths (P,) of each face."""
-    return list(zip(scores.T, seen.T, strict=True))
+    return list(zip(scores.T, visible.T, strict=True))

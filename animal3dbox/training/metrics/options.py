@@ -24,8 +24,10 @@ class MetricOptions:
             upright `boxes` in the picture ("boxes"), for detectors whose depth is not metric.
         pair_iou: the least such IoU; None: 0.05 of cuboids, 0.5 of boxes.
         metric: whether lengths are metres where a target has no `scale_known`.
-        heading_known: whether the truth's front is known where a target has no `heading_known`.
-        relative: compute Rel-AP3D too, which is AP3D at 28 scales.
+        heading_known: whether the truth's front is known where a target has no `heading_known`;
+            None: it is, but for targets of Datasets that name no faces because their boxes have no
+            front.
+        relative: compute Rel-AP3D, which is AP3D at 28 scales and takes longest; else it is None.
         resamples: resamples of the images for the 95 % intervals; 0 leaves the intervals out.
         seed: of the resampling.
 
@@ -43,8 +45,8 @@ class MetricOptions:
     pair_by: PairBy = "iou_3d"
     pair_iou: float | None = None
     metric: bool = False
-    heading_known: bool = True
-    relative: bool = False
+    heading_known: bool | None = None
+    relative: bool = True
     resamples: int = 200
     seed: int = 0
 
@@ -53,6 +55,8 @@ class MetricOptions:
             raise ConfigError(f"classes must be a list of names, got {self.classes!r}")
         if self.classes is not None:  # a list is taken too, and two options stay comparable
             object.__setattr__(self, "classes", tuple(self.classes))
+            if len(set(self.classes)) < len(self.classes):
+                raise ConfigError(f"classes must be names that differ, got {self.classes}")
         if self.pair_by not in get_args(PairBy):
             raise ConfigError(f"pair_by must be iou_3d or boxes, got {self.pair_by!r}")
         if not 0 < self.least_pair_iou <= 1:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from torch import Tensor
 
 from animal3dbox.errors import SampleError
-from animal3dbox.geometry.arrays import as_numpy, norm
+from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.box_visibility import (
     QUADS,
     projected_faces,
@@ -17,6 +18,7 @@ from animal3dbox.geometry.box_visibility import (
 from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.geometry.polygon import polygon_area
 from animal3dbox.geometry.rigid_transforms import nearest_rotation
+from animal3dbox.target_schema import FIELDS
 from animal3dbox.training.metrics.box_table import BoxTable, Flags, Floats, Whole
 from animal3dbox.training.metrics.options import MetricOptions
 
@@ -25,6 +27,8 @@ Fields = Mapping[str, Any]
 ROTATION_TOLERANCE = 1e-2
 """By how much R R^T of a prediction may differ from the identity: what half precision rounds is
 mended, and anything else is no rotation."""
+NAMED_FACES = tuple(field.name for field in FIELDS if field.named_faces)
+"""Fields that a target has only if its boxes' fronts are known."""
 MOST = 1e30
 """Lengths and coordinates from here on, and sizes below its inverse, are no box's: their volumes
 would overflow."""
@@ -65,7 +69,9 @@ class BoxSource:
         if value is None:
             return None
         try:
-            array = np.asarray(as_numpy(value), dtype=np.float64)
+            # On the host first: not every device has float64; NumPy does not have bfloat16
+            host = value.detach().cpu().double() if isinstance(value, Tensor) else value
+            array = np.asarray(host, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise self.error(name, f"must be a tensor or an array, got {value!r}") from error
         if array.size == 0 and not count:
@@ -118,7 +124,7 @@ def read_predictions(
         raise source.error("scores", f"must be finite, got {score[wrong]}", wrong)
     if "labels" in target and "labels" not in fields and not options.class_agnostic:
         raise source.error("labels", "is missing, and the target has labels; or class_agnostic")
-    camera = BoxSource("prediction", {**target, **fields}, image_id)
+    camera = BoxSource("camera", {**target, **fields}, image_id)
     return _table(source, camera, score=score, metric=np.zeros(len(score), bool), options=options)
 
 
@@ -165,7 +171,8 @@ def _table(
     count = len(score)
     center, rotation, size, usable = _placed(source, count)
     truth = source.kind == "target"
-    heading_known = source.flags("heading_known", count, options.heading_known or not truth)
+    known = not truth or _front_is_known(source.fields, options)
+    heading_known = source.flags("heading_known", count, known)
     face_score, face_share = _faces(source, camera, (center, rotation, size))
     face_score[~(usable & heading_known)] = np.nan
     face_share[~(usable & heading_known)] = np.nan
@@ -185,6 +192,17 @@ def _table(
         metric=metric,
         crowd=source.flags("iscrowd", count, False) & truth,
     )
+
+
+def _front_is_known(target: Fields, options: MetricOptions) -> bool:
+    """Whether the true boxes of a target that does not say so have a front.
+
+    A Dataset of boxes without one gives the fields of its corners and leaves out those that name
+    faces.
+    """
+    if options.heading_known is not None:
+        return options.heading_known
+    return "corner_in_front" not in target or any(name in target for name in NAMED_FACES)
 
 
 def _labels(source: BoxSource, count: int, options: MetricOptions) -> Whole:
@@ -239,14 +257,10 @@ def _faces(
     if score is None:
         score = _scores_of(corners)
     if share is None:
-        K, distortion = camera.fields.get("K"), camera.fields.get("distortion")
+        K = camera.array("K", (3,), 3)
         if K is None:
             return score.copy(), np.full((count, 6), np.nan)
-        quads = projected_faces(
-            corners,
-            np.asarray(as_numpy(K), dtype=np.float64),
-            None if distortion is None else np.asarray(as_numpy(distortion), dtype=np.float64),
-        )
+        quads = projected_faces(corners, K, camera.array("distortion", ()))
         visible = visible_faces(corners, np.zeros_like(center))
         share = visible_face_shares(polygon_area(quads) * visible)
     return score.copy(), share.copy()

@@ -57,23 +57,23 @@ class F1:
 
     Attributes:
         scores: (P,) of the predictions, NaN where unknown.
-        seen: (P,) 1 or 0 of the truths, NaN where unknown.
+        visible: (P,) 1 or 0 of the truths, NaN where unknown.
         image: (P,) the image of each pair.
         images: I.
     """
 
     scores: Floats
-    seen: Floats
+    visible: Floats
     image: Whole
     images: int
 
     def __call__(self, weights: Whole) -> Floats:
         """F1 (R,); NaN if the face is neither seen nor said to be."""
-        said, seen = (self.scores > 0.5).astype(np.float64), self.seen > 0.5
-        said[np.isnan(self.scores) | np.isnan(self.seen)] = 0
-        seen &= ~np.isnan(self.scores)
-        right = per_image(said * seen, self.image, self.images)
-        both = per_image(said + seen, self.image, self.images)  # 2 TP + FP + FN
+        claimed, visible = (self.scores > 0.5).astype(np.float64), self.visible > 0.5
+        claimed[np.isnan(self.scores) | np.isnan(self.visible)] = 0
+        visible &= ~np.isnan(self.scores)
+        right = per_image(claimed * visible, self.image, self.images)
+        both = per_image(claimed + visible, self.image, self.images)  # 2 TP + FP + FN
         return ratio(2 * (weights @ right), weights @ both)
 
 
@@ -83,25 +83,25 @@ class Auc:
 
     Attributes:
         scores: (P,) of the predictions, NaN where unknown.
-        seen: (P,) 1 or 0 of the truths, NaN where unknown.
+        visible: (P,) 1 or 0 of the truths, NaN where unknown.
         image: (P,) the image of each pair.
     """
 
     scores: Floats
-    seen: Floats
+    visible: Floats
     image: Whole
 
     def __call__(self, weights: Whole) -> Floats:
         """The area under the curve (R,); NaN unless faces of both kinds are there."""
-        known = np.flatnonzero(~np.isnan(self.scores) & ~np.isnan(self.seen))
+        known = np.flatnonzero(~np.isnan(self.scores) & ~np.isnan(self.visible))
         if len(known) == 0:
             return np.full(len(weights), np.nan)
         order = known[np.argsort(self.scores[known], kind="stable")]
         starts = np.flatnonzero(np.diff(self.scores[order], prepend=-np.inf) > 0)
         weight = weights[:, self.image[order]].astype(np.float64)
-        seen = self.seen[order] > 0.5
-        positive = np.add.reduceat(weight * seen, starts, axis=1)  # of each score, (R, S)
-        negative = np.add.reduceat(weight * ~seen, starts, axis=1)
+        visible = self.visible[order] > 0.5
+        positive = np.add.reduceat(weight * visible, starts, axis=1)  # of each score, (R, S)
+        negative = np.add.reduceat(weight * ~visible, starts, axis=1)
         below = np.cumsum(negative, axis=1) - negative / 2
         wins = (positive * below).sum(1)
         return ratio(wins, positive.sum(1) * negative.sum(1))

@@ -108,19 +108,23 @@ def test_virtual_depth_does_not_change_when_the_picture_and_its_camera_are_enlar
 
 
 def test_what_cannot_be_encoded_is_flagged_and_has_no_nan_even_in_derivatives() -> None:
-    target = scene(3)
+    target = scene(4)
     target["center"][0, 2] = -1.0
     target["boxes"][1] = target["boxes"][1][[0, 1, 0, 1]]
+    target["center"][2] = 0.0
     target["center"].requires_grad_(True)
+    target["boxes"].requires_grad_(True)
     encoded = BoxCoder().encode(target)
-    assert encoded["encodable"].tolist() == [False, False, True]
+    assert encoded["encodable"].tolist() == [False, False, False, True]
     for name, value in encoded.items():
         if name != "encodable":
-            assert not value[:2].any(), name
-            assert value[2].isfinite().all(), name
+            assert not value[:3].any(), name
+            assert value[3].isfinite().all(), name
     sum(v.sum() for k, v in encoded.items() if k != "encodable").backward()  # type: ignore[union-attr]
-    assert target["center"].grad.isfinite().all()
-    assert not target["center"].grad[0].any()
+    for name in ("center", "boxes"):
+        assert target[name].grad.isfinite().all()
+        assert not target[name].grad[:3].any()
+        assert target[name].grad[3].any()
 
 
 def test_float32_targets_stay_float32_and_come_back_within_its_rounding() -> None:

@@ -15,7 +15,7 @@ HERE, ASIDE, FAR_ASIDE, NOWHERE = (0.0, 0, 8), (4.0, 0, 8), (8.0, 0, 8), (0.0, 5
 def measured(
     predictions: list[dict[str, Any]], targets: list[dict[str, Any]], **options: Any
 ) -> dict[str, Any]:
-    metrics = BoxMetrics(**{"resamples": 0, **options})
+    metrics = BoxMetrics(**{"resamples": 0, "relative": False, **options})
     metrics.update(predictions, targets)
     return metrics.compute()
 

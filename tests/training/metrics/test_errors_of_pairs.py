@@ -14,7 +14,7 @@ HERE, ASIDE = (0.0, 0, 8), (4.0, 0, 8)
 
 
 def measured(prediction: dict[str, Any], target: dict[str, Any], **options: Any) -> dict[str, Any]:
-    metrics = BoxMetrics(**options)
+    metrics = BoxMetrics(**{"relative": False, **options})
     metrics.update([prediction], [target])
     return metrics.compute()
 
@@ -246,13 +246,21 @@ def test_a_degenerate_prediction_hits_nothing_and_spoils_no_other(wrong: dict[st
     assert result["ap_3d"] == pytest.approx(51 / 101 / 2)
 
 
+def test_an_animal_about_the_camera_has_no_relative_distance_error() -> None:
+    target = animals((0.0, 0, 0), size=(1, 1, 1))
+    off = detected(target, 0.9, center=torch.tensor([[0.1, 0, 0]], dtype=F64))
+    result = measured(off, target)
+    assert result["distance_error"] is None
+    assert result["distance_error_m"] == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
 def test_rotations_of_half_precision_are_boxes(dtype: torch.dtype) -> None:
     target = scene(3)
     prediction = {
         **{name: target[name] for name in ("center", "size", "labels")},
-        "rotation": target["rotation"].to(dtype).float(),
-        "scores": torch.rand(3),
+        "rotation": target["rotation"].to(dtype),
+        "scores": torch.rand(3, dtype=dtype, requires_grad=True),
     }
     result = measured(prediction, target)
     assert (result["degenerate_predictions"], result["ap_3d"]) == (0, 1.0)
