@@ -151,9 +151,9 @@ FIELDS: tuple[Field, ...] = (
 )  # fmt: skip
 """Every field that the package knows, those of a label first and in the order of its row."""
 
-META_PER_ANIMAL = ("sample_ids", "quality", "scale_source")
+META_PER_ANIMAL = ("sample_ids", "quality", "scale_source", "sightings")
 """Book-keeping in ``target["meta"]`` with one entry an animal; it follows animals left out."""
-META_PER_IMAGE = ("sample_key", "K_source")
+META_PER_IMAGE = ("sample_key", "K_source", "exif_orientation", "turned_upright")
 """Book-keeping in ``target["meta"]`` of the whole image; whatever else lies there is passed on."""
 
 _BY_NAME = {field.name: field for field in FIELDS}
