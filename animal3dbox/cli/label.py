@@ -20,7 +20,7 @@ from animal3dbox.datasets.labelling.calibrate import lesson_notes
 from animal3dbox.datasets.labelling.file_source import has_camera
 from animal3dbox.datasets.labelling.label_records import check_camera_policy, label_records
 from animal3dbox.datasets.labelling.label_requests import LabelRequest, requests_of_image
-from animal3dbox.datasets.records import AnimalRecord
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import portable_path
 from animal3dbox.labels.calibration import Calibration, calibration_of
@@ -46,12 +46,7 @@ def _write_labels(job: LabelJob) -> ExitCode:
     options = job.body.read_options(job.dataset, job.camera.focal_px)
     dataset = read_dataset(job.path, job.dataset.format, options)
     bodies, records = bodies_for(dataset, own_body), dataset.records
-    words = {record.vocabulary.name: record.vocabulary for record in records.records}
-    notes = [*records.notes, *lesson_notes(calibration, bodies, words.values())]
-    notes += [note for vocabulary in words.values() for note in vocabulary.notes]
-    if isinstance(bodies, FittedBodies | PresetBodies):
-        notes += species_notes(bodies.species, records.records)
-    for note in notes:
+    for note in _notes(records, bodies, calibration):
         print(note, file=sys.stderr)
     check_camera_policy(
         job.camera.stored_camera,
@@ -80,6 +75,19 @@ def _write_labels(job: LabelJob) -> ExitCode:
     _print(summary, job, out)
     has_none = summary.animals > 0 and not summary.kept + summary.flagged
     return ExitCode.FAULTY if summary.faulty or has_none else ExitCode.OK
+
+
+def _notes(
+    records: RecordSet, bodies: BodySource, calibration: Calibration | None
+) -> Iterator[str]:
+    """What a careful person should know before the labels, in whole sentences."""
+    words = {record.vocabulary.name: record.vocabulary for record in records.records}
+    yield from records.notes
+    yield from lesson_notes(calibration, bodies, words.values())
+    for vocabulary in words.values():
+        yield from vocabulary.notes
+    if isinstance(bodies, FittedBodies | PresetBodies):
+        yield from species_notes(bodies.species, records.records)
 
 
 def image_batches(records: Sequence[AnimalRecord]) -> Iterator[list[AnimalRecord]]:
