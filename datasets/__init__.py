@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.read_options import ReadOptions as ReadOptions
     from animal3dbox.datasets.readers.kitti.reader import read_kitti as read_kitti
     from animal3dbox.datasets.readers.omni3d.reader import read_omni3d as read_omni3d
+    from animal3dbox.datasets.readers.predictions.reader import read_predictions as read_predictions
     from animal3dbox.datasets.records import AnimalRecord as AnimalRecord
     from animal3dbox.datasets.records import CuboidRecord as CuboidRecord
     from animal3dbox.datasets.records import CuboidSet as CuboidSet
@@ -115,6 +116,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "cuboid_datasets": ("KittiDataset", "Omni3DDataset"),
         "readers.kitti.reader": ("read_kitti",),
         "readers.omni3d.reader": ("read_omni3d",),
+        "readers.predictions.reader": ("read_predictions",),
         "records": (
             "AnimalRecord",
             "CuboidRecord",
