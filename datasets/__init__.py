@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.exchange.fitted_animals import FittedAnimal as FittedAnimal
     from animal3dbox.datasets.exchange.kitti_writer import write_kitti as write_kitti
     from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d as write_omni3d
+    from animal3dbox.datasets.exchange.oracle2d_writer import write_oracle2d as write_oracle2d
     from animal3dbox.datasets.exchange.quadruped_file import read_quadruped as read_quadruped
     from animal3dbox.datasets.exchange.quadruped_file import write_quadruped as write_quadruped
     from animal3dbox.datasets.format_datasets import Animal3DDataset as Animal3DDataset
@@ -86,6 +87,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "exchange.fitted_animals": ("FittedAnimal",),
         "exchange.kitti_writer": ("write_kitti",),
         "exchange.omni3d_writer": ("write_omni3d",),
+        "exchange.oracle2d_writer": ("write_oracle2d",),
         "exchange.quadruped_file": ("read_quadruped", "write_quadruped"),
         "format_datasets": (
             "Animal3DDataset",

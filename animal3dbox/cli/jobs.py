@@ -145,7 +145,7 @@ class EvaluateJob:
 
 @dataclass(frozen=True, kw_only=True)
 class ExportJob:
-    """Write cuboids for other tools: Omni3D json, COCO keypoints or KITTI text files.
+    """Write cuboids for other tools: Omni3D json, COCO keypoints, KITTI text files, 2D prompts.
 
     Or the parameters of fitted bodies: Animal3D json of a SMAL model's, our own of the quadruped's.
 
@@ -154,7 +154,7 @@ class ExportJob:
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
     """labels.json, the folder that label wrote, an Omni3D JSON, or a folder of KITTI's"""
-    to: Literal["omni3d", "coco", "kitti", "animal3d", "quadruped"]
+    to: Literal["omni3d", "coco", "kitti", "oracle2d", "animal3d", "quadruped"]
     """the format to write"""
     out: Path
     """folder, or but for kitti a .json file"""
@@ -176,8 +176,8 @@ class ExportJob:
     split: str | None = None
     """of omni3d's info, or kitti's ImageSets: train"""
     categories: tuple[str, ...] = ()
-    """of omni3d and coco: names in the order of their numbers, the same for exports that are
-    joined; none: the boxes' own"""
+    """of omni3d, coco and oracle2d: names in the order of their numbers, the same for exports that
+    are joined; none: the boxes' own"""
 
 
 @dataclass(frozen=True, kw_only=True)

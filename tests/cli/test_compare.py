@@ -200,7 +200,7 @@ def test_no_boxes_at_all_are_a_table_of_noughts() -> None:
 
 
 def test_a_box_without_a_heading_has_no_coloured_front() -> None:
-    boxes = cuboids_of([simple_record()])
+    boxes = cuboids_of([simple_record(center=np.array([-4.0, 0.5, 10]))])  # its front is seen
     box = type(boxes)(boxes.center[0], boxes.rotation[0], boxes.size[0])
     K = torch.tensor([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]], dtype=torch.float64)
     for dashed in (False, True):
