@@ -80,7 +80,31 @@ def quaternion_rotation(quaternion: Floats, sample_id: str, field: str) -> Float
     return np.asarray((w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * cross)
 
 
-def read_time_cameras(path: Path, cameras: Path | None, truth: Truth) -> dict[str, FrameCamera]:
+def csv_rows(path: Path, needed: Sequence[str]) -> list[dict[str, str]]:
+    """The rows of a csv by column; cells that a short row lacks are empty.
+
+    Args:
+        path: the file.
+        needed: columns that it must have.
+
+    Raises:
+        DatasetFormatError: it is no csv, or lacks a column.
+
+    """
+    text = read_json_bytes(path).decode("utf-8", "replace")
+    table = csv.DictReader(io.StringIO(text, newline=""), restval="")
+    try:
+        rows = list(table)
+    except csv.Error as error:
+        raise DatasetFormatError(f"{path} is no csv: {error}") from error
+    if missing := sorted(set(needed) - set(table.fieldnames or ())):
+        raise DatasetFormatError(f"{path} lacks columns {', '.join(missing)}")
+    return rows
+
+
+def read_time_cameras(
+    path: Path, cameras: Path | None, truth: Truth
+) -> dict[str, FrameCamera | None]:
     """The cameras of times, from a csv with time_ns, image and T_world_camera.
 
     Args:
@@ -88,9 +112,11 @@ def read_time_cameras(path: Path, cameras: Path | None, truth: Truth) -> dict[st
         cameras: the csv; None: camera_poses.csv beside the detections.
         truth: whose images it names.
 
+    Returns:
+        Time as written -> camera; None where the truth does not have the image, as of a split.
+
     Raises:
-        DatasetFormatError: there is none, or a row of it cannot be read: without a pose no box of
-            its time can be, so it must be whole.
+        DatasetFormatError: there is none, or a row of it is damaged.
 
     """
     file = path.with_name(POSES_FILE) if cameras is None else cameras
@@ -99,29 +125,24 @@ def read_time_cameras(path: Path, cameras: Path | None, truth: Truth) -> dict[st
             f"{path} has boxes in a world, and there is no {file}: give the cameras' poses as a csv"
             f" with columns time_ns, image, {', '.join(POSE_COLUMNS)} (cameras=, --cameras)"
         )
-    table = csv.DictReader(io.StringIO(read_json_bytes(file).decode("utf-8", "replace")))
-    needed = ("time_ns", "image", *POSE_COLUMNS)
-    if missing := sorted(set(needed) - set(table.fieldnames or ())):
-        raise DatasetFormatError(f"{file} lacks columns {', '.join(missing)}")
-    found = {}
-    for number, row in enumerate(table):
+    found: dict[str, FrameCamera | None] = {}
+    for number, row in enumerate(csv_rows(file, ("time_ns", "image", *POSE_COLUMNS))):
         name = f"row {number + 2}"
         image = unique_image(truth.usable, row["image"], file)
-        if image is None:
-            raise DatasetFormatError(f"{file}: {name}: the truth has no image {row['image']!r}")
         try:
             values = np.array([float(row[column]) for column in POSE_COLUMNS])
             rotation = quaternion_rotation(values[3:], name, "qw_world_camera")
         except (TypeError, ValueError) as error:
             raise DatasetFormatError(f"{file}: {name}: {error}") from error
-        found[row["time_ns"].strip()] = FrameCamera(image, rotation, values[:3])
+        camera = None if image is None else FrameCamera(image, rotation, values[:3])
+        found[row["time_ns"].strip()] = camera
     return found
 
 
 def frame_cameras(
     files: Sequence[Path], cameras: Cameras, reading: DetectionReading
 ) -> Iterator[tuple[Path, FrameCamera]]:
-    """Each file of a frame with its camera; files whose image is not in the truth become faults.
+    """Each file of a frame with its camera; those without an image or a pose become faults.
 
     The image is the one whose file has the same name, or else the same number at its end.
 
@@ -131,7 +152,7 @@ def frame_cameras(
         reading: with the truth.
 
     Raises:
-        DatasetFormatError: no pose is found, or one is damaged.
+        DatasetFormatError: no frame has a pose.
 
     """
     images = reading.truth.usable
@@ -139,6 +160,7 @@ def frame_cameras(
     by_number = numbered_images(images) or {}
     if len(by_stem) < len(images):
         by_stem = {}  # of several videos
+    missing: list[DatasetFormatError] = []
     for file in files:
         number = trailing_number(file.stem)
         image = by_stem.get(file.stem) or (None if number is None else by_number.get(number))
@@ -147,7 +169,15 @@ def frame_cameras(
                 SampleError(file.name, "image", "the truth has no one image of this name or number")
             )
             continue
-        yield file, FrameCamera(image, *_frame_pose(file, cameras))
+        try:
+            pose = _frame_pose(file, cameras)
+        except DatasetFormatError as error:
+            missing.append(error)
+            continue
+        yield file, FrameCamera(image, *pose)
+    if missing and len(missing) == len(files):
+        raise missing[0]
+    reading.faults += [SampleError(None, "camera", str(error)) for error in missing]
 
 
 def _frame_pose(file: Path, cameras: Cameras) -> tuple[Floats, Floats]:

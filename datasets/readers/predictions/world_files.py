@@ -1,7 +1,5 @@
 """Detections without corners: Boxer's csv, WildDet3D's tracks, WildLIFT's frames."""
 
-import csv
-import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,7 @@ from animal3dbox.datasets.readers.predictions.camera_poses import (
     POSES_FILE,
     Cameras,
     FrameCamera,
+    csv_rows,
     frame_cameras,
     quaternion_rotation,
     read_time_cameras,
@@ -32,7 +31,6 @@ from animal3dbox.datasets.readers.predictions.stated import (
 from animal3dbox.datasets.readers.predictions.truth import numbered_images
 from animal3dbox.datasets.records import CuboidImage
 from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
-from animal3dbox.datasets.storage.json_files import read_json_bytes
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
 
 PLACE = ("tx_world_object", "ty_world_object", "tz_world_object")
@@ -61,18 +59,15 @@ def read_boxer(path: Path, reading: DetectionReading, cameras: Cameras) -> None:
             f"Boxer's rows name times, not images: give cameras a csv as {POSES_FILE} is"
         )
     at_time = read_time_cameras(path, cameras, reading.truth)
-    table = csv.DictReader(io.StringIO(read_json_bytes(path).decode("utf-8", "replace")))
-    needed = ("time_ns", *PLACE, *TURN, *SCALE, "name", "prob")
-    if missing := sorted(set(needed) - set(table.fieldnames or ())):
-        raise DatasetFormatError(f"{path} lacks columns {', '.join(missing)}")
-    for number, row in enumerate(table):
+    for number, row in enumerate(
+        csv_rows(path, ("time_ns", *PLACE, *TURN, *SCALE, "name", "prob"))
+    ):
         sample_id = f"row {number + 2}"
         try:
-            camera = at_time.get(str(row["time_ns"]).strip())
+            camera = at_time.get(row["time_ns"].strip())
             if camera is None:
-                raise SampleError(
-                    sample_id, "time_ns", f"{row['time_ns']} is no time of the cameras' poses"
-                )
+                problem = f"{row['time_ns']} is no time of a camera of the truth's images"
+                raise SampleError(sample_id, "time_ns", problem)
             sample_id = reading.sample_id(camera.image)
             numbers_of = {
                 name: _cells(row, columns, sample_id)
@@ -81,7 +76,7 @@ def read_boxer(path: Path, reading: DetectionReading, cameras: Cameras) -> None:
             box = StatedDetection(
                 sample_id=sample_id,
                 image=camera.image,
-                category=str(row["name"]),
+                category=row["name"],
                 score=checked_score(float(_cells(row, ("prob",), sample_id)[0]), sample_id, "prob"),
                 box=None,
                 center=camera.points(numbers_of["place"]),
@@ -94,7 +89,7 @@ def read_boxer(path: Path, reading: DetectionReading, cameras: Cameras) -> None:
         _add(box, reading, "scale_x, scale_y, scale_z")
 
 
-def _cells(row: Mapping[str, Any], columns: tuple[str, ...], sample_id: str) -> Floats:
+def _cells(row: Mapping[str, str], columns: tuple[str, ...], sample_id: str) -> Floats:
     """The finite numbers in columns of a row; raises SampleError that names the column."""
     values = []
     for column in columns:
@@ -247,14 +242,20 @@ def read_frames(path: Path, reading: DetectionReading, cameras: Cameras) -> None
         cameras: see FrameCamera; the boxes are in a world.
 
     Raises:
-        DatasetFormatError: a file that is no list, or no camera's pose is found.
+        DatasetFormatError: the one file is no list, or no camera's pose is found.
 
     """
     files = sorted(path.glob("*.json")) if path.is_dir() else [path]
     for file, camera in frame_cameras(files, cameras, reading):
-        content = plain_json(file)
-        if not isinstance(content, list):
-            raise DatasetFormatError(f"{file} must hold a list of boxes")
+        try:
+            content = plain_json(file)
+            if not isinstance(content, list):
+                raise DatasetFormatError(f"{file} must hold a list of boxes")
+        except DatasetFormatError as error:
+            if not path.is_dir():
+                raise
+            reading.faults.append(SampleError(camera.image.image_id, file.name, str(error)))
+            continue
         for box in _frame_boxes(content, camera, reading):
             _add(box, reading, "dimensions")
 

@@ -276,6 +276,44 @@ def test_frames_need_the_cameras_poses_or_a_word_that_there_are_none(
     assert not any(same(one, other) for one in in_world.records for other in BOXES.records)
 
 
+def test_a_bad_frame_is_a_fault_of_its_own_alone(tmp_path: Path, truth: Path) -> None:
+    path = written_frames(tmp_path, BOXES)
+    (path / "frame_0000.json").write_text("[")
+    (path / "frame_0001.json").write_text("{}")
+    (tmp_path / "camera_params" / "frame_0003.npz").write_bytes(b"none")
+    (path / "mask_track_mapping.json").write_text("{}")
+    found = read_predictions(path, truth, layout="frames")
+    assert len(found.faults) == 4
+    assert {one.image_id for one in found.records} == {"images/4.jpg"}
+
+
+def test_poses_of_images_that_the_truth_lacks_spoil_nothing(tmp_path: Path) -> None:
+    path = written_boxer(tmp_path, BOXES)
+    some = tuple(one for one in BOXES.records if one.image_id != "images/1.jpg")
+    truth = written_truth(tmp_path, replace(BOXES, records=some, images=()))
+    found = read_predictions(path, truth)
+    assert [one.field for one in found.faults] == ["time_ns"]
+    assert len(found.records) == len(some)
+
+
+def test_damaged_files_are_refused_as_such(tmp_path: Path, truth: Path) -> None:
+    whole = written_pth(tmp_path, truth).read_bytes()
+    rng = np.random.default_rng(0)
+    spoilt = [whole[: len(whole) // 2], b"\x80\x02.", b"PK\x03\x04", b"[", rng.bytes(300)]
+    for number in range(60):
+        data = bytearray(whole)
+        data[int(rng.integers(len(data)))] ^= 1 << int(rng.integers(8))
+        spoilt.append(bytes(data) if number % 2 else pickle.dumps(nested_elements(truth))[:-number])
+    refused = 0
+    for content in spoilt:
+        (tmp_path / "p.pth").write_bytes(content)
+        try:
+            read_predictions(tmp_path / "p.pth", truth)
+        except DatasetFormatError:
+            refused += 1  # any other error fails the test
+    assert refused > len(spoilt) // 2
+
+
 def renamed(names: list[str]) -> CuboidSet:
     """The set with other names for its images."""
     of = {image.image_id: name for image, name in zip(BOXES.images, names, strict=True)}
@@ -341,6 +379,7 @@ def test_options_without_use_and_unknown_layouts_are_refused(tmp_path: Path, tru
 
 def test_the_page_of_layouts_says_what_the_code_does() -> None:
     page = (Path(__file__).parents[3] / "docs" / "predictions.md").read_text()
+    page = page.split("## Layouts")[1].split("\n## ")[0]
     rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| `")]
     assert [row[0].strip("`") for row in rows] == list(LAYOUTS)
     for row, layout in zip(rows, LAYOUTS.values(), strict=True):
