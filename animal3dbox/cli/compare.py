@@ -3,7 +3,9 @@
 import csv
 import io
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +20,20 @@ from animal3dbox.datasets.readers.predictions.reader import read_predictions
 from animal3dbox.datasets.readers.predictions.truth import unique_image
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
-from animal3dbox.evaluate.comparison import compared_boxes, comparison_tables
-from animal3dbox.evaluate.comparison_pictures import comparison_pictures
+from animal3dbox.evaluate.comparison import ComparedBox, compared_boxes, comparison_tables
+from animal3dbox.evaluate.comparison_pictures import comparison_pictures, png_of
 from animal3dbox.evaluate.files import Evaluation, write_json
 from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.tables import Table
 from animal3dbox.files import user_path, write_whole
+from animal3dbox.report.gallery import small_picture
 from animal3dbox.report.label_table import text_cell
 
 SAME_K = 1e-3
 """Greatest difference of two intrinsics that are one, as a part of the focal length."""
+
+PAGE_WIDTH = 420
+"""Width of the pictures on the page, px; those in overlays/ are whole."""
 
 
 def run_compare(job: CompareJob) -> ExitCode:
@@ -40,18 +46,10 @@ def run_compare(job: CompareJob) -> ExitCode:
     labels = _labels(job, detections)
     boxes = compared_boxes(labels, detections)
     summary, every = comparison_tables(boxes)
-    picture_faults: list[SampleError] = []
     files = {image.image_id: image.image_path for image in detections.images}
-    pictures: dict[str, bytes] = {}
-    for name, png in comparison_pictures(boxes, files, picture_faults):
-        if len(pictures) == job.pictures:
-            break
-        write_whole(job.out / "overlays" / f"{len(pictures):04d}.png", png)
-        pictures[name] = png
+    pictures, picture_notes = _pictures(job, boxes, files)
     faults = [*labels.faults, *detections.faults]
-    notes = [*(f"labels: {one}" for one in labels.notes), *detections.notes]
-    if picture_faults:
-        notes.append(f"{len(picture_faults)} pictures are grey: {picture_faults[0]}")
+    notes = [*(f"labels: {one}" for one in labels.notes), *detections.notes, *picture_notes]
     about = {
         "labels": str(job.path),
         "detections": str(job.predictions),
@@ -126,6 +124,29 @@ def _image_of(
     """The truth's image of a label, whose name may lack the folders before it."""
     found = by_name.get(record.image_id)
     return found or unique_image(tuple(by_name.values()), record.image_id, truth)
+
+
+def _pictures(
+    job: CompareJob, boxes: Sequence[ComparedBox], files: dict[str, Path | None]
+) -> tuple[dict[str, bytes], list[str]]:
+    """The pictures for the page as PNG by image, and notes on them; the whole ones are written.
+
+    Args:
+        job: with the folder, and how many are drawn.
+        boxes: of all images.
+        files: image -> its file.
+
+    """
+    folder = job.out / "overlays"
+    for old in folder.glob("[0-9][0-9][0-9][0-9].png"):  # of an earlier run
+        old.unlink()
+    faults: list[SampleError] = []
+    pictures: dict[str, bytes] = {}
+    for name, picture in islice(comparison_pictures(boxes, files, faults), job.pictures):
+        write_whole(folder / f"{len(pictures):04d}.png", png_of(picture))
+        pictures[name] = png_of(small_picture(picture, PAGE_WIDTH))
+    notes = [f"{len(faults)} pictures are grey: {faults[0]}"] if faults else []
+    return pictures, notes
 
 
 def _csv(table: Table) -> bytes:

@@ -240,7 +240,7 @@ class CompareJob:
     """of cuboids: lengths are metres, or not, or as the file's info says (few Omni3D files do)"""
     metres_per_unit: float | None = None
     """scale of the labels whose scale is not known"""
-    pictures: int = 40
+    pictures: int = 24
     """how many pictures are drawn, the worst matches first"""
     json: bool = False
     """print compare.json instead of words"""

@@ -23,8 +23,8 @@ BLANK = 70
 
 def comparison_pictures(
     boxes: Sequence[ComparedBox], files: dict[str, Path | None], faults: list[SampleError]
-) -> Iterator[tuple[str, bytes]]:
-    """Each image's name and its picture as PNG, the worst match first.
+) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+    """Each image's name and its picture (H, W, 3) uint8 RGB, the worst match first.
 
     Args:
         boxes: of all images.
@@ -42,7 +42,7 @@ def comparison_pictures(
         except SampleError as error:
             faults.append(error)
             pixels = np.full((*members[0].record.image_hw, 3), BLANK, dtype=np.uint8)
-        yield image_id, _png(drawn_boxes(pixels, members))
+        yield image_id, drawn_boxes(pixels, members)
 
 
 def _worst(boxes: Sequence[ComparedBox]) -> float:
@@ -99,7 +99,8 @@ def _words(box: ComparedBox) -> str:
     return "  ".join(words)
 
 
-def _png(picture: NDArray[np.uint8]) -> bytes:
+def png_of(picture: NDArray[np.uint8]) -> bytes:
+    """A picture (H, W, 3) uint8 RGB as the bytes of a PNG."""
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "PNG")
     return buffer.getvalue()

@@ -119,6 +119,7 @@ def test_pictures_are_drawn_over_the_photographs_the_worst_first(tmp_path: Path)
         elements[4]["center_cam"] = (1.3 * np.array(elements[4]["center_cam"])).tolist()
         elements[4]["bbox3D"] = None
 
+    compared(tmp_path, spoil)
     _, text, content = compared(tmp_path, spoil, "--pictures", "2")
     names = sorted(path.name for path in (tmp_path / "out" / "overlays").iterdir())
     assert names == ["0000.png", "0001.png"]

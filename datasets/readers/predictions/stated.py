@@ -89,8 +89,8 @@ class DetectionReading:
                 f" {self.dummies[0]})"
             )
         known = {name.strip().lower() for name in self.truth.categories.values()}
-        unknown = sorted({record.category for record in records} - set(known))
-        unknown = [name for name in unknown if name.strip().lower() not in known]
+        names = {record.category for record in records}
+        unknown = sorted(name for name in names if name.strip().lower() not in known)
         if unknown:
             notes.append(f"the truth has no categories {', '.join(map(repr, unknown[:6]))}")
         return (*notes, *(size_note(records) if self.truth.metric else ()))

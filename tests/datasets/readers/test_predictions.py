@@ -233,6 +233,15 @@ def test_a_pth_of_another_camera_is_noted(tmp_path: Path, truth: Path) -> None:
     assert any("of 2 images differ" in note for note in notes)
 
 
+def test_categories_that_the_truth_lacks_are_kept_and_noted(tmp_path: Path, truth: Path) -> None:
+    content = tracked_content(BOXES)
+    content["tracks"]["0"]["category"] = "Dog"
+    content["tracks"]["1"]["category"] = "okapi"
+    found = read_predictions(written_json(tmp_path / "t.json", content), truth)
+    assert {"Dog", "okapi"} <= {one.category for one in found.records}
+    assert "the truth has no categories 'okapi'" in found.notes
+
+
 def test_boxer_needs_the_cameras_poses(tmp_path: Path, truth: Path) -> None:
     path = written_boxer(tmp_path, BOXES)
     poses = (tmp_path / "camera_poses.csv").rename(tmp_path / "elsewhere.csv")
