@@ -21,6 +21,7 @@ from animal3dbox.datasets.readers.predictions.truth import unique_image
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.evaluate.comparison import ComparedBox, compared_boxes, comparison_tables
+from animal3dbox.evaluate.comparison_metrics import in_brief, metrics_table
 from animal3dbox.evaluate.comparison_pictures import comparison_pictures, png_of
 from animal3dbox.evaluate.files import Evaluation, write_json
 from animal3dbox.evaluate.page import write_page
@@ -46,6 +47,7 @@ def run_compare(job: CompareJob) -> ExitCode:
     labels = _labels(job, detections)
     boxes = compared_boxes(labels, detections)
     summary, every = comparison_tables(boxes)
+    metrics = metrics_table(labels, detections)
     files = {image.image_id: image.image_path for image in detections.images}
     pictures, picture_notes = _pictures(job, boxes, files)
     faults = [*labels.faults, *detections.faults]
@@ -59,11 +61,11 @@ def run_compare(job: CompareJob) -> ExitCode:
         "notes": notes,
     }
     evaluation = Evaluation("Detections beside labels: solid labels, dashed detections", about, ())
-    evaluation = replace(evaluation, tables=(summary, every))
+    evaluation = replace(evaluation, tables=(summary, metrics, every))
     write_json(job.out / "compare.json", evaluation)
     write_whole(job.out / "compare.csv", _csv(every))
     write_page(job.out / "compare.html", evaluation, {}, pictures)
-    _print(job, summary, notes, faults)
+    _print(job, (summary, in_brief(metrics)), notes, faults)
     return ExitCode.FAULTY if faults else ExitCode.OK
 
 
@@ -165,12 +167,14 @@ def _cell(cell: str | int | float | None) -> str:
     return text_cell(cell) if isinstance(cell, str) else f"{cell:.6g}"
 
 
-def _print(job: CompareJob, summary: Table, notes: list[str], faults: list[SampleError]) -> None:
+def _print(
+    job: CompareJob, tables: Sequence[Table], notes: list[str], faults: list[SampleError]
+) -> None:
     """What came out, on stdout; notes and faults on stderr."""
     if job.json:
         sys.stdout.write((job.out / "compare.json").read_text())
         return
-    print(summary.text())
+    print("\n\n".join(table.text() for table in tables))
     print(f"look at {job.out / 'compare.html'}")
     for note in notes:
         print(f"note: {note}", file=sys.stderr)

@@ -87,6 +87,22 @@ def test_a_detection_turned_round_has_its_head_at_the_tail(tmp_path: Path) -> No
     assert told["heading_deg, median"] is None
 
 
+def test_metrics_are_told_with_the_labels_for_the_truth(tmp_path: Path) -> None:
+    def turned_and_wrong(elements: list[dict[str, Any]]) -> None:
+        for one in elements:
+            one["pose"] = (np.array(one["pose"]) * [-1, 1, -1]).tolist()
+        elements.append({**elements[0], "score": 0.01})  # a repeat, and the least sure
+
+    _, text, content = compared(tmp_path, turned_and_wrong)
+    rows = {row["metric"]: row for row in content["tables"]["metrics"]["rows"]}
+    assert (rows["truths"]["value"], rows["predictions"]["value"]) == (10, 11)
+    assert rows["ap_3d"]["value"] == pytest.approx(1)
+    assert rows["ap_3d_h45"]["value"] == 0
+    assert rows["flip_rate"]["value"] == 1
+    assert rows["ap_3d"]["low"] is not None
+    assert "ap_3d_h45" in text
+
+
 def test_scores_below_the_least_are_left_out_and_counted(tmp_path: Path) -> None:
     def spoil(elements: list[dict[str, Any]]) -> None:
         elements[0]["score"] = 0.1
@@ -154,6 +170,10 @@ def test_labels_of_unknown_scale_are_compared_at_the_detections_distance(tmp_pat
     assert ran(*arguments)[0] == 0
     (row,) = json.loads((tmp_path / "out" / "compare.json").read_text())["tables"]["boxes"]["rows"]
     assert row["iou_3d"] is None
+    content = json.loads((tmp_path / "out" / "compare.json").read_text())
+    values = {row["metric"]: row["value"] for row in content["tables"]["metrics"]["rows"]}
+    assert values["rel_ap_3d"] > 0.9
+    assert "ap_3d" not in values
     assert row["iou_3d_scaled"] == pytest.approx(1, abs=1e-6)
     assert row["size_ratio"] == pytest.approx(2)
     assert ran(*arguments, "--metres-per-unit", "2")[0] == 0
