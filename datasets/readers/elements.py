@@ -24,8 +24,12 @@ def decoded(raw: msgspec.Raw, kind: type[_Entry], sample_id: str) -> _Entry:
     """
     try:
         return msgspec.json.decode(raw, type=kind)
-    except msgspec.ValidationError:
-        return converted(msgspec.json.decode(raw), kind, sample_id)
+    except msgspec.ValidationError as error:
+        try:
+            value = msgspec.json.decode(raw)
+        except msgspec.ValidationError:  # a number that is too large for any type
+            raise SampleError(sample_id, *_field_and_problem(error)) from error
+        return converted(value, kind, sample_id)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise SampleError(sample_id, "entry", f"cannot be decoded: {error}") from error
 

@@ -32,12 +32,12 @@ SAME_K = 1e-3
 
 
 class _Image(msgspec.Struct, kw_only=True):
-    """One image of a nested file, with its detections."""
+    """One image of a nested file; what it says of the camera is only compared, so it may be bad."""
 
     image_id: Key
-    K: Matrix | None = None
-    width: int | None = None
-    height: int | None = None
+    K: Any = None
+    width: Any = None
+    height: Any = None
     instances: list[Any]
 
 
@@ -126,7 +126,10 @@ def _is_camera_of(stated: _Image, image: CuboidImage, reading: DetectionReading)
     """Whether what a file says of an image's camera, if anything, is what the truth says."""
     height, width = image.image_hw
     is_size = stated.height in (None, height) and stated.width in (None, width)
-    K = numbers(stated.K, (3, 3), image.image_id, "K")
+    try:
+        K = numbers(stated.K, (3, 3), image.image_id, "K")
+    except (SampleError, TypeError):
+        return False
     if K is None:
         return is_size
     off = np.abs(reading.truth.convention.K_in(K) - image.K).max()

@@ -9,7 +9,7 @@ from animal3dbox.errors import DatasetFormatError
 
 
 def plain_json(path: Path) -> Any:
-    """The content of a JSON file as plain values; NaN and Infinity become floats.
+    """The content of a JSON file as plain values; NaN, Infinity and 1e999 become floats.
 
     A network that diverged writes NaN into a few of its boxes: these are faults later, each by
     itself, so the file is not refused for them.
@@ -22,10 +22,8 @@ def plain_json(path: Path) -> Any:
     try:
         return decode_json(path, Any)
     except DatasetFormatError:
-        data = read_json_bytes(path)
-        if b"NaN" not in data and b"Infinity" not in data:
-            raise
         try:
-            return json.loads(data)
-        except (ValueError, RecursionError) as error:
-            raise DatasetFormatError(f"{path} is not valid JSON: {error}") from error
+            return json.loads(read_json_bytes(path))
+        except (ValueError, RecursionError):
+            pass
+        raise

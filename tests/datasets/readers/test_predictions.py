@@ -231,6 +231,19 @@ def test_a_pth_of_another_camera_is_noted(tmp_path: Path, truth: Path) -> None:
     torch.save(content, tmp_path / "p.pth")
     notes = read_predictions(tmp_path / "p.pth", truth).notes
     assert any("of 2 images differ" in note for note in notes)
+    content[1]["width"], content[3]["K"], content[4]["K"] = "wide", {"fx": 1}, [[1.0], 2]
+    torch.save(content, tmp_path / "p.pth")
+    found = read_predictions(tmp_path / "p.pth", truth)
+    check_all_found(found)
+    assert any("of 3 images differ" in note for note in found.notes)
+
+
+def test_numbers_that_no_float_holds_cost_only_their_detection(tmp_path: Path, truth: Path) -> None:
+    path = written_flat(tmp_path, truth)
+    path.write_text(path.read_text().replace(f'"score": {SCORE}', '"score": 1e999', 1))
+    found = read_predictions(path, truth)
+    assert [(one.sample_id, one.field) for one in found.faults] == [("images/0.jpg", "score")]
+    assert len(found.records) == len(BOXES.records) - 1
 
 
 def test_categories_that_the_truth_lacks_are_kept_and_noted(tmp_path: Path, truth: Path) -> None:
