@@ -11,10 +11,15 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
+import numpy as np
 from PIL import Image
 
 from animal3dbox.cli.main import main as animal3dbox
+from animal3dbox.datasets import CuboidSet, read_omni3d, read_predictions
+from animal3dbox.evaluate.comparison import cuboids_of
+from animal3dbox.geometry import pairwise_box_iou
 
 Said = Callable[[str, int], bool]
 
@@ -116,6 +121,75 @@ CASES = (
 )
 
 
+@dataclass(frozen=True)
+class PredictionCase:
+    """One detector's file of the folder predictions/, whose boxes are the truth's.
+
+    Attributes:
+        name: of the file.
+        boxes: how many it holds.
+        in_own_image: how many of them are in the image of the truth's box: a track goes through
+            images that do not show its animal.
+        cameras: as read_predictions takes them; "identity": a csv beside it says so.
+        note: a word of the notes.
+    """
+
+    name: str
+    boxes: int
+    in_own_image: int
+    cameras: Literal["camera", "identity"] | None = None
+    note: str = ""
+
+
+PREDICTIONS = (
+    PredictionCase("ovmono3d_instances_predictions.pth", 6, 6, note="1 dummy boxes"),
+    PredictionCase("3dmood_wilddet3d_detect_3D_results.json", 6, 6),
+    PredictionCase("detany3d_output.json", 6, 6),
+    PredictionCase("boxer_3dbbs.csv", 3, 3, "identity"),
+    PredictionCase("wilddet3d_tracking_results.json", 4, 1),
+    PredictionCase("wildlift_frame_0000.json", 1, 1, "camera"),
+)
+POSES = "time_ns,image,tx_world_camera,ty_world_camera,tz_world_camera,qw_world_camera,"
+"""The first columns of camera_poses.csv."""
+
+
+def predictions_are_right(case: PredictionCase, folder: Path, made: Path) -> tuple[bool, str]:
+    """Whether a detector's boxes are the truth's, and what came out, in words."""
+    path = folder / "truth_omni3d.json"
+    truth = read_omni3d(path)
+    cameras = made / "camera_poses.csv" if case.cameras == "identity" else case.cameras
+    if isinstance(cameras, Path):
+        rows = (folder / case.name).read_text().splitlines()[1:]
+        poses = [
+            f"{row.split(',')[0]},{image.image_id},0,0,0,1,0,0,0"
+            for row, image in zip(rows, truth.images, strict=False)
+        ]
+        head = f"{POSES}qx_world_camera,qy_world_camera,qz_world_camera"
+        cameras.write_text("\n".join((head, *poses)))
+    found = read_predictions(folder / case.name, path, cameras=cameras)
+    least, in_own_image = least_iou(found, truth)
+    words = (
+        f"{len(found.records)} boxes, least IoU {least:.6f}, {in_own_image} in the truth's image,"
+        f" {len(found.faults)} faults, {'; '.join(found.notes)}"
+    )
+    is_right = (len(found.records), in_own_image) == (case.boxes, case.in_own_image)
+    is_right &= least > 1 - 1e-6 and not found.faults
+    return is_right and case.note in words, words
+
+
+def least_iou(found: CuboidSet, truth: CuboidSet) -> tuple[float, int]:
+    """The least of all boxes' IoU with the truth's box that fits best, and how many share images.
+
+    All images of the case have one K, so boxes of different images can be compared.
+    """
+    iou = pairwise_box_iou(cuboids_of(found.records), cuboids_of(truth.records)).numpy()
+    best = [truth.records[number] for number in iou.argmax(1).tolist()]
+    pairs = list(zip(found.records, best, strict=True))
+    if any(one.category != other.category for one, other in pairs):
+        return 0.0, 0
+    return float(np.min(iou.max(1))), sum(one.image_id == two.image_id for one, two in pairs)
+
+
 def blank_pictures(file: Path, folder: Path) -> Path:
     """A folder with a blank picture for each image of an Omni3D file, under its last name."""
     for image in json.loads(file.read_text())["images"]:
@@ -162,12 +236,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
-    names = {case.name.split("/")[0] for case in CASES}
+    names = {"predictions", *(case.name.split("/")[0] for case in CASES)}
     with tempfile.TemporaryDirectory() as made:
         for case in CASES:
             text, code = run(case, folder / case.name, with_model(case.options, Path(made)))
             first = " / ".join(text.strip().splitlines()[:3])
             print(f"{case.name}: {'right' if case.is_right(text, code) else f'WRONG, {first}'}")
+        for one in PREDICTIONS:
+            is_right, words = predictions_are_right(one, folder / "predictions", Path(made))
+            print(f"predictions/{one.name}: {'right' if is_right else 'WRONG'}, {words}")
     others = [p.name for p in sorted(folder.iterdir()) if p.name not in names and p.is_dir()]
     print(f"not tried here: {', '.join(others)}")
 

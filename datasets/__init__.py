@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.exchange.fitted_animals import FittedAnimal as FittedAnimal
     from animal3dbox.datasets.exchange.kitti_writer import write_kitti as write_kitti
     from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d as write_omni3d
+    from animal3dbox.datasets.exchange.oracle2d_writer import write_oracle2d as write_oracle2d
     from animal3dbox.datasets.exchange.quadruped_file import read_quadruped as read_quadruped
     from animal3dbox.datasets.exchange.quadruped_file import write_quadruped as write_quadruped
     from animal3dbox.datasets.format_datasets import Animal3DDataset as Animal3DDataset
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.read_options import ReadOptions as ReadOptions
     from animal3dbox.datasets.readers.kitti.reader import read_kitti as read_kitti
     from animal3dbox.datasets.readers.omni3d.reader import read_omni3d as read_omni3d
+    from animal3dbox.datasets.readers.predictions.reader import read_predictions as read_predictions
     from animal3dbox.datasets.records import AnimalRecord as AnimalRecord
     from animal3dbox.datasets.records import CuboidRecord as CuboidRecord
     from animal3dbox.datasets.records import CuboidSet as CuboidSet
@@ -85,6 +87,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "exchange.fitted_animals": ("FittedAnimal",),
         "exchange.kitti_writer": ("write_kitti",),
         "exchange.omni3d_writer": ("write_omni3d",),
+        "exchange.oracle2d_writer": ("write_oracle2d",),
         "exchange.quadruped_file": ("read_quadruped", "write_quadruped"),
         "format_datasets": (
             "Animal3DDataset",
@@ -115,6 +118,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "cuboid_datasets": ("KittiDataset", "Omni3DDataset"),
         "readers.kitti.reader": ("read_kitti",),
         "readers.omni3d.reader": ("read_omni3d",),
+        "readers.predictions.reader": ("read_predictions",),
         "records": (
             "AnimalRecord",
             "CuboidRecord",

@@ -16,6 +16,7 @@ from animal3dbox.datasets.exchange.coco_writer import write_coco
 from animal3dbox.datasets.exchange.export import ExportSummary, in_metres
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
+from animal3dbox.datasets.exchange.oracle2d_writer import write_oracle2d
 from animal3dbox.datasets.exchange.quadruped_file import write_quadruped
 from animal3dbox.datasets.formats import path_summary
 from animal3dbox.datasets.images.named_files import resolve_inside
@@ -186,6 +187,8 @@ def _written(cuboids: CuboidSet, job: ExportJob) -> ExportSummary:
         )
     path = _json_path(job, FILE_NAME)
     first_id = 1 if job.first_id is None else job.first_id
+    if job.to == "oracle2d":
+        return write_oracle2d(cuboids, path, first_id=first_id, categories=job.categories)
     if job.to == "coco":
         return write_coco(cuboids, path, first_id=first_id, categories=job.categories)
     return write_omni3d(
@@ -202,10 +205,10 @@ def _written(cuboids: CuboidSet, job: ExportJob) -> ExportSummary:
 def _refuse_options(job: ExportJob) -> None:
     """Raise a ConfigError for an option that the format to write has no use for."""
     for name, value, formats in (
-        ("--first-id", job.first_id, ("omni3d", "coco", "kitti")),
+        ("--first-id", job.first_id, ("omni3d", "coco", "kitti", "oracle2d")),
         ("--dataset-id", job.dataset_id, ("omni3d",)),
         ("--split", job.split, ("omni3d", "kitti")),
-        ("--categories", job.categories or None, ("omni3d", "coco")),
+        ("--categories", job.categories or None, ("omni3d", "coco", "oracle2d")),
     ):
         if value is not None and job.to not in formats:
             raise ConfigError(f"{name} is for --to {' or '.join(formats)}, not {job.to}")

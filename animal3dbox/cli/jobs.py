@@ -145,7 +145,7 @@ class EvaluateJob:
 
 @dataclass(frozen=True, kw_only=True)
 class ExportJob:
-    """Write cuboids for other tools: Omni3D json, COCO keypoints or KITTI text files.
+    """Write cuboids for other tools: Omni3D json, COCO keypoints, KITTI text files, 2D prompts.
 
     Or the parameters of fitted bodies: Animal3D json of a SMAL model's, our own of the quadruped's.
 
@@ -154,7 +154,7 @@ class ExportJob:
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
     """labels.json, the folder that label wrote, an Omni3D JSON, or a folder of KITTI's"""
-    to: Literal["omni3d", "coco", "kitti", "animal3d", "quadruped"]
+    to: Literal["omni3d", "coco", "kitti", "oracle2d", "animal3d", "quadruped"]
     """the format to write"""
     out: Path
     """folder, or but for kitti a .json file"""
@@ -176,8 +176,8 @@ class ExportJob:
     split: str | None = None
     """of omni3d's info, or kitti's ImageSets: train"""
     categories: tuple[str, ...] = ()
-    """of omni3d and coco: names in the order of their numbers, the same for exports that are
-    joined; none: the boxes' own"""
+    """of omni3d, coco and oracle2d: names in the order of their numbers, the same for exports that
+    are joined; none: the boxes' own"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,6 +205,45 @@ class CheckJob:
     """of a dataset: processes"""
     json: bool = False
     """print everything that is wrong as JSON"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareJob:
+    """Lay a detector's boxes beside labels: who is whose, how far they differ, and pictures.
+
+    Labels are drawn solid and detections dashed.
+
+    Example: animal3dbox compare labels --with predictions.pth --truth omni3d.json --out compared
+    """
+
+    path: Annotated[Positional[Path], arg(metavar="LABELS")]
+    """labels.json, the folder that label wrote, an Omni3D JSON, or a folder of KITTI's"""
+    predictions: Annotated[Path, arg(name="with", metavar="PRED")]
+    """the detector's file or folder, in any layout of docs/predictions.md"""
+    truth: Path
+    """the Omni3D JSON that was detected on, such as export made of the labels"""
+    out: Path
+    """folder for compare.json, compare.csv, compare.html and overlays"""
+    layout: str | None = None
+    """the layout of --with, if it is not to be recognised"""
+    cameras: str | None = None
+    """poses of the cameras, of detections in a world: a file or folder; or the word camera"""
+    category_ids: Literal["dataset", "contiguous"] | None = None
+    """what numbers of categories are: the truth's ids, or places from 0; none: as the layout has"""
+    heading: Literal["known", "unknown", "layout"] = "layout"
+    """whether fronts of detections mean something, or as the layout says"""
+    least_score: float = 0.0
+    """detections below are left out, and counted"""
+    images: Path | None = None
+    """folder that the truth's image paths are relative to"""
+    metric: Metric = "info"
+    """of cuboids: lengths are metres, or not, or as the file's info says (few Omni3D files do)"""
+    metres_per_unit: float | None = None
+    """scale of the labels whose scale is not known"""
+    pictures: int = 24
+    """how many pictures are drawn, the worst matches first"""
+    json: bool = False
+    """print compare.json instead of words"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,6 +321,7 @@ Job = (
     | EvaluateJob
     | ExportJob
     | CheckJob
+    | CompareJob
     | InspectJob
     | ConvertModelJob
     | CalibrateJob
@@ -295,6 +335,7 @@ COMMANDS: dict[str, Callable[..., Job]] = {
     "evaluate": EvaluateJob,
     "export": ExportJob,
     "check": CheckJob,
+    "compare": CompareJob,
     "inspect": InspectJob,
     "convert-model": ConvertModelJob,
     "calibrate": CalibrateJob,

@@ -13,6 +13,7 @@ RUNNERS: Mapping[type, tuple[str, str]] = {
     jobs.EvaluateJob: ("evaluate", "run_evaluate"),
     jobs.ExportJob: ("export", "run_export"),
     jobs.CheckJob: ("check", "run_check"),
+    jobs.CompareJob: ("compare", "run_compare"),
     jobs.InspectJob: ("inspect", "run_inspect"),
     jobs.ConvertModelJob: ("convert", "run_convert"),
     jobs.CalibrateJob: ("calibrate", "run_calibrate"),

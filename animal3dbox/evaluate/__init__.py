@@ -9,6 +9,10 @@ from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from animal3dbox.evaluate.accuracy import AccuracyRow as AccuracyRow
+    from animal3dbox.evaluate.comparison import ComparedBox as ComparedBox
+    from animal3dbox.evaluate.comparison import compared_boxes as compared_boxes
+    from animal3dbox.evaluate.comparison import comparison_tables as comparison_tables
+    from animal3dbox.evaluate.comparison_metrics import metrics_table as metrics_table
     from animal3dbox.evaluate.config import METHODS as METHODS
     from animal3dbox.evaluate.config import EvaluateConfig as EvaluateConfig
     from animal3dbox.evaluate.dataset_study import DatasetRow as DatasetRow
@@ -32,6 +36,8 @@ __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
         "accuracy": ("AccuracyRow",),
+        "comparison": ("ComparedBox", "compared_boxes", "comparison_tables"),
+        "comparison_metrics": ("metrics_table",),
         "config": ("METHODS", "EvaluateConfig"),
         "dataset_study": ("DatasetRow", "dataset_rows", "dataset_table", "true_boxes"),
         "face_study": ("FaceRow",),

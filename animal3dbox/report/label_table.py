@@ -56,12 +56,12 @@ def _cells(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int]:
     shares = dict(zip(FACE_NAMES, row.face_share, strict=True))
     surface = dict(zip(FACE_NAMES, row.surface_share or [None] * len(FACE_NAMES), strict=True))
     return {
-        "image": _text_cell(row.image),
+        "image": text_cell(row.image),
         "animal": row.animal,
         "side": row.side or "",
         "viewpoint": row.viewpoint,
-        "sample_id": _text_cell(row.sample_id),
-        "category": _text_cell(row.category),
+        "sample_id": text_cell(row.sample_id),
+        "category": text_cell(row.category),
         "flank": row.flank or "",
         "flank_confidence": _cell(row.flank_confidence, 3),
         "flags": ";".join(_flags(row, raised)),
@@ -73,7 +73,7 @@ def _cells(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int]:
         "azimuth_deg": _cell(row.azimuth_deg, 1),
         "elevation_deg": _cell(row.elevation_deg, 1),
         "confidence": _cell(row.confidence, 3),
-        **{name: _text_cell(value) for name, value in row.sighting.known.items()},
+        **{name: text_cell(value) for name, value in row.sighting.known.items()},
     }
 
 
@@ -82,7 +82,7 @@ def _cell(number: float | None, decimals: int) -> str:
     return "" if number is None else f"{number:.{decimals}f}"
 
 
-def _text_cell(text: str) -> str:
+def text_cell(text: str) -> str:
     """A text with a mark before it where spreadsheets would run it as a formula."""
     return f"'{text}" if text.startswith(FORMULA_SIGNS) else text
 

@@ -1,6 +1,6 @@
 """A cuboid drawn over its picture: front green and back blue, as in the paper's figures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -92,6 +92,7 @@ def draw_cuboid(
     factor: float = 1.0,
     *,
     dashed: bool = False,
+    heading_known: bool = True,
 ) -> None:
     """Draw a cuboid of the camera frame into a picture that was enlarged by a factor.
 
@@ -103,6 +104,7 @@ def draw_cuboid(
         K: (3, 3) px of the picture before it was enlarged.
         factor: by which it was.
         dashed: draw lines dashed and fill no face, as of a detection beside a label.
+        heading_known: whether the box has a front; one that has none is drawn without its colours.
 
     Example:
         >>> canvas = np.zeros((120, 160, 3), dtype=np.uint8)
@@ -116,11 +118,15 @@ def draw_cuboid(
     outlines = {
         name: _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
         for name in ("back", "front")
+        if heading_known
     }
     for name, outline in outlines.items() if not dashed else ():
         strength = 0.38 if visible[FACE_NAMES.index(name)] else 0.16
         _fill(canvas, outline, FACE_COLORS[name], strength)
-    _draw_edges(canvas, corners, visible, near=near, K=K, factor=factor, dashed=dashed)
+    colors = FACE_COLORS if dashed and heading_known else {}
+    _draw_edges(
+        canvas, corners, visible, near=near, K=K, factor=factor, dashed=dashed, colors=colors
+    )
     for name, outline in outlines.items() if not dashed else ():
         if visible[FACE_NAMES.index(name)]:
             points = np.round(outline * (1 << SHIFT)).astype(np.int32)
@@ -153,13 +159,15 @@ def _draw_edges(
     K: torch.Tensor,
     factor: float,
     dashed: bool,
+    colors: Mapping[str, tuple[int, int, int]],
 ) -> None:
     """Draw the twelve edges, those of visible faces thicker and last.
 
-    Dashed ones of a visible front or back have its colour, for no outline goes over them.
+    Dashed ones of a visible front or back have its colour, for no outline goes over them: colors
+    has those of faces by name.
     """
     edges_of_visible_faces = {
-        frozenset(edge): FACE_COLORS.get(name, EDGE) if dashed else EDGE
+        frozenset(edge): colors.get(name, EDGE)
         for name in sorted(FACES, key=lambda name: name in FACE_COLORS)
         if visible[FACE_NAMES.index(name)]
         for edge in zip(FACES[name], FACES[name][1:] + FACES[name][:1], strict=True)

@@ -26,11 +26,26 @@ def decoded(raw: msgspec.Raw, kind: type[_Entry], sample_id: str) -> _Entry:
         return msgspec.json.decode(raw, type=kind)
     except msgspec.ValidationError as error:
         try:
-            return msgspec.convert(_with_whole_numbers(msgspec.json.decode(raw)), kind)
-        except msgspec.ValidationError:
+            value = msgspec.json.decode(raw)
+        except msgspec.ValidationError:  # a number that is too large for any type
             raise SampleError(sample_id, *_field_and_problem(error)) from error
+        return converted(value, kind, sample_id)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise SampleError(sample_id, "entry", f"cannot be decoded: {error}") from error
+
+
+def converted(value: Any, kind: type[_Entry], sample_id: str) -> _Entry:
+    """One decoded element of a file, of plain values, as a struct of a kind.
+
+    Raises SampleError, naming the field, if it does not have the struct's form.
+    """
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        try:
+            return msgspec.convert(_with_whole_numbers(value), kind)
+        except msgspec.ValidationError:
+            raise SampleError(sample_id, *_field_and_problem(error)) from error
 
 
 def _with_whole_numbers(value: Any) -> Any:

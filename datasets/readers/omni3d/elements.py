@@ -207,7 +207,7 @@ def _corners_and_rotation(annotation: Omni3DAnnotation, sample_id: str) -> tuple
     rotation = (
         np.full((3, 3), np.nan)
         if rotation is None or not rotation.any()
-        else _rotation(rotation, sample_id)
+        else checked_rotation(rotation, sample_id, "R_cam")
     )
     if np.isnan(rotation).any() and corners is None:
         raise SampleError(
@@ -294,19 +294,29 @@ def _needed(values: Floats | None, sample_id: str, field: str) -> Floats:
     return values
 
 
-def _rotation(R: Floats, sample_id: str) -> Floats:
-    """The exact rotation (3, 3) that a file's rounded one stands for; raises SampleError."""
+def checked_rotation(R: Floats, sample_id: str, field: str) -> Floats:
+    """The exact rotation (3, 3) that a file's rounded one stands for.
+
+    Args:
+        R: (3, 3), finite.
+        sample_id: named in the error.
+        field: the file's key, named in the error.
+
+    Raises:
+        SampleError: not orthogonal, or mirrored.
+
+    """
     off = np.abs(R @ R.T - np.eye(3)).max()
     if off > ROTATION_TOLERANCE:
         raise SampleError(
             sample_id,
-            "R_cam",
+            field,
             f"must be a rotation matrix, but R R^T differs from the identity by {off:.2g}",
         )
     if np.linalg.det(R) < 0:
         raise SampleError(
             sample_id,
-            "R_cam",
+            field,
             "has determinant -1, a mirrored frame: negate the axis that points the wrong way",
         )
     if off < 1e-9:

@@ -114,7 +114,7 @@ def read_omni3d(
     file: RawOmni3DFile = decode_json(path, RawOmni3DFile)
     head = stated_head(file.info)
     convention = convention or head.convention()
-    by_id, image_faults, image_notes = _images(file.images, path, images, convention)
+    by_id, image_faults, image_notes = images_by_id(file.images, path, images, convention)
     names, category_faults = category_names(file.categories)
     boxes, box_faults, box_notes = _stated_boxes(file, by_id, names, convention)
     records, record_faults, record_notes = _sound_records(
@@ -165,7 +165,7 @@ def _sound_records(
     return kept, [*faults, *projection_faults, *repeats], [*notes, *all_behind_note(boxes)]
 
 
-def _images(
+def images_by_id(
     raws: Sequence[msgspec.Raw], path: Path, images: Path | None, convention: Convention
 ) -> tuple[dict[Key, CuboidImage | None], list[SampleError], list[str]]:
     """The images by id, None for faulty ones; an error for each of those; and notes.
