@@ -17,6 +17,9 @@ in it whole, those drawn by hand almost."""
 GROWTH = (2.0, 0.05)
 """Pixels, and a part of its sides, by which the projected cuboid is grown before it is compared."""
 
+NORMALISED_PX = 16
+"""A box within 0 to 1 is one of pixels if its projected cuboid has a side below this, px."""
+
 
 def box_findings(packed: Packed) -> Iterator[Finding]:
     """Boxes (N, 4) without area, outside the frame, or apart from their cuboid."""
@@ -47,19 +50,23 @@ def _off_cuboid(
 ) -> Iterator[Finding]:
     """Boxes (N, 4) of which too little lies on the outline of their projected cuboid."""
     beyond = (boxes[:, :2] < outline[0] - GROWTH[0]) | (boxes[:, 2:] > outline[1] + GROWTH[0])
-    if not beyond.any():
+    within_one = np.asarray((np.abs(boxes - 0.5) <= 0.5).all(1))
+    if not beyond.any() and not within_one.any():
         return  # as almost always: then all of each box lies on its cuboid
     growth = GROWTH[0] + GROWTH[1] * (outline[1] - outline[0])
     shared = np.minimum(outline[1] + growth, boxes[:, 2:])
     shared -= np.maximum(outline[0] - growth, boxes[:, :2])
     part = np.maximum(shared, 0).prod(1)
     sides = boxes[:, 2:] - boxes[:, :2]
-    off = (part < LEAST_PART_ON_CUBOID * sides.prod(1)) & decidable
+    normalised = within_one & (outline[1] - outline[0] > NORMALISED_PX).all(1)
+    off = ((part < LEAST_PART_ON_CUBOID * sides.prod(1)) | normalised) & decidable
     if not off.any():
         return
 
     def problem(n: int) -> str:
         """How much of the box lies on the cuboid, and the usual reasons."""
+        if normalised[n]:
+            return "lies in 0 to 1, but its cuboid covers many pixels: multiply it by W and H"
         share = part[n] / sides[n].prod()
         return (
             f"lies on the projected cuboid by {share:.0%} only: is it of another picture, animal"

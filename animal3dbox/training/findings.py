@@ -33,7 +33,7 @@ CHECKS = {
     "flank": "flank is not 0, 1 or 2, or is the one that the camera does not see",
     "boxes": "a box has no area, or its corners are exchanged",
     "boxes_in_frame": "a box leaves the frame",
-    "boxes_on_cuboid": "less than half of a box lies on the projected cuboid",
+    "boxes_on_cuboid": "less than half of a box lies on the projected cuboid, or it lies in 0 to 1",
     "truncation": "truncation is not in 0 to 1, or not what the frame cuts off",
     "share_in_image": "face_share_in_image is not that of the parts in the frame",
     "labels": "a label is negative, or not below the number of classes where it is given",

@@ -8,6 +8,7 @@ from scenes import training_target
 from training_batches import HW, good_batch, images_of
 
 from animal3dbox.errors import ConfigError
+from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.training import TargetRanges, audit, check_targets, learn_ranges
 
 BARE = ("K", "center", "rotation", "size", "corners_3d", "boxes", "labels", "image_id")
@@ -27,6 +28,21 @@ def test_right_bare_cuboids_raise_nothing_and_boxes_of_another_place_do() -> Non
     batch = bare_batch()
     batch[1]["K"] = torch.diag(torch.tensor([0.25, 0.25, 1.0])) @ batch[1]["K"]
     assert check_targets(batch, SIZES, on_fault="count").counts["boxes_on_cuboid"] > 0
+
+
+def test_normalised_boxes_are_caught_on_a_cuboid_that_covers_the_images_corner() -> None:
+    batch = bare_batch()
+    for target in batch:
+        target["size"] = target["size"] * 20
+        target["corners_3d"] = corners_of(target["center"], target["rotation"], target["size"])
+        target["center"] = target["center"] + torch.tensor([0.0, 0, 30])
+        target["corners_3d"] = target["corners_3d"] + torch.tensor([0.0, 0, 30])
+        target["boxes"] = torch.tensor([[20.0, 20, 200, 200]] * 2)
+    assert check_targets(batch, SIZES).faults == 0
+    for target in batch:
+        target["boxes"] = torch.tensor([[0.3, 0.2, 0.9, 0.8]] * 2)
+    report = check_targets(batch, SIZES, on_fault="count")
+    assert report.counts["boxes_on_cuboid"] == 8
 
 
 def test_labels_stay_below_the_classes() -> None:
