@@ -10,7 +10,11 @@ from torch import Tensor
 from animal3dbox.errors import ConfigError
 from animal3dbox.transforms.camera_law.fields import Declared
 from animal3dbox.transforms.camera_law.relabel import check_keypoint_mirror
-from animal3dbox.transforms.camera_law.target_dict import read_target
+from animal3dbox.transforms.conventions_door import (
+    PIXEL_ORIGINS,
+    PixelOrigin,
+    open_target,
+)
 from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.kornia_bridge.door import as_transform
 from animal3dbox.transforms.pipeline import (
@@ -25,7 +29,15 @@ from animal3dbox.transforms.rendering.sampling import check_interpolation
 from animal3dbox.transforms.steps import Plan, Step
 from animal3dbox.transforms.transform import Transform
 
-FUSED_OPTIONS = ("interpolation", "fill", "keypoint_mirror", "allow_skew", "seed", "check")
+FUSED_OPTIONS = (
+    "interpolation",
+    "fill",
+    "keypoint_mirror",
+    "allow_skew",
+    "seed",
+    "check",
+    "pixel_origin",
+)
 """The options that a Compose inside a Compose would lose, since it is fused with the outer one."""
 
 
@@ -51,6 +63,10 @@ class Compose(Transform):
             animals are dropped.
         per_image: further fields of the user's own that have nothing to do with pixels, cameras or
             single animals.
+        pixel_origin: where the targets count pixels from. "center": pixel centres lie at whole
+            numbers and the picture covers [-0.5, W - 0.5]. "edge", as torchvision and
+            albumentations have it: it covers [0, W], and boxes, keypoints, corners_2d, K and
+            H_out_in are all larger by half a pixel.
 
     Example:
         >>> from animal3dbox.transforms import RandomHorizontalFlip, Resize
@@ -75,10 +91,13 @@ class Compose(Transform):
         check: bool = True,
         per_animal: Sequence[str] = (),
         per_image: Sequence[str] = (),
+        pixel_origin: PixelOrigin = "center",
     ) -> None:
         super().__init__()
         if mirror not in ("relabel", "forbid"):
             raise ConfigError(f"mirror must be 'relabel' or 'forbid', got {mirror!r}")
+        if pixel_origin not in PIXEL_ORIGINS:
+            raise ConfigError(f"pixel_origin must be 'center' or 'edge', got {pixel_origin!r}")
         members = [
             member if isinstance(member, Compose) else as_transform(member) for member in transforms
         ]
@@ -92,6 +111,7 @@ class Compose(Transform):
             allow_skew=allow_skew or any(member.allow_skew for member in self.transforms),
             check=check,
             declared=Declared(tuple(per_animal), tuple(per_image)),
+            pixel_origin=pixel_origin,
         )
         for member in members:
             if isinstance(member, Compose):
@@ -140,7 +160,8 @@ class Compose(Transform):
             key: (epoch, index) of the sample; without it target["meta"]["sample_key"], and without
                 that torch's default generator decides.
         """
-        fields = read_target(target, image_hw, self.options.declared)
+        options = self.options
+        fields = open_target(target, image_hw, options.declared, options.pixel_origin)
         return draw_plan(self.sample, fields, image_hw, seed=self.options.seed, key=key)
 
     def apply(

@@ -17,7 +17,13 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.transforms.camera_law.consistency import check_consistent
 from animal3dbox.transforms.camera_law.fields import Declared, Fields
 from animal3dbox.transforms.camera_law.occlusion import hide_fields
-from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
+from animal3dbox.transforms.conventions_door import (
+    PixelOrigin,
+    as_subclass,
+    check_colours,
+    close_target,
+    open_target,
+)
 from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import SampleKey, sample_generator
 from animal3dbox.transforms.rendering import opencv_executor
@@ -49,6 +55,7 @@ class PipelineOptions:
         allow_skew: whether the camera may get a skew K[0, 1].
         check: whether a target's fields are compared with each other first.
         declared: the user's own fields.
+        pixel_origin: where targets count pixels from, "center" or "edge".
     """
 
     seed: int = 0
@@ -58,6 +65,7 @@ class PipelineOptions:
     allow_skew: bool = False
     check: bool = True
     declared: Declared = field(default_factory=Declared)
+    pixel_origin: PixelOrigin = "center"
 
     @cached_property
     def permutation(self) -> np.ndarray | None:
@@ -77,7 +85,7 @@ def run_pipeline(
     form = image_form(image)
     fields = checked_fields(target, form.image_hw, options)
     plan = draw_plan(draw, fields, form.image_hw, seed=options.seed, key=key)
-    return rendered(image, fields, plan, form=form, options=options)
+    return rendered((image, target), fields, plan, form=form, options=options)
 
 
 def replay_plan(
@@ -90,14 +98,14 @@ def replay_plan(
             f"the plan was drawn for an image of {tuple(plan.image_hw)} (height, width), this"
             f" one has {form.image_hw}"
         )
-    fields = read_target(target, form.image_hw, options.declared)
+    fields = open_target(target, form.image_hw, options.declared, options.pixel_origin)
     if plan.keep is not None and any(index >= fields.count for index in plan.keep):
         raise SampleError(
             fields.sample_id,
             "labels",
             f"the plan keeps animals {plan.keep}, the target has {fields.count}",
         )
-    return rendered(image, fields, plan, form=form, options=options)
+    return rendered((image, target), fields, plan, form=form, options=options)
 
 
 def run_batch_pipeline(
@@ -113,11 +121,12 @@ def run_batch_pipeline(
     _check_alike(forms)
     plans: list[Plan] = []
     mapped_targets = []
-    for form, target, key in zip(forms, targets, keys, strict=True):
+    for image, form, target, key in zip(images, forms, targets, keys, strict=True):
         fields = checked_fields(target, form.image_hw, options)
         plan = draw_plan(draw, fields, form.image_hw, seed=options.seed, key=key)
+        check_colours(image, plan.steps, fields.sample_id)
         plans.append(plan)
-        mapped_targets.append(write_target(mapped_fields(fields, plan, plan.stages(), options)))
+        mapped_targets.append(_closed(fields, target, plan, options))
     if not forms:
         return [], []
     batch = run_batch(
@@ -128,7 +137,9 @@ def run_batch_pipeline(
         uint8=forms[0].is_uint8,
     )
     rendered_images = [
-        owned(image_from_bchw(result[None], form, normalised=_normalises(plan)), image)
+        as_subclass(
+            owned(image_from_bchw(result[None], form, normalised=_normalises(plan)), image), image
+        )
         for result, form, plan, image in zip(batch, forms, plans, images, strict=True)
     ]
     return rendered_images, mapped_targets
@@ -150,7 +161,7 @@ def checked_fields(
     target: Mapping[str, Any], image_hw: tuple[int, int], options: PipelineOptions
 ) -> Fields:
     """The fields of a target, compared with each other if the options say so."""
-    fields = read_target(target, image_hw, options.declared)
+    fields = open_target(target, image_hw, options.declared, options.pixel_origin)
     if options.check:
         check_consistent(fields)
     return fields
@@ -209,16 +220,45 @@ def returning_animals(steps: Sequence[Step], before: DrawContext) -> tuple[Keep,
     return (Keep(indices),) if indices != final.alive else ()
 
 
+def _closed(
+    fields: Fields, target: Mapping[str, Any], plan: Plan, options: PipelineOptions
+) -> dict[str, Any]:
+    """The target after a plan, in the form in which it came."""
+    return close_target(
+        mapped_fields(fields, plan, plan.stages(), options),
+        target,
+        image_hw=_final_hw(plan),
+        origin=options.pixel_origin,
+    )
+
+
+def _final_hw(plan: Plan) -> tuple[int, int]:
+    """The size of the image after a plan."""
+    sizes = [
+        stage.image_hw
+        for stage in plan.stages()
+        if isinstance(stage, Pass) and stage.H_out_in is not None
+    ]
+    return sizes[-1] if sizes else plan.image_hw
+
+
 def rendered(
-    image: AnyImage, fields: Fields, plan: Plan, *, form: ImageForm, options: PipelineOptions
+    sample: tuple[AnyImage, Mapping[str, Any]],
+    fields: Fields,
+    plan: Plan,
+    *,
+    form: ImageForm,
+    options: PipelineOptions,
 ) -> tuple[AnyImage, dict[str, Any]]:
     """The image and the target after a plan, in the form in which they came.
 
     Tensors that need gradients or live on a device are rendered in torch, everything else by
     OpenCV, which is several times faster for the one picture of a worker.
     """
+    image, target = sample
     stages = plan.stages()
-    target = write_target(mapped_fields(fields, plan, stages, options))
+    check_colours(image, plan.steps, fields.sample_id)
+    target = _closed(fields, target, plan, options)
     if isinstance(image, Tensor) and (image.requires_grad or image.device.type != "cpu"):
         batch = run_batch(
             [image_to_bchw(image, form)[0]],
@@ -227,11 +267,12 @@ def rendered(
             options.fill,
             uint8=form.is_uint8,
         )[0][None]
-        return owned(image_from_bchw(batch, form, normalised=_normalises(plan)), image), target
+        result = image_from_bchw(batch, form, normalised=_normalises(plan))
+        return as_subclass(owned(result, image), image), target
     result = opencv_executor.run_stages(
         image, form, stages, interpolation=options.interpolation, fill=options.fill
     )
-    return owned(result, image), target
+    return as_subclass(owned(result, image), image), target
 
 
 def _normalises(plan: Plan) -> bool:

@@ -1,7 +1,7 @@
 """The base of all transforms: draw once, then apply what was drawn."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -84,24 +84,43 @@ class Transform:
         """The options under which this transform runs when it is called on its own."""
         return PipelineOptions(allow_skew=self.allow_skew)
 
+    @overload
+    def __call__(
+        self, image: AnyImage, target: None = None, key: SampleKey | None = None
+    ) -> AnyImage: ...
+
+    @overload
     def __call__(
         self, image: AnyImage, target: Mapping[str, Any], key: SampleKey | None = None
-    ) -> tuple[AnyImage, dict[str, Any]]:
-        """Transform one image and its target.
+    ) -> tuple[AnyImage, dict[str, Any]]: ...
+
+    def __call__(
+        self,
+        image: AnyImage,
+        target: Mapping[str, Any] | None = None,
+        key: SampleKey | None = None,
+    ) -> AnyImage | tuple[AnyImage, dict[str, Any]]:
+        """Transform one image and its target, or an image alone.
+
+        A transform on its own counts pixels from their centres; a Compose may say otherwise
+        (pixel_origin).
 
         Args:
             image: (C, H, W) tensor or (H, W, C) array, uint8 (0 to 255) or float (0 to 1).
-            target: a plain dict, see Compose; it is left as it was.
+            target: a plain dict, see Compose; it is left as it was. None: there is none.
             key: (epoch, index) of the sample; without it target["meta"]["sample_key"], and without
                 that torch's default generator decides.
 
         Returns:
-            The image and the target, in the form in which they came.
+            The image and the target, in the form in which they came; the image alone without a
+            target.
 
         Raises:
             SampleError: naming the sample and the field that is wrong or cannot follow.
         """
-        return run_pipeline(self.sample, image, target, options=self.options, key=key)
+        given = {} if target is None else target
+        result = run_pipeline(self.sample, image, given, options=self.options, key=key)
+        return result[0] if target is None else result
 
     def __repr__(self) -> str:
         options = ", ".join(

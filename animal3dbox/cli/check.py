@@ -137,11 +137,9 @@ def check_dataset(job: CheckJob) -> CheckReport:
     mended: list[str] = []
     doubts = Counter[str]()
     animals = 0
-    for step, (images, targets) in enumerate(
-        tqdm(loader, desc="checking", unit="batch", disable=job.json or None)
-    ):
+    for images, targets in tqdm(loader, desc="checking", unit="batch", disable=job.json or None):
         sizes = [(image.shape[1], image.shape[2]) for image in images]
-        of_batch, count = examined(targets, sizes, step)
+        of_batch, count, _ = examined(targets, sizes, None, classes=len(dataset.classes) or None)
         findings += [_checked(finding, sample_of(finding, targets)) for finding in of_batch]
         mended += [one for target in targets for one in mended_animals(target)]
         doubts += doubts_of(targets)
@@ -246,7 +244,7 @@ def _findings_of_targets(
     findings: list[CheckedFault] = []
     for start in range(0, len(targets), AT_ONCE):
         batch = targets[start : start + AT_ONCE]
-        of_batch, _ = examined(batch, sizes[start : start + AT_ONCE], start)
+        of_batch, _, _ = examined(batch, sizes[start : start + AT_ONCE], None)
         findings += [_checked(finding, batch[finding.target]["image_id"]) for finding in of_batch]
     return findings
 

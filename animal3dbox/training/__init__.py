@@ -11,14 +11,19 @@ from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from animal3dbox.training.checks import check_targets as check_targets
+    from animal3dbox.training.dataset_audit import audit as audit
     from animal3dbox.training.findings import TargetReport as TargetReport
+    from animal3dbox.training.ranges import TargetRanges as TargetRanges
+    from animal3dbox.training.ranges import learn_ranges as learn_ranges
     from animal3dbox.training.sampler import EpochSampler as EpochSampler
 
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
+        "dataset_audit": ("audit",),
         "checks": ("check_targets",),
         "findings": ("TargetReport",),
+        "ranges": ("TargetRanges", "learn_ranges"),
         "sampler": ("EpochSampler",),
     },
 )

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.training.box_checks import box_findings
 from animal3dbox.training.camera_checks import camera_findings
 from animal3dbox.training.checked_fields import Target, meta_of
 from animal3dbox.training.cuboid_checks import cuboid_findings
@@ -20,16 +21,23 @@ from animal3dbox.training.findings import WARNINGS, Finding, TargetReport, first
 from animal3dbox.training.form_checks import form_findings, target_form
 from animal3dbox.training.frame_checks import frame_findings
 from animal3dbox.training.keypoint_checks import keypoint_findings
+from animal3dbox.training.label_checks import double_findings, label_findings
+from animal3dbox.training.mask_checks import mask_findings
 from animal3dbox.training.packed import Packed
 from animal3dbox.training.packing import groups_of, pack
 from animal3dbox.training.places import animal_findings, image_findings
+from animal3dbox.training.ranges import TargetRanges, range_findings
+from animal3dbox.training.statistics import STATISTICS_EVERY, statistics_of
 
 CHECKS_OF_VALUES = (
     camera_findings,
     cuboid_findings,
     face_findings,
+    box_findings,
     frame_findings,
     keypoint_findings,
+    mask_findings,
+    double_findings,
 )
 """The checks of targets whose fields have the right forms, in the order of their report."""
 
@@ -41,6 +49,8 @@ def check_targets(
     on_fault: Literal["raise", "count"] = "raise",
     every: int = 1,
     step: int | None = None,
+    classes: int | None = None,
+    ranges: TargetRanges | None = None,
 ) -> TargetReport:
     """Check the targets of a batch.
 
@@ -52,10 +62,12 @@ def check_targets(
             and masks, nothing is compared with the frame.
         on_fault: "raise" the first fault as an error, or "count" all.
         every: check only the steps that this divides.
-        step: the number of the step. What would cost too much at once goes in turns by this number:
-            even steps look at the mask of one animal, odd ones at its keypoints on that mask and at
-            the types and counts of one target by itself (every step, at those of the batch
-            together).
+        step: the number of the step in a training loop. What would cost too much at once goes in
+            turns by this number: even steps look at the mask of one animal, odd ones at its
+            keypoints on that mask and at the types and counts of one target by itself (every step,
+            at those of the batch together). Without it, all is looked at: every mask, too.
+        classes: the number of classes, which labels must stay below.
+        ranges: what sizes, depths and other measures are stated or learned to be (TargetRanges).
 
     Returns:
         What was found; all zero if the step is skipped.
@@ -75,11 +87,14 @@ def check_targets(
         Counter({'distance': 1})
     """
     _check_options(on_fault, every, step)
-    step = step or 0
-    if step % every:
+    if classes is not None and classes < 1:
+        raise ConfigError(f"classes must be at least 1, got {classes}")
+    if step is not None and step % every:
         return TargetReport()
     targets, images = _opened(batch, images)
-    findings, animals = examined(targets, image_sizes(images, targets), step)
+    findings, animals, statistics = examined(
+        targets, image_sizes(images, targets), step, classes=classes, ranges=ranges
+    )
     faults = [finding for finding in findings if finding.check not in WARNINGS]
     if faults and on_fault == "raise":
         raise error_of(faults[0], targets)
@@ -89,6 +104,8 @@ def check_targets(
         Counter(finding.check for finding in faults),
         Counter(finding.check for finding in findings if finding.check in WARNINGS),
         first_examples((finding.check, error_of(finding, targets)) for finding in findings),
+        statistics.labels,
+        statistics.spans,
     )
 
 
@@ -103,23 +120,28 @@ def _check_options(on_fault: str, every: int, step: int | None) -> None:
 
 
 def examined(
-    targets: Sequence[Target], image_hw: Sequence[tuple[int, int]] | None, step: int
-) -> tuple[list[Finding], int]:
-    """The faults of targets, and how many animals were looked at.
+    targets: Sequence[Target],
+    image_hw: Sequence[tuple[int, int]] | None,
+    step: int | None,
+    *,
+    classes: int | None = None,
+    ranges: TargetRanges | None = None,
+) -> tuple[list[Finding], int, TargetReport]:
+    """The faults of targets, how many animals were looked at, and their statistics.
 
     A target whose form is wrong, or that is not finite, is not looked at further.
     """
     findings: list[Finding] = []
-    animals = 0
+    animals, statistics = 0, TargetReport()
     for group in groups_of(targets):
         packed = _packed(targets, group, image_hw, step)
         if packed is None:
             malformed = form_findings([targets[number] for number in group], group)
             findings += malformed
             packed = _packed(targets, _without(group, malformed), image_hw, step)
-        elif (step == 0 or step % 2) and step // 2 % len(targets) in group:
-            turn = step // 2 % len(targets)
-            findings += target_form(targets[turn], turn)
+        else:
+            for turn in _forms_in_turn(group, len(targets), step):
+                findings += target_form(targets[turn], turn)
         if packed is None:
             continue
         infinite = list(_finite_findings(packed))
@@ -128,9 +150,22 @@ def examined(
             packed = _packed(targets, _without(packed.index, infinite), image_hw, step)
         if packed is not None:
             animals += packed.count
+            if step is None or step % STATISTICS_EVERY == 0:
+                statistics += statistics_of(packed)
             for check in CHECKS_OF_VALUES:
                 findings += check(packed)
-    return findings, animals
+            findings += label_findings(packed, classes)
+            if ranges is not None:
+                findings += range_findings(packed, ranges)
+    return findings, animals, statistics
+
+
+def _forms_in_turn(group: Sequence[int], count: int, step: int | None) -> list[int]:
+    """The targets of a group whose forms are looked at one by one at this step."""
+    if step is None:
+        return list(group)
+    turn = step // 2 % count
+    return [turn] if (step == 0 or step % 2) and turn in group else []
 
 
 def _without(group: Sequence[int], findings: Sequence[Finding]) -> list[int]:
@@ -143,7 +178,7 @@ def _packed(
     targets: Sequence[Target],
     group: Sequence[int],
     image_hw: Sequence[tuple[int, int]] | None,
-    step: int,
+    step: int | None,
 ) -> Packed | None:
     if not group:
         return None

@@ -6,10 +6,9 @@ import numpy as np
 
 from animal3dbox.geometry.arrays import norm
 from animal3dbox.geometry.box_visibility import NEAR_PER_DIAGONAL
-from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.training.findings import Finding
-from animal3dbox.training.packed import Floats, Packed
+from animal3dbox.training.packed import Floats, Packed, projected
 from animal3dbox.training.places import animal_findings
 
 LENGTH_TOLERANCE = 1e-5
@@ -40,19 +39,12 @@ def cuboid_findings(packed: Packed) -> Iterator[Finding]:
         yield from _distances(packed, floats["center"], floats["distance"])
     if "corners_3d" in floats:
         yield from _corners(packed, floats["corners_3d"])
-    corners = cuboid_corners(packed)
+    corners = packed.corners
     if corners is None:
         return
     yield from _in_front(packed, corners)
     if "corners_2d" in floats and packed.K is not None:
         yield from _projections(packed, projected(packed, packed.K, corners), corners[..., 2])
-
-
-def cuboid_corners(packed: Packed) -> Floats | None:
-    """Corners (N, 8, 3) in the camera frame; None if nothing says where the boxes are."""
-    if "corners_3d" in packed.floats:
-        return packed.floats["corners_3d"]
-    return _parameter_corners(packed.floats) if packed.has_box else None
 
 
 def _parameter_corners(floats: dict[str, Floats]) -> Floats:
@@ -162,17 +154,3 @@ def _projections(packed: Packed, px: Floats, depth: Floats) -> Iterator[Finding]
             " cuboid: K is not the camera of this picture any more"
         ),
     )
-
-
-def projected(packed: Packed, K: Floats, corners: Floats) -> Floats:
-    """Corners (N, 8, 2) as cameras K (N, 3, 3) see them, through their lenses."""
-    if not any("distortion" in target for target in packed.targets):
-        return project(K, corners)[0]
-    px = np.zeros((packed.count, 8, 2))
-    for b, target in enumerate(packed.targets):
-        rows = packed.owner == b
-        lens = (
-            np.asarray(target["distortion"], dtype=np.float64) if "distortion" in target else None
-        )
-        px[rows] = project(packed.per_image["K"][b], corners[rows], lens)[0]
-    return px

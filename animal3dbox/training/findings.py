@@ -33,18 +33,21 @@ CHECKS = {
     "flank": "flank is not 0, 1 or 2, or is the one that the camera does not see",
     "boxes": "a box has no area, or its corners are exchanged",
     "boxes_in_frame": "a box leaves the frame",
-    "boxes_on_cuboid": "a box does not touch the projected cuboid",
+    "boxes_on_cuboid": "less than half of a box lies on the projected cuboid, or it lies in 0 to 1",
     "truncation": "truncation is not in 0 to 1, or not what the frame cuts off",
     "share_in_image": "face_share_in_image is not that of the parts in the frame",
-    "labels": "a label is negative",
+    "labels": "a label is negative, or not below the number of classes where it is given",
+    "twice": "two animals of a target are one and the same",
+    "range": "a measure of an animal or its camera lies outside the range that was stated",
     "keypoints": "a keypoint outside the frame is marked, or a visibility negative",
     "keypoints_on_animal": "keypoints lie off their animal, or on it only if mirrored",
-    "masks": "a mask is not 0 and 1, of another size than the image, or leaves its box",
+    "masks": "a mask is not 0 and 1, of another size than the image, or not that of its box",
 }
 """Every check, by the name under which a report counts it."""
 
 WARNINGS = {
     "principal_point": "the principal point of an image that was not augmented lies outside it",
+    "unusual": "a measure lies outside what right targets, from which it was learned, have shown",
     "empty_box": (
         "a box on the frame's border has no area, for its animal left the picture; some detectors"
         " refuse such boxes"
@@ -85,6 +88,9 @@ class TargetReport:
         counts: how many targets or animals failed each check; only those above 0.
         warnings: likewise what is unusual, and no fault.
         examples: the first faults of each check, as errors that name sample and field.
+        labels: how many animals of each class number were among those counted for statistics: all
+            without the number of a step, of every sixteenth step in a training loop.
+        spans: measure -> least and greatest value of these animals (docs/checks.md).
 
     Example:
         >>> epoch = TargetReport(targets=16, animals=30) + TargetReport(targets=16, animals=41)
@@ -97,6 +103,8 @@ class TargetReport:
     counts: Counter[str] = field(default_factory=Counter)
     warnings: Counter[str] = field(default_factory=Counter)
     examples: tuple[tuple[str, SampleError], ...] = ()
+    labels: Counter[int] = field(default_factory=Counter)
+    spans: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def faults(self) -> int:
@@ -111,6 +119,8 @@ class TargetReport:
             self.counts + other.counts,
             self.warnings + other.warnings,
             first_examples((*self.examples, *other.examples)),
+            self.labels + other.labels,
+            joined_spans(self.spans, other.spans),
         )
 
     def __str__(self) -> str:
@@ -118,7 +128,22 @@ class TargetReport:
         lines += [f"  {count} x {check}" for check, count in self.counts.most_common()]
         lines += [f"  warning: {count} x {check}" for check, count in self.warnings.most_common()]
         lines += [f"  {check}: {error}" for check, error in self.examples]
+        if self.labels:
+            animals = ", ".join(f"{number}: {n}" for number, n in sorted(self.labels.items()))
+            lines.append(f"  animals by label: {animals}")
+        lines += [f"  {name}: {low:.4g} to {high:.4g}" for name, (low, high) in self.spans.items()]
         return "\n".join(lines)
+
+
+def joined_spans(
+    first: dict[str, tuple[float, float]], other: dict[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """The spans of the values of both."""
+    spans = dict(first)
+    for name, (low, high) in other.items():
+        own_low, own_high = spans.get(name, (low, high))
+        spans[name] = (min(own_low, low), max(own_high, high))
+    return spans
 
 
 def first_examples(

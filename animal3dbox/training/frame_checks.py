@@ -1,106 +1,27 @@
-"""Checks against the picture: 2D boxes, truncation, shares in the frame, keypoints, masks."""
+"""Checks against the picture: truncation, shares in the frame, keypoints."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.geometry.arrays import as_numpy
 from animal3dbox.geometry.cuboid import FACES
 from animal3dbox.geometry.polygon import area_in_box
+from animal3dbox.training.box_checks import EDGE_TOLERANCE_PX
 from animal3dbox.training.findings import Finding
 from animal3dbox.training.frames import outside_frame
 from animal3dbox.training.packed import Floats, Packed
 from animal3dbox.training.places import animal_findings
 
 QUADS = np.array(list(FACES.values()))
-EDGE_TOLERANCE_PX = 0.05
 SHARE_TOLERANCE = 1e-3
-MASK_MARGIN_PX = 1.0
 
 
 def frame_findings(packed: Packed) -> Iterator[Finding]:
-    """Faults of boxes, labels, truncation, face_share_in_image, keypoints and, in turns, masks."""
-    if "labels" in packed.others and (packed.others["labels"] < 0).any():
-        labels = packed.others["labels"]
-        yield from animal_findings(
-            packed,
-            labels < 0,
-            check="labels",
-            field="labels",
-            problem=lambda n: f"must count from 0, got {labels[n]}",
-        )
-    if "boxes" in packed.floats:
-        yield from _boxes(packed, packed.floats["boxes"])
+    """Faults of truncation, face_share_in_image and keypoints."""
     yield from _truncation(packed)
     if packed.keypoints is not None:
         yield from _keypoints(packed, packed.keypoints)
-    if "masks" in packed.targets[0] and packed.step % 2 == 0:
-        yield from _one_mask(packed)
-
-
-def _boxes(packed: Packed, boxes: Floats) -> Iterator[Finding]:
-    """Boxes (N, 4) without area, outside the frame, or apart from their cuboid."""
-    flat = np.asarray((boxes[:, 2:] <= boxes[:, :2]).any(1))
-    if flat.any():
-        yield from _flat_boxes(packed, boxes, flat)
-    if packed.frame is not None:
-        corners = boxes.reshape(-1, 2, 2)
-        outside = outside_frame(corners, packed.frame[:, None], EDGE_TOLERANCE_PX).any(1)
-        if outside.any():
-            remedy = "clip it to [-0.5, W - 0.5]"
-            yield from animal_findings(
-                packed,
-                outside,
-                check="boxes_in_frame",
-                field="boxes",
-                problem=lambda n: f"leaves the frame: {boxes[n].tolist()}; {remedy}",
-            )
-    if packed.all_in_front is None or packed.outline is None:
-        return
-    apart = (packed.outline[1] < boxes[:, :2]) | (packed.outline[0] > boxes[:, 2:])
-    if apart.any():
-        problem = "does not touch the projected cuboid: one of them is stale"
-        yield from animal_findings(
-            packed,
-            apart.any(1) & packed.all_in_front & ~flat,
-            check="boxes_on_cuboid",
-            field="boxes",
-            problem=lambda _: problem,
-        )
-
-
-def _flat_boxes(packed: Packed, boxes: Floats, flat: NDArray[np.bool_]) -> Iterator[Finding]:
-    """Boxes without area: a warning where the animal left the picture, else a fault."""
-    left_picture = _left_the_picture(packed, boxes)
-    remedy = "drop it by the transforms' min_visible"
-    yield from animal_findings(
-        packed,
-        left_picture,
-        check="empty_box",
-        field="boxes",
-        problem=lambda n: (
-            f"has no area, {boxes[n].tolist()}: its animal left the picture; {remedy}"
-        ),
-    )
-    yield from animal_findings(
-        packed,
-        flat & ~left_picture,
-        check="boxes",
-        field="boxes",
-        problem=lambda n: f"must be x1 < x2, y1 < y2, got {boxes[n].tolist()}",
-    )
-
-
-def _left_the_picture(packed: Packed, boxes: Floats) -> NDArray[np.bool_]:
-    """Boxes (N,) without area on the frame's border, where clipping leaves those beyond it."""
-    empty = boxes[:, 2:] == boxes[:, :2]
-    if packed.frame is not None:
-        empty &= (np.abs(boxes[:, :2] + 0.5) < EDGE_TOLERANCE_PX) | (
-            np.abs(boxes[:, :2] - packed.frame) < EDGE_TOLERANCE_PX
-        )
-    return np.asarray(empty.any(1) & (boxes[:, 2:] >= boxes[:, :2]).all(1))
 
 
 def _truncation(packed: Packed) -> Iterator[Finding]:
@@ -215,38 +136,3 @@ def _keypoints(packed: Packed, keypoints: Floats) -> Iterator[Finding]:
                 f"{np.flatnonzero(outside[n]).tolist()} are marked, but lie outside the frame"
             ),
         )
-
-
-def _one_mask(packed: Packed) -> Iterator[Finding]:
-    """Faults of the mask of one animal, another one at each even step.
-
-    Reading all of them would cost more than everything else.
-    """
-    if packed.count == 0:
-        return
-    n = packed.step // 2 % packed.count
-    target = int(packed.owner[n])
-    mask = as_numpy(packed.targets[target]["masks"][n - int(packed.first[target])])
-    rows = np.arange(packed.count) == n
-    problem = _mask_problem(packed, mask, n, target)
-    if problem is not None:
-        yield from animal_findings(
-            packed, rows, check="masks", field="masks", problem=lambda _: problem
-        )
-
-
-def _mask_problem(packed: Packed, mask: Any, n: int, target: int) -> str | None:
-    """The fault of the mask of animal n of a target, if there is one."""
-    if packed.image_hw is not None and mask.shape != tuple(packed.image_hw[target]):
-        hw = tuple(packed.image_hw[target].tolist())
-        return f"cover {mask.shape}, but the image is {hw}"
-    if mask.dtype != np.bool_ and mask.max(initial=0) > 1:
-        return f"must be 0 and 1, got up to {mask.max()}"
-    if "boxes" not in packed.floats:
-        return None
-    x1, y1, x2, y2 = packed.floats["boxes"][n]
-    left, top = (max(int(np.floor(edge - MASK_MARGIN_PX)), 0) for edge in (x1, y1))
-    right, bottom = (max(int(np.ceil(edge + MASK_MARGIN_PX)) + 1, 0) for edge in (x2, y2))
-    bits = mask.view(np.bool_)
-    beyond = int(np.count_nonzero(bits)) - int(np.count_nonzero(bits[top:bottom, left:right]))
-    return f"has {beyond} pixels outside its box: one of them is stale" if beyond else None

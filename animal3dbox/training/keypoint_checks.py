@@ -38,14 +38,10 @@ def keypoint_findings(packed: Packed) -> Iterator[Finding]:
         return
     px, marked = packed.keypoints[..., :2], packed.keypoints[..., 2] > 0
     problems = _frame_problems(packed, px, marked)
-    if (
-        (packed.step % 2 or packed.step == 0)
-        and "masks" in packed.targets[0]
-        and packed.image_hw is not None
-    ):
-        n = packed.step // 2 % packed.count
-        if n not in problems:
-            problems |= _mask_problem(packed, n, px[n, marked[n]])
+    if "masks" in packed.targets[0] and packed.image_hw is not None:
+        for n in packed.in_turn(even=False):
+            if n not in problems:
+                problems |= _mask_problem(packed, n, px[n, marked[n]])
     if problems:
         wrong = np.isin(np.arange(packed.count), list(problems))
         yield from animal_findings(

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import norm
-from animal3dbox.geometry.cuboid import FACES
+from animal3dbox.geometry.box_visibility import NEAR_PER_DIAGONAL
+from animal3dbox.geometry.camera import project
+from animal3dbox.geometry.cuboid import FACES, corners_of
 from animal3dbox.training.checked_fields import Target
 
 Floats = NDArray[np.float64]
@@ -37,7 +39,7 @@ class Packed:
         owner: (N,) which of targets an animal belongs to.
         first: (B,) the first animal of each target.
         image_hw: (B, 2) height and width; None if it is not known.
-        step: number of the training step, by which costly checks take turns.
+        step: number of the training step, by which costly checks take turns; None: all of them.
     """
 
     targets: Sequence[Target]
@@ -50,12 +52,24 @@ class Packed:
     owner: NDArray[np.intp]
     first: NDArray[np.intp]
     image_hw: NDArray[np.intp] | None
-    step: int
+    step: int | None
 
     @property
     def count(self) -> int:
         """The number of animals, N."""
         return len(self.owner)
+
+    def in_turn(self, *, even: bool) -> range:
+        """The animals whose pixels are read at this step, in even or odd steps.
+
+        One of them in a training loop, all without the number of a step.
+        """
+        if self.step is None:
+            return range(self.count)
+        if self.count == 0 or ((self.step % 2 == 0) != even and self.step != 0):
+            return range(0)
+        n = self.step // 2 % self.count
+        return range(n, n + 1)
 
     @cached_property
     def K(self) -> Floats | None:
@@ -78,18 +92,40 @@ class Packed:
         return "center" in self.floats and "rotation" in self.floats and "size" in self.floats
 
     @cached_property
+    def corners(self) -> Floats | None:
+        """Corners (N, 8, 3) in the camera frame; None if nothing says where the boxes are."""
+        if "corners_3d" in self.floats:
+            return self.floats["corners_3d"]
+        if not self.has_box:
+            return None
+        return corners_of(self.floats["center"], self.floats["rotation"], self.floats["size"])
+
+    @cached_property
     def all_in_front(self) -> NDArray[np.bool_] | None:
-        """Whether every corner of a box is said to be in front of the camera, (N,)."""
-        return (
-            np.asarray(self.others["corner_in_front"].all(1))
-            if "corner_in_front" in self.others
-            else None
-        )
+        """Whether every corner of a box lies in front of the camera, (N,).
+
+        As corner_in_front says; without it, by the depths of the corners.
+        """
+        if "corner_in_front" in self.others:
+            return np.asarray(self.others["corner_in_front"].all(1))
+        if self.corners is None:
+            return None
+        near = NEAR_PER_DIAGONAL * self.diagonal
+        return np.asarray((self.corners[..., 2] > near[:, None]).all(1))
+
+    @cached_property
+    def projections(self) -> Floats | None:
+        """The corners' pixels (N, 8, 2): corners_2d, else as K and its lens see the corners."""
+        if "corners_2d" in self.floats:
+            return self.floats["corners_2d"]
+        if self.K is None or self.corners is None:
+            return None
+        return projected(self, self.K, self.corners)
 
     @cached_property
     def outline(self) -> tuple[Floats, Floats] | None:
-        """The least and the greatest x, y of corners_2d, (N, 2) each."""
-        px = self.floats.get("corners_2d")
+        """The least and the greatest x, y of the projected corners, (N, 2) each."""
+        px = self.projections
         return None if px is None else (px.min(1), px.max(1))
 
     @cached_property
@@ -125,3 +161,17 @@ class Packed:
         if "size" in self.floats:
             return norm(self.floats["size"])
         return norm(self.floats["corners_3d"][:, 6] - self.floats["corners_3d"][:, 0])
+
+
+def projected(packed: Packed, K: Floats, corners: Floats) -> Floats:
+    """Corners (N, 8, 2) as cameras K (N, 3, 3) see them, through their lenses."""
+    if not any("distortion" in target for target in packed.targets):
+        return project(K, corners)[0]
+    px = np.zeros((packed.count, 8, 2))
+    for b, target in enumerate(packed.targets):
+        rows = packed.owner == b
+        lens = (
+            np.asarray(target["distortion"], dtype=np.float64) if "distortion" in target else None
+        )
+        px[rows] = project(packed.per_image["K"][b], corners[rows], lens)[0]
+    return px

@@ -38,7 +38,7 @@ def pack(
     targets: Sequence[Target],
     index: Sequence[int],
     image_hw: Sequence[tuple[int, int]] | None,
-    step: int,
+    step: int | None,
 ) -> Packed | None:
     """The fields of targets that have the same fields, as a few arrays.
 
@@ -46,7 +46,7 @@ def pack(
         targets: at least one.
         index: which of the batch they are.
         image_hw: height and width of each one's image; None if it is not known.
-        step: number of the training step, by which costly checks take turns.
+        step: number of the training step, by which costly checks take turns; None: all.
 
     Returns:
         The arrays; None if types, shapes or counts do not fit together (form_findings says which).

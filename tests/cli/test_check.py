@@ -12,7 +12,7 @@ import pytest
 from commands import labels_of_one_animal, ran
 from cuboid_sets import random_set
 from mesh_folder_dataset import camera_with, write_mesh_folder
-from planted_faults import plant
+from planted_file_faults import plant
 from small_animals import model_of
 
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import numpy as np
-from planted_faults import ENTRY_FAULTS, FILE_FAULTS, plant_many
+from planted_file_faults import ENTRY_FAULTS, FILE_FAULTS, plant_many
 from small_animals import small_dataset, write_small_animals
 from torch.utils.data import DataLoader
 

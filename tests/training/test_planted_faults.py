@@ -50,6 +50,13 @@ def flipped_by_another_library(batch: Batch) -> None:
     target["rotation"] = torch.diag(mirror) @ target["rotation"]
 
 
+def twice(batch: Batch) -> None:
+    """The first animal once more, in the place of the second."""
+    for name, values in batch[2].items():
+        if isinstance(values, Tensor) and name not in ("K", "keypoint_mirror"):
+            batch[2][name] = values[[0, 0]]
+
+
 FAULTS: dict[str, tuple[Callable[[Batch], None], str, str]] = {
     "labels of another type": (put("labels", lambda v: v.int()), "dtype", "labels"),
     "half precision": (put("center", lambda v: v.half()), "dtype", "center"),
@@ -140,6 +147,7 @@ FAULTS: dict[str, tuple[Callable[[Batch], None], str, str]] = {
         "truncation",
         "truncation",
     ),
+    "an animal twice": (twice, "twice", "center"),
     "label -1": (put("labels", at(1, -1)), "labels", "labels"),
     "keypoints marked outside": (
         put("keypoints", at((1, 0), torch.tensor([900.0, 5, 1]))),
@@ -189,7 +197,7 @@ def test_each_check_catches_its_planted_fault(fault: str) -> None:
 
 
 def test_every_check_has_a_planted_fault_and_its_line_in_the_documents() -> None:
-    elsewhere = {"batch", "mirrored", "H_out_in", "share_in_image"}  # below
+    elsewhere = {"batch", "mirrored", "H_out_in", "share_in_image", "range"}  # below
     assert {check for _, check, _ in FAULTS.values()} | elsewhere == set(CHECKS)
     page = (Path(__file__).parents[2] / "docs" / "checks.md").read_text()
     assert [

@@ -12,10 +12,13 @@ KORNIAS = {
     "input": "(B, C, H, W)",
     "mask": "(B, C, H, W) or (B, H, W)",
     "keypoints": "(B, J, 2)",
-    "bbox_xyxy": "(B, N, 4)",
+    "bbox": "(B, N, 4, 2) or a list of (N, 4, 2)",
+    "bbox_xyxy": "(B, N, 4) or a list of (N, 4)",
     "class": "(B, ...)",
 }
-"""Keys with kornia's own meaning, but that bbox_xyxy is clipped to the frame."""
+"""Keys with kornia's own meaning, but that bbox and bbox_xyxy are clipped to the frame."""
+BOX_KEYS = {"bbox": (4, 2), "bbox_xyxy": (4,)}
+"""Keys of 2D boxes, and the shape of one: four corners from the top left clockwise, or xyxy."""
 
 LEFT_OUT = ("boxes", "surface_share")
 """Fields of a label that are no keys: kornia's bbox_xyxy stands for the first, and some maps of
@@ -74,19 +77,19 @@ def checked_images(values: dict[str, Any]) -> Tensor:
             f"input must be images {SHAPES['input']} float32 or float64, not empty, got {received}"
         )
     for name, value in values.items():
-        if not isinstance(value, Tensor) or value.ndim == 0 or value.shape[0] != images.shape[0]:
+        if name in BOX_KEYS:
+            _check_boxes(name, value, len(images))
+        elif not isinstance(value, Tensor) or value.ndim == 0 or value.shape[0] != len(images):
             received = (
                 str(tuple(value.shape)) if isinstance(value, Tensor) else type(value).__name__
             )
             raise ShapeError(
-                f"{name} must be a tensor {SHAPES[name]} with the images' B = {images.shape[0]},"
-                f" got {received}"
+                f"{name} must be a tensor {SHAPES[name]} with the images' B = {len(images)}, got"
+                f" {received}"
             )
-    for name, sides in (("keypoints", 2), ("bbox_xyxy", 4)):
-        if name in values and (values[name].ndim != 3 or values[name].shape[-1] != sides):
-            raise ShapeError(
-                f"{name} must have shape {SHAPES[name]}, got {tuple(values[name].shape)}"
-            )
+    points = values.get("keypoints")
+    if points is not None and (points.ndim != 3 or points.shape[-1] != 2):
+        raise ShapeError(f"keypoints must be {SHAPES['keypoints']}, got {tuple(points.shape)}")
     if "mask" in values and (
         values["mask"].ndim not in (3, 4) or values["mask"].shape[-2:] != images.shape[-2:]
     ):
@@ -95,3 +98,16 @@ def checked_images(values: dict[str, Any]) -> Tensor:
             f" {tuple(values['mask'].shape)}"
         )
     return images
+
+
+def _check_boxes(name: str, value: Any, count: int) -> None:
+    """Raise a ShapeError unless boxes are a tensor or a list, one entry a picture."""
+    entry = BOX_KEYS[name]
+    rows = list(value) if isinstance(value, Tensor | list | tuple) else None
+    if rows is not None and len(rows) == count:
+        if all(isinstance(row, Tensor) and row.shape[1:] == entry for row in rows):
+            return
+        received = str([tuple(getattr(row, "shape", ())) for row in rows])
+    else:
+        received = type(value).__name__ if rows is None else f"{len(rows)} entries"
+    raise ShapeError(f"{name} must be {SHAPES[name]} with the images' B = {count}, got {received}")

@@ -6,6 +6,7 @@ The same draws, the same geometry, one warp.
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -16,7 +17,12 @@ from animal3dbox.transforms.camera_law.consistency import check_consistent
 from animal3dbox.transforms.camera_law.law import map_fields
 from animal3dbox.transforms.camera_law.relabel import Relabelling, check_keypoint_mirror
 from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
-from animal3dbox.transforms.kornia_bridge.data_keys import KORNIAS, checked_images, data_key
+from animal3dbox.transforms.kornia_bridge.data_keys import (
+    BOX_KEYS,
+    KORNIAS,
+    checked_images,
+    data_key,
+)
 from animal3dbox.transforms.kornia_bridge.fusion import (
     BatchWarp,
     Stage,
@@ -107,6 +113,7 @@ class CameraAugmentationSequential(torch.nn.Module):
         self.fill = fill if isinstance(fill, tuple) else (float(fill),)
         self.transform_matrix: Tensor | None = None
         self._params: Sequence[Any] | None = None
+        self._last_map: tuple[BatchWarp, tuple[int, int]] | None = None
 
     def forward(
         self,
@@ -126,31 +133,74 @@ class CameraAugmentationSequential(torch.nn.Module):
             dtype that came.
 
         """
+        keys, names, values = self._named(args, data_keys)
+        images = checked_images(values)
+        self._params = self.pipeline.forward_parameters(images.shape) if params is None else params
+        shape = (images.shape[0], images.shape[1], images.shape[2], images.shape[3])
+        stages = drawn_stages(self.pipeline, self._params, shape)
+        self._last_map = (whole_map(stages, shape[0], shape[2:]), shape[2:])
+        results = self._mapped(values, stages)
+        self.transform_matrix = self._matrix(self._last_map[0], images)
+        return _as_given(args, keys, names, results)
+
+    def inverse(self, *args: Any, data_keys: Sequence[Any] | None = None) -> Any:
+        """Take images, and all that is known about them, back to before the last call.
+
+        What the last call cut off is gone: it is filled, and boxes that were clipped stay so.
+        Colours stay as they are.
+
+        Args:
+            args: as of forward, of the size that the last call gave.
+            data_keys: for this call.
+
+        Raises:
+            ConfigError: there was no call, or the images are of another number or size.
+
+        Example:
+            >>> import kornia.augmentation as kornia
+            >>> aug = CameraAugmentationSequential(kornia.RandomHorizontalFlip(p=1.0))
+            >>> images = torch.rand(1, 3, 60, 80)
+            >>> bool((aug.inverse(aug(images)) - images).abs().max() < 1e-4)
+            True
+        """
+        if self._last_map is None:
+            raise ConfigError("inverse needs a call before it, whose maps it takes back")
+        keys, names, values = self._named(args, data_keys)
+        images = checked_images(values)
+        last, image_hw = self._last_map
+        if (len(images), tuple(images.shape[2:])) != (len(last.H_out_in), tuple(last.image_hw)):
+            raise ConfigError(
+                f"inverse needs the {len(last.H_out_in)} images of {tuple(last.image_hw)} that the"
+                f" last call gave, got {len(images)} of {tuple(images.shape[2:])}"
+            )
+        back = BatchWarp(np.linalg.inv(last.H_out_in), image_hw)
+        return _as_given(args, keys, names, self._mapped(values, [back]))
+
+    def _named(
+        self, args: tuple[Any, ...], data_keys: Sequence[Any] | None
+    ) -> tuple[list[Any], list[str], dict[str, Any]]:
+        """The keys of a call as they were given, their names, and the values by these."""
         as_dict = len(args) == 1 and isinstance(args[0], Mapping)
-        keys = list(args[0]) if as_dict else data_keys or self.data_keys or ()
+        keys = list(args[0]) if as_dict else list(data_keys or self.data_keys or ())
         names = [data_key(name) for name in keys]
         values = list(args[0].values()) if as_dict else list(args)
         if len(names) != len(values) or len(set(names)) != len(names):
             raise ConfigError(
-                f"data_keys must name each argument once, got {list(keys)} for {len(values)}"
-                " arguments"
+                f"data_keys must name each argument once, got {keys} for {len(values)} arguments"
             )
-        images = checked_images(dict(zip(names, values, strict=True)))
         if "keypoints" in names and any(self.mirrors.values()) and self.keypoint_mirror is None:
             raise ConfigError(
                 "keypoints under a mirror change their names: give keypoint_mirror=[...], each"
                 " one's counterpart on the other side"
             )
-        self._params = self.pipeline.forward_parameters(images.shape) if params is None else params
-        shape = (images.shape[0], images.shape[1], images.shape[2], images.shape[3])
-        results = self._mapped(
-            dict(zip(names, values, strict=True)), drawn_stages(self.pipeline, self._params, shape)
-        )
-        if as_dict:
-            return {name: results[key] for name, key in zip(keys, names, strict=True)}
-        return results[names[0]] if len(names) == 1 else [results[name] for name in names]
+        return keys, names, dict(zip(names, values, strict=True))
 
-    def _mapped(self, values: dict[str, Tensor], stages: list[Stage]) -> dict[str, Tensor]:
+    @staticmethod
+    def _matrix(batch_warp: BatchWarp, images: Tensor) -> Tensor:
+        """The maps of a batch as a tensor like its images."""
+        return torch.from_numpy(batch_warp.H_out_in.copy()).to(images)
+
+    def _mapped(self, values: dict[str, Any], stages: list[Stage]) -> dict[str, Any]:
         """Every value of a batch after the stages."""
         images = values["input"]
         image_hw = (images.shape[2], images.shape[3])
@@ -161,23 +211,18 @@ class CameraAugmentationSequential(torch.nn.Module):
                 "the pipeline mirrored a picture although none of its operations was known to"
                 " mirror"
             )
-        results = self._mapped_targets(values, H, image_hw, batch_warp) | {
+        results: dict[str, Any] = self._mapped_targets(values, H, image_hw, batch_warp) | {
             "input": run_images(images, stages, self.interpolation, self.fill)
         }
         if "mask" in values:
             results["mask"] = run_masks(values["mask"], stages)
         if "keypoints" in values:
             results["keypoints"] = self._mapped_keypoints(values["keypoints"], H)
-        if "bbox_xyxy" in values:
-            boxes = values["bbox_xyxy"]
-            rows = [
-                mapped_boxes(box.double(), H[row], batch_warp.image_hw, None)
-                for row, box in enumerate(boxes)
-            ]
-            results["bbox_xyxy"] = torch.stack(rows).to(boxes.dtype)
+        for name in BOX_KEYS:
+            if name in values:
+                results[name] = _mapped_boxes(values[name], H, batch_warp.image_hw)
         if "class" in values:
             results["class"] = values["class"]
-        self.transform_matrix = H.to(images.dtype)
         return results
 
     def _mapped_targets(
@@ -224,6 +269,30 @@ class CameraAugmentationSequential(torch.nn.Module):
         if self.keypoint_mirror is not None:
             mapped = Relabelling(torch.linalg.det(H) < 0).keypoints(mapped, self.keypoint_mirror)
         return mapped.to(keypoints.dtype)
+
+
+def _mapped_boxes(
+    boxes: Tensor | Sequence[Tensor], H: Tensor, image_hw: tuple[int, int]
+) -> Tensor | list[Tensor]:
+    """2D boxes of a batch, as xyxy or four corners, inside the new frame; a list stays a list."""
+    rows = []
+    for row, box in enumerate(boxes):
+        with_corners = box.ndim == 3
+        xyxy = torch.cat((box.amin(1), box.amax(1)), -1) if with_corners else box
+        mapped = mapped_boxes(xyxy.double(), H[row], image_hw, None)
+        if with_corners:  # top left, then clockwise, as kornia gives them
+            mapped = mapped[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 4, 2)
+        rows.append(mapped.to(box.dtype))
+    return torch.stack(rows) if isinstance(boxes, Tensor) else rows
+
+
+def _as_given(
+    args: tuple[Any, ...], keys: Sequence[Any], names: Sequence[str], results: Mapping[str, Any]
+) -> Any:
+    """The results as a dict, a list, or the only one, as the arguments were given."""
+    if len(args) == 1 and isinstance(args[0], Mapping):
+        return {name: results[key] for name, key in zip(keys, names, strict=True)}
+    return results[names[0]] if len(names) == 1 else [results[name] for name in names]
 
 
 def _pipeline(ops: Sequence[Any], options: dict[str, Any]) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from loading import in_bytes
 from planted_epoch import planted_epoch, told_apart
-from planted_faults import ENTRY_FAULTS, FILE_FAULTS, plant
+from planted_file_faults import ENTRY_FAULTS, FILE_FAULTS, plant
 from small_animals import small_dataset
 from torch.utils.data import DataLoader
 
