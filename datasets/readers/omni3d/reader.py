@@ -354,6 +354,7 @@ def _records(
             truncation=box.truncation,
             visibility=box.visibility,
             sighting=box.sighting,
+            upright=box.image.upright,
         )
         records.append((index, record))
     return records, faults

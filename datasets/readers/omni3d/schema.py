@@ -18,7 +18,11 @@ Matrix = list[list[float] | float]
 
 
 class Omni3DImage(msgspec.Struct, kw_only=True):
-    """One element of "images"; K is written row by row, by some others as nine numbers."""
+    """One element of "images"; K is written row by row, by some others as nine numbers.
+
+    turned_upright is this package's own: that the boxes are for the picture turned as the EXIF
+    header of its file says. It is there only if it is true.
+    """
 
     id: Key
     dataset_id: Key = 0
@@ -26,6 +30,7 @@ class Omni3DImage(msgspec.Struct, kw_only=True):
     height: int
     file_path: str
     K: Matrix
+    turned_upright: bool | msgspec.UnsetType = msgspec.UNSET
 
 
 class Omni3DCategory(msgspec.Struct, kw_only=True):
