@@ -7,14 +7,13 @@ from typing import Final
 
 import msgspec
 
+from animal3dbox.datasets.readers.elements import Matrix
+
 GENERATOR: Final = "animal3dbox"
 """Value of info.generator in the files that this package writes."""
 
 Key = int | str
 """An id: Omni3D's own are whole numbers, files made after it have words, too."""
-
-Matrix = list[list[float] | float]
-"""Rows of numbers, or the same numbers one after the other."""
 
 
 class Omni3DImage(msgspec.Struct, kw_only=True):

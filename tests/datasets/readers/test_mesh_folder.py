@@ -100,6 +100,24 @@ def test_a_guess_at_the_camera_is_one_start_among_others(tmp_path: Path) -> None
     assert "too_few_keypoints" in fault
 
 
+def test_matrices_of_a_camera_may_be_flat(tmp_path: Path) -> None:
+    plain = read_mesh_folder(write_mesh_folder(tmp_path / "plain")).records.records[0]
+    root = write_mesh_folder(tmp_path / "flat")
+    content = camera_json(60)
+    flat = {key: np.ravel(content[key]).tolist() for key in ("K", "R")}
+    write_json(root / "cameras" / "a.json", {**content, **flat})
+    found = read_mesh_folder(root).records
+    assert found.faults == ()
+    assert found.records[0].K is not None
+    assert plain.K is not None
+    assert np.array_equal(found.records[0].K, plain.K)
+    for part, other in zip(found.records[0].pose or (), plain.pose or (), strict=True):
+        assert np.array_equal(part, other)
+    write_json(root / "cameras" / "a.json", {**content, "K": flat["K"][:8]})
+    (fault,) = read_mesh_folder(root).records.faults
+    assert (fault.sample_id, fault.field) == ("a.jpg", "camera")
+
+
 def test_marked_keypoints_at_minus_one_are_missing_with_a_note(tmp_path: Path) -> None:
     plain = read_mesh_folder(write_mesh_folder(tmp_path / "plain")).records.records[1].keypoints_2d
     names = list(keypoints_json(250))
