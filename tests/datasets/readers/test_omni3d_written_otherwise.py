@@ -279,3 +279,38 @@ def test_orientation_without_corners_is_taken_on_trust_and_noted(
     back = read(tmp_path, content)
     assert back.faults == ()
     assert any("bbox3D_cam is missing in 3 of 10" in note for note in back.notes)
+
+
+@pytest.mark.parametrize("order", ["LHW", "HWL", "LWH", "WLH", "HLW"])
+@pytest.mark.parametrize("field", ["bbox2D_proj", "bbox2D_trunc", "bbox2D_tight"])
+def test_dimensions_in_another_order_without_corners_are_faults_that_name_it(
+    tmp_path: Path, content: Content, order: str, field: str
+) -> None:
+    for annotation in content["annotations"]:
+        annotation["bbox3D_cam"] = None
+        annotation["bbox2D_tight"] = annotation["bbox2D_trunc"]
+        annotation |= {
+            key: [-1] * 4 for key in ("bbox2D_proj", "bbox2D_trunc", "bbox2D_tight") if key != field
+        }
+        by_name = dict(zip("WHL", annotation["dimensions"], strict=True))
+        annotation["dimensions"] = [by_name[name] for name in order]
+    back = read(tmp_path, content)
+    assert back.records == ()
+    assert len(back.faults) == 10
+    for fault in back.faults:
+        assert fault.field == "dimensions"
+        assert f"look like [{', '.join(order)}], not [W, H, L]" in fault.problem
+
+
+@pytest.mark.parametrize("field", ["bbox2D_proj", "bbox2D_trunc", "bbox2D_tight"])
+def test_dimensions_as_documented_are_no_fault_without_corners(
+    tmp_path: Path, content: Content, field: str
+) -> None:
+    for number, annotation in enumerate(content["annotations"]):
+        annotation["bbox3D_cam"] = None
+        annotation |= {
+            key: [-1] * 4
+            for key in ("bbox2D_proj", "bbox2D_trunc", "bbox2D_tight")
+            if key != field or number % 4 == 0
+        }
+    assert read(tmp_path, content).faults == ()
