@@ -4,6 +4,7 @@ Corners say which dimension lies along which axis (`layout`). Without them the d
 [W, H, L] is taken on trust, unless the 2D boxes of the file fit another order clearly better.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations
@@ -29,6 +30,14 @@ DOCUMENTED = "WHL"
 """Omni3D's order of dimensions: width, height, length."""
 SIZE = "LWH"
 """The order in which a record has its size."""
+MANY_THINGS, ENOUGH = 10, 25
+"""Number of boxes round things from which they can tell an order, and are evidence in full."""
+CHANCE_GAIN, THING_OVERLAP = 0.25, 0.5
+"""Least gain times the root of the number of such boxes, and their least median overlap.
+
+Of 200 random files of 10 such boxes of the synthetic world, in the documented order, none comes to
+more than 0.17; in [L, H, W] the median is 0.35. `benchmarks/omni3d_orders.py` counts both.
+"""
 OTHER_ORDERS = tuple(
     "".join(names) for names in permutations(DOCUMENTED) if "".join(names) != DOCUMENTED
 )
@@ -59,9 +68,7 @@ def order_problems(
     best = max(OTHER_ORDERS, key=lambda order: medians[order])
     before, after = medians[DOCUMENTED], medians[best]
     gain = float(np.median(fits[best] - fits[DOCUMENTED]))
-    is_many = len(members) >= MANY
-    least_gain, least = (FILE_GAIN, FILE_OVERLAP) if is_many else (BOX_GAIN, BOX_OVERLAP)
-    if gain < least_gain or after < least:
+    if not _is_clear(gain, after, len(members)):
         return {}
     problem = (
         f"look like [{', '.join(best)}], not [W, H, L]: so read, 2D boxes overlap the projected"
@@ -69,6 +76,26 @@ def order_problems(
         " reorder them, or give the corners (bbox3D_cam)"
     )
     return {index: SampleError(record.sample_id, "dimensions", problem) for index, record in alone}
+
+
+def _is_clear(gain: float, after: float, count: int) -> bool:
+    """Whether another order explains a file's 2D boxes so much better that it must be theirs.
+
+    Boxes round projected cuboids fit the right order nearly exactly. Those round things alone do
+    not, since a thing fills no cuboid: there many boxes must tell it together.
+
+    Args:
+        gain: median difference of overlaps.
+        after: median overlap in the other order.
+        count: number of boxes.
+
+    """
+    if gain >= BOX_GAIN and after >= BOX_OVERLAP:
+        return True
+    if count >= MANY and gain >= FILE_GAIN and after >= FILE_OVERLAP:
+        return True
+    by_chance = CHANCE_GAIN / math.sqrt(min(count, ENOUGH))
+    return count >= MANY_THINGS and gain >= by_chance and after >= THING_OVERLAP
 
 
 def _stated_2d(
