@@ -3,6 +3,7 @@
 READERS lists the formats of annotated animals; a new one is a reader in readers/ and a line there.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -62,12 +63,14 @@ class PathSummary:
 
 def _read_animal3d(path: Path, options: ReadOptions) -> ReadDataset:
     _refuse_vocabulary(options, animal3d_entries.VOCABULARY)
-    dataset = animal3d.read_animal3d(path, options.model, options.images, options.tolerance())
+    dataset = animal3d.read_animal3d(
+        path, options.model, options.images, options.tolerance(), focal_px=options.focal_px
+    )
     if options.model is not None and dataset.bodies is None:
         wrong = [
             fault
             for fault in dataset.records.faults
-            if fault.field.partition(",")[0] in animal3d_entries.PARAMETERS
+            if re.split(r"[,.[]", fault.field)[0] in animal3d_entries.PARAMETERS
         ]
         faults = wrong or dataset.records.faults
         remedy = (

@@ -34,6 +34,8 @@ AT_ONCE = 256
 """Targets that are examined together."""
 SHOWN = 20
 """Faults that are printed; --json has all."""
+DOUBTS = ("not_turned", "misplaced", "off_mask")
+"""Flags of labels that may not be for the pixels that they lie on."""
 READING = "reading"
 """The check that elements of a file fail which cannot be read."""
 EXCHANGED = "exchanged"
@@ -185,14 +187,14 @@ def _dataset_of(job: CheckJob) -> AnnotatedDataset:
 
 
 def doubts_of(targets: Sequence[Mapping[str, Any]]) -> Counter[str]:
-    """The number of labels, by flag, whose keypoints may not be for the pixels that they lie on."""
+    """The number of labels, by flag, that may not be for the pixels that they lie on."""
     flags = (
         flag
         for target in targets
         for quality in target["meta"]["quality"]
         for flag in quality["flags"]
     )
-    return Counter(flag for flag in flags if flag in ("not_turned", "misplaced"))
+    return Counter(flag for flag in flags if flag in DOUBTS)
 
 
 def mended_animals(target: Mapping[str, Any]) -> list[str]:

@@ -165,7 +165,12 @@ def _labelled(
             record, photo = records[place], photos[place]
             sighting = record.sighting.with_picture_time(photo.facts.time)
             results[place] = Labelled(
-                outcome, record.image_id, record.category, photo.pixels, sighting
+                outcome,
+                record.image_id,
+                record.category,
+                photo.pixels,
+                sighting=sighting,
+                upright=photo.facts.upright,
             )
     return [result for result in results if result is not None]
 

@@ -233,10 +233,10 @@ def _quality(draft: LabelDraft, *, n_keypoints: int, mean_px: float, n_inliers: 
 
 
 def _flags(draft: LabelDraft) -> tuple[str, ...]:
-    """The words of FLAGS that hold of a draft whose camera was estimated."""
+    """The words of FLAGS that hold of a draft."""
     evidence = draft.pose.evidence
     if evidence is None:
-        return ()
+        return ("off_mask",) if draft.mask_denies_camera else ()
     rotation = draft.pose.R @ draft.mesh_box[1]
     center = draft.pose.R @ draft.mesh_box[0] + draft.pose.t
     elevation, roll = elevation_and_roll(rotation, center)

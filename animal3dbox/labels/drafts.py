@@ -25,12 +25,14 @@ from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma, misfit_
 from animal3dbox.labels.pose.outline_refinement import RIM_POINTS
 from animal3dbox.labels.pose.problem import AS_GIVEN, PoseEstimate, PoseFailure, PoseProblem
 from animal3dbox.labels.types import Rejection
-from animal3dbox.labels.visibility.body_in_picture import body_in_picture
+from animal3dbox.labels.visibility.body_in_picture import BodyInPicture, body_in_picture
 from animal3dbox.smal.keypoints.exchanges import PARTS, exchange_order
 
 Array = NDArray[np.float64]
 DIRECTIONS = even_directions(16)
 """In which the mask's supports are compared with the body's."""
+LEAST_COVERAGE, LEAST_IOU = 0.5, 0.05
+"""Least part of its mask that a body under a known camera covers, and least overlap of the two."""
 EXCHANGED_SIDES = "left and right are exchanged in the file"
 """How the warning of a label begins that exchanged them."""
 
@@ -45,6 +47,7 @@ class LabelDraft:
         mesh_box: center (3,), rotation (3, 3) and size (3,) of its cuboid in the mesh's frame.
         flat_box: (4,) xyxy px, see CuboidLabel.box; None if there is neither a mask nor vertices.
         mask_iou: overlap of the projected mesh with the mask; None if not known or not asked for.
+        mask_denies_camera: whether a known camera puts the body beside its mask.
         surface_share: (6,) of the visible surface; None if not known or not asked for.
         orientation_rule: which rule gave the axes.
         bounds_source: "vertices" or "keypoints": what the box bounds.
@@ -59,6 +62,7 @@ class LabelDraft:
     mesh_box: tuple[Array, Array, Array]
     flat_box: Array | None
     mask_iou: float | None
+    mask_denies_camera: bool
     surface_share: Array | None
     orientation_rule: str
     bounds_source: str
@@ -184,21 +188,37 @@ def _draft(
             "the animal or its box reaches beyond the lens's field of view, where its polynomial"
             " folds",
         )
-    flat_box, mask_iou, surface_share = body_in_picture(
-        observation, pose, R_box=R_box, box=box, config=config
-    )
+    shown = body_in_picture(observation, pose, R_box=R_box, box=box, config=config)
+    denied = _denied_camera(observation, shown)
     return LabelDraft(
         observation=observation,
         pose=pose,
         mesh_box=mesh_box,
-        flat_box=flat_box,
-        mask_iou=mask_iou,
-        surface_share=surface_share,
+        flat_box=shown.box,
+        mask_iou=shown.mask_iou,
+        mask_denies_camera=denied is not None,
+        surface_share=shown.surface_share,
         orientation_rule=axes.rule,
         bounds_source=bounds_source,
-        warnings=(*observation.warnings, *warnings),
+        warnings=(*observation.warnings, *warnings, *((denied,) if denied else ())),
         method=config.method,
         calibration=axes.calibration or observation.body_calibration,
+    )
+
+
+def _denied_camera(observation: Observation, shown: BodyInPicture) -> str | None:
+    """The warning of a known camera that puts the body beside its mask; None if all is well.
+
+    A mask holds what is visible of an animal, which lies on the body, however much of it is hidden.
+    """
+    if not observation.camera_is_known or shown.mask_coverage is None or shown.mask_iou is None:
+        return None
+    if shown.mask_coverage >= LEAST_COVERAGE and shown.mask_iou >= LEAST_IOU:
+        return None
+    return (
+        f"the mesh under the known camera covers {shown.mask_coverage:.0%} of the mask (IoU"
+        f" {shown.mask_iou:.2f}): the camera (K, R, t) or the mesh is of another image or unit,"
+        " or the mask is of another animal, or of several"
     )
 
 

@@ -44,6 +44,7 @@ FLAGS = {
     "uncertain": "the rotation's standard deviation is more than 15 degrees",
     "not_turned": "the picture's EXIF orientation was not applied: see that this is right",
     "misplaced": "the keypoints lie beside the frame, or the animal's own box or mask",
+    "off_mask": "the body under its known camera lies beside the mask: one of them is wrong",
 }
 """Words of Quality.flags, and what they say."""
 

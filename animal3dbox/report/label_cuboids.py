@@ -129,6 +129,7 @@ def _record(row: AnimalRow) -> CuboidRecord:
         box=box if (box[2:] > box[:2]).all() else None,
         truncation=row.truncation,
         sighting=row.sighting,
+        upright=row.upright,
     )
 
 

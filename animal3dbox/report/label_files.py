@@ -115,6 +115,7 @@ class AnimalRow(_Numbers, kw_only=True):
     scale_source: str = "unknown"
     distortion: list[float] | None = None
     sighting: Sighting = NO_SIGHTING
+    upright: bool = False
     fit: FitRow | msgspec.UnsetType = msgspec.UNSET
 
 
@@ -160,6 +161,7 @@ def animal_row(
     animal: int,
     category: str,
     sighting: Sighting = NO_SIGHTING,
+    upright: bool = False,
 ) -> AnimalRow:
     """The row of a label; what is unknown is null.
 
@@ -169,6 +171,7 @@ def animal_row(
         animal: its number there.
         category: what the dataset calls it.
         sighting: when, where and of whom the picture is.
+        upright: whether the label is for the picture turned as its file's header says.
 
     Example:
         >>> from animal3dbox import LabelConfig, label_animal
@@ -215,6 +218,7 @@ def animal_row(
         scale_source=label.scale_source,
         distortion=None if label.lens is None else label.lens.tolist(),
         sighting=sighting,
+        upright=upright,
         fit=msgspec.UNSET if label.fit is None else _fit_row(label.fit, label.keypoints_2d),
     )
 

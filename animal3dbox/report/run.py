@@ -41,6 +41,7 @@ class Labelled:
         category: its species, as the dataset says.
         picture: (H, W, 3) uint8 RGB.
         sighting: when, where and of whom the picture is.
+        upright: whether the picture was turned as its file's header says.
 
     Example:
         >>> picture = np.zeros((4, 4, 3), dtype=np.uint8)
@@ -53,6 +54,7 @@ class Labelled:
     category: str
     picture: NDArray[np.uint8]
     sighting: Sighting = NO_SIGHTING
+    upright: bool = False
 
 
 def write_run(
@@ -190,6 +192,7 @@ class RunWriter:
             animal=number,
             category=result.category,
             sighting=result.sighting,
+            upright=result.upright,
         )
         self._animals.append(row)
         self._flags.append(flags)

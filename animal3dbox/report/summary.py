@@ -34,6 +34,7 @@ FLAGS = {
         " picture, apply it (--orientation apply)"
     ),
     "misplaced": "the keypoints lie beside the frame, or the animal's own box or mask",
+    "off_mask": "the body under its known camera lies beside the mask: one of them is wrong",
 }
 """Reasons why a label that is kept should be looked at.
 
@@ -113,6 +114,7 @@ def flags_of(label: CuboidLabel) -> tuple[str, ...]:
         "unseen": label.truncation >= 1 or not bool((label.box[:2] < label.box[2:]).all()),
         "not_turned": "not_turned" in quality.flags,
         "misplaced": "misplaced" in quality.flags,
+        "off_mask": "off_mask" in quality.flags,
     }
     return tuple(flag for flag in FLAGS if raised[flag])
 

@@ -14,6 +14,7 @@ from animal3dbox.datasets.exchange.export import (
     checked_first_id,
     heading_note,
     images_with_boxes,
+    upright_note,
 )
 from animal3dbox.datasets.readers.cuboid_conventions import COCO, Floats
 from animal3dbox.datasets.readers.visible_boxes import VisibleBoxes, visible_boxes
@@ -115,7 +116,7 @@ def write_coco(
         images=len(members),
         boxes=len(annotations),
         faults=(*faults, *outside),
-        notes=heading_note(records),
+        notes=(*heading_note(records), *upright_note(cuboids)),
         next_id=start + max(len(members), len(annotations)),
     )
 

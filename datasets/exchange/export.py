@@ -186,3 +186,17 @@ def heading_note(records: Sequence[CuboidRecord]) -> tuple[str, ...]:
         f"the heading of {unknown} of {len(records)} boxes is not known: which of their sides is"
         " called front means nothing",
     )
+
+
+def upright_note(cuboids: CuboidSet) -> tuple[str, ...]:
+    """A sentence on images whose boxes are for the pixels as turned, if there are any.
+
+    It is for formats that name pictures and hold none of them.
+    """
+    turned = [image.image_id for image in cuboids.listed_images() if image.upright]
+    if not turned:
+        return ()
+    return (
+        f"the boxes of {len(turned)} images are for their pixels turned as the EXIF headers say,"
+        f" not as stored: read the pictures so; the first is {turned[0]}",
+    )

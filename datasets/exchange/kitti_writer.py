@@ -19,7 +19,7 @@ from animal3dbox.datasets.exchange.export import (
     images_with_boxes,
 )
 from animal3dbox.datasets.exchange.occlusion import visible_parts
-from animal3dbox.datasets.images.photos import is_file, read_image
+from animal3dbox.datasets.images.photos import is_file, read_photo
 from animal3dbox.datasets.readers.cuboid_conventions import KITTI, Floats, yaw_of, yaw_rotation
 from animal3dbox.datasets.readers.kitti.files import (
     HEADING_UNKNOWN,
@@ -57,7 +57,8 @@ def write_kitti(
 
     FOLDER/label_2/000000.txt, FOLDER/calib/000000.txt and FOLDER/image_2/000000.png are the first
     image's, and so on; FOLDER/ImageSets/train.txt lists the numbers, FOLDER/images.txt says which
-    image each is. Pictures are written anew, as their pixels are stored and without any header.
+    image each is. Pictures are written anew and without any header: as their pixels are stored, or
+    turned as their headers say where the boxes are for the turned ones.
 
     `occluded` is 0, 1 or 2 by the part that is visible, as the dataset says, else as the nearer
     boxes of the image leave it: with 3, unknown, a common family of loaders skips every box.
@@ -180,9 +181,9 @@ def _write_picture(image: CuboidImage, path: Path) -> list[str]:
     """
     if image.image_path is None or not is_file(image.image_path):
         return [image.image_id]
-    pixels = read_image(image.image_path, image.image_id, image.image_hw)
+    photo = read_photo(image.image_path, image.image_id, image.image_hw, upright=image.upright)
     content = BytesIO()
-    Image.fromarray(pixels).save(content, "PNG")
+    Image.fromarray(photo.pixels).save(content, "PNG")
     write_whole(path, content.getvalue())
     return []
 

@@ -17,6 +17,7 @@ from animal3dbox.datasets.exchange.export import (
     checked_units,
     heading_note,
     images_with_boxes,
+    upright_note,
 )
 from animal3dbox.datasets.readers.cuboid_conventions import OMNI3D, Floats
 from animal3dbox.datasets.readers.omni3d.schema import (
@@ -127,7 +128,7 @@ def write_omni3d(
         images=len(members),
         boxes=len(records),
         faults=tuple(faults),
-        notes=(*heading_note(records), *_unit_note(units)),
+        notes=(*heading_note(records), *upright_note(cuboids), *_unit_note(units)),
         next_id=start + max(len(members), len(records)),
     )
 
@@ -172,6 +173,7 @@ def _images(
             height=image.image_hw[0],
             file_path=image.image_id,
             K=OMNI3D.K_out(image.K).tolist(),
+            turned_upright=image.upright or msgspec.UNSET,
         )
         for image, _ in members
     ]

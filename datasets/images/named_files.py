@@ -61,7 +61,7 @@ def resolve_inside(root: Path, relative: str, sample_id: str, field: str) -> Pat
             " --images)",
         )
     raise SampleError(
-        sample_id, field, f"there is no file {relative!r} under {root}{_near_miss(home, relative)}"
+        sample_id, field, f"there is no file {relative!r} under {root}{near_miss(home, relative)}"
     )
 
 
@@ -87,9 +87,9 @@ def portable_name(root: Path, name: str) -> str:
 
 def is_end_of_path(name: str, path: str) -> bool:
     """Whether a path ends in all the folders of a name, however these are written."""
-    parts = [_plain(part) for part in path.split("/")]
+    parts = [plain_name(part) for part in path.split("/")]
     return any(
-        parts[-len(reading) :] == [_plain(part) for part in reading]
+        parts[-len(reading) :] == [plain_name(part) for part in reading]
         for reading in _readings(name)
         if reading
     )
@@ -135,16 +135,17 @@ def _in_any_case(home: Path, parts: tuple[str, ...]) -> list[Path]:
             for folder in folders
             if folder.is_dir()
             for child in folder.iterdir()
-            if _plain(child.name) == _plain(part)
+            if plain_name(child.name) == plain_name(part)
         ]
     return sorted(path for path in folders if path.is_file())
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
+    """A name by which two are alike that differ in letter case or Unicode form alone."""
     return unicodedata.normalize("NFC", name).casefold()
 
 
-def _near_miss(home: Path, name: str) -> str:
+def near_miss(home: Path, name: str) -> str:
     """Words that name the nearest file of the folder that a name leads into; "" if none is near."""
     parts = next(_readings(name))
     folder = home.joinpath(*parts[:-1])

@@ -28,6 +28,19 @@ SMALLEST_PX = 16.0
 SHORTEST_M = 0.02
 """Length of a file's median box below which its unit is hardly the metre."""
 
+FILE_GAIN, FILE_OVERLAP = 0.15, 0.7
+"""By how much another reading must fit the median 2D box of a file better, and how well."""
+BOX_GAIN, BOX_OVERLAP = 0.3, 0.8
+"""The same for a single box of a file that is read rightly, and for a file of few boxes."""
+MANY = 5
+"""Number of boxes from which on a file's median is evidence enough.
+
+With fewer, one that has lost its pitch may fit another order by chance. There the other reading
+must fit much better, or of KITTI's files make the length the greatest dimension where it was not.
+"""
+SAMPLED = 300
+"""Most boxes of a file by which readings are compared."""
+
 
 def check_metric(metric: str) -> None:
     """Raise a ConfigError for a word that says nothing of a file's lengths."""

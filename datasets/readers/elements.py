@@ -14,6 +14,8 @@ from animal3dbox.errors import SampleError
 
 MOST_EXACT = 2.0**53
 """From here on floats stand for several whole numbers: as ids they would merge."""
+Matrix = list[list[float] | float]
+"""The rows of a matrix, or its numbers row by row in one list."""
 _Entry = TypeVar("_Entry", bound=msgspec.Struct)
 
 
@@ -145,3 +147,16 @@ def read_box(
     if box.shape != (4,) or not np.isfinite(box).all() or not (box[2:] > box[:2]).all():
         raise SampleError(sample_id, field, f"must be [{form}] with a positive area, got {numbers}")
     return box - 0.5
+
+
+def read_matrix(numbers: Matrix) -> NDArray[np.float64]:
+    """A matrix of a file's rows; nine numbers in one list are 3 x 3, row by row.
+
+    Raises ValueError for rows of different lengths.
+
+    Args:
+        numbers: as the file has them.
+
+    """
+    values = np.array(numbers, dtype=np.float64)
+    return values.reshape(3, 3) if values.shape == (9,) else values

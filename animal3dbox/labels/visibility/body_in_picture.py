@@ -3,6 +3,8 @@
 Its flat box, its overlap with the mask, its visible surface.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,22 @@ from animal3dbox.labels.pose.problem import PoseEstimate
 Array = NDArray[np.float64]
 
 
+class BodyInPicture(NamedTuple):
+    """What the picture shows of a body under a camera.
+
+    Attributes:
+        box: (4,) xyxy px, see CuboidLabel.box; None without a mask and vertices.
+        mask_iou: overlap of the drawn body with the mask; None if it is not known or not asked for.
+        mask_coverage: part of the mask that the drawn body covers; None likewise.
+        surface_share: (6,); None likewise.
+    """
+
+    box: Array | None
+    mask_iou: float | None = None
+    mask_coverage: float | None = None
+    surface_share: Array | None = None
+
+
 def mask_overlap(
     part: NDArray[np.bool_], place: tuple[slice, slice], mask: NDArray[np.bool_]
 ) -> float:
@@ -32,6 +50,18 @@ def mask_overlap(
     return float(shared / union) if union else 0.0
 
 
+def mask_coverage(
+    part: NDArray[np.bool_], place: tuple[slice, slice], mask: NDArray[np.bool_]
+) -> float:
+    """The part of a mask (H, W) that a drawn part (h, w) at its place in the frame covers.
+
+    What hides an animal is cut out of its mask, and so lowers the overlap, but not the coverage. 1
+    if the mask is empty.
+    """
+    count = np.count_nonzero(mask)
+    return float(np.count_nonzero(part & mask[place]) / count) if count else 1.0
+
+
 def body_in_picture(
     observation: Observation,
     pose: PoseEstimate,
@@ -39,7 +69,7 @@ def body_in_picture(
     R_box: Array,
     box: Array | None,
     config: LabelConfig,
-) -> tuple[Array | None, float | None, Array | None]:
+) -> BodyInPicture:
     """What the picture shows of a body under a camera.
 
     Nothing is drawn unless the configuration asks for it, or the body reaches behind the camera.
@@ -51,31 +81,27 @@ def body_in_picture(
         box: (4,) xyxy px of its mask; None without one.
         config: surface_share and mask_iou.
 
-    Returns:
-        box: (4,) xyxy px, see CuboidLabel.box; None without a mask and vertices.
-        mask_iou: None if it is not known or not asked for.
-        surface_share: (6,); None likewise.
-
     """
     vertices, faces, mask = observation.body.vertices, observation.body.faces, observation.mask
     wants_overlap = mask is not None and config.mask_iou
     draws = faces is not None and (wants_overlap or config.surface_share)
     if vertices is None or (box is not None and not draws):
-        return box, None, None
-    overlap = shares = None
+        return BodyInPicture(box)
+    overlap = coverage = shares = None
     if faces is not None and draws:
         vertices_cam = _in_camera(pose.R, pose.t, vertices)
         straight = bent_points(vertices_cam, observation.distortion)
         K, image_hw = observation.K, observation.image_hw
         if mask is not None and config.mask_iou:
-            overlap = mask_overlap(*covered_part(straight, faces, K, image_hw), mask)
+            drawn = covered_part(straight, faces, K, image_hw)
+            overlap, coverage = mask_overlap(*drawn, mask), mask_coverage(*drawn, mask)
         if config.surface_share:
             shares = surface_share(
                 vertices_cam, faces, pose.R @ R_box, K=K, image_hw=image_hw, bent=straight
             )
     if box is None:
         box = _mesh_box(observation, vertices, pose)
-    return box, overlap, shares
+    return BodyInPicture(box, overlap, coverage, shares)
 
 
 def _in_camera(R: Array, t: Array, vertices: Array) -> Array:

@@ -1,5 +1,6 @@
 """The animals of Animal3D's files, and of those written like them, collected entry by entry."""
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,6 +30,8 @@ from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetNotFoundError, SampleError
 from animal3dbox.smal.parameters import SmalParameters
 
+MOST_ANGLE = 2 * math.pi + 0.1
+"""Greatest angle in radians of a joint; what is greater looks like degrees."""
 _SCALED_LIMBS = (
     "scales the limbs, as dog models do and SMAL does not: the body would be wrong. Leave --model"
     " out, or remove the key to pose it without"
@@ -45,9 +48,9 @@ class CollectedAnimals:
         parameters: sample id -> the body's parameters.
         keypoints_3d: sample id -> the stored landmarks (26, 3).
         without_tail: sample ids of bodies that were fitted without a tail.
-        limb_scale_faults: sample id -> the error that scales of single limbs are to a model.
+        body_faults: sample id -> the error that an animal's parameters are to a model.
         image_counts: image -> number of its entries.
-        without_parameters: sample ids of animals whose parameters are all zero.
+        without_parameters: sample ids of animals whose pose is all zero.
         places: content of an entry -> where it stands.
         without_animals: places of entries that say that no animal is in their image.
         merged_masks: images whose mask is of several animals together.
@@ -60,7 +63,7 @@ class CollectedAnimals:
     parameters: dict[str, SmalParameters] = field(default_factory=dict)
     keypoints_3d: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     without_tail: set[str] = field(default_factory=set)
-    limb_scale_faults: dict[str, SampleError] = field(default_factory=dict)
+    body_faults: dict[str, SampleError] = field(default_factory=dict)
     image_counts: Counter[str] = field(default_factory=Counter)
     without_parameters: list[str] = field(default_factory=list)
     places: dict[bytes, str] = field(default_factory=dict)
@@ -75,14 +78,16 @@ class CollectedAnimals:
         """Add a sound animal with the rest of what its entry says."""
         sample_id = record.sample_id
         self.records.append(record)
-        if parameters is not None and _are_zero(parameters):
+        if parameters is not None and not bool(parameters.pose.any()):
             self.without_parameters.append(sample_id)
         elif parameters is not None:
             self.parameters[sample_id] = parameters
             if not entry.with_tail:
                 self.without_tail.add(sample_id)
             if any(entry.bone or ()):
-                self.limb_scale_faults[sample_id] = SampleError(sample_id, "bone", _SCALED_LIMBS)
+                self.body_faults[sample_id] = SampleError(sample_id, "bone", _SCALED_LIMBS)
+            if problem := _angle_problem(parameters):
+                self.body_faults[sample_id] = SampleError(sample_id, "pose", problem)
         elif isinstance(entry, AnimalOfMany) and entry.has_zero_pose:
             self.without_parameters.append(sample_id)
         landmarks = stored_landmarks(entry)
@@ -195,7 +200,13 @@ def elements_of(raw: msgspec.Raw, place: str, root: Path) -> Elements:
     return Elements(list(map(many_animals.encoded, animals)), True, is_merged)
 
 
-def _are_zero(parameters: SmalParameters) -> bool:
-    """Whether all of a body's parameters are zero, which stands for none."""
-    numbers = (parameters.pose, parameters.betas, parameters.trans)
-    return not any(bool(part.any()) for part in numbers)
+def _angle_problem(parameters: SmalParameters) -> str | None:
+    """What is wrong with a pose in degrees, which has joints turned by more than once round."""
+    angles = parameters.pose.reshape(-1, 3).norm(dim=-1)
+    greatest = float(angles.max())
+    if greatest <= MOST_ANGLE:
+        return None
+    return (
+        f"turns joint {int(angles.argmax())} by {greatest:.4g} radians, more than once round: these"
+        f" look like degrees; multiply pose by pi / 180"
+    )

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
 from animal3dbox.datasets.images.photos import stored_size
-from animal3dbox.datasets.readers.elements import decoded, image_size, read_box, read_rows
+from animal3dbox.datasets.readers.elements import (
+    Matrix,
+    decoded,
+    image_size,
+    read_box,
+    read_matrix,
+    read_rows,
+)
 from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.sightings import SightingKeys, sighting_of
@@ -61,13 +68,13 @@ class Animal3DEntry(_ImageName):
     rd_mask_path: Any = None
     category: int | str | None = None
     pose: list[float | list[float]] | None = None
-    shape: list[float] | None = None
-    shape_extra: list[float] | None = None
-    trans: list[float] | None = None
+    shape: list[float | list[float]] | None = None
+    shape_extra: list[float | list[float]] | None = None
+    trans: list[float | list[float]] | None = None
     keypoint_3d: list[list[float]] | None = None
     with_tail: int | bool = 1
     bone: list[float] | None = None
-    K: list[list[float]] | None = None  # our own key, of exports of fits
+    K: Matrix | None = None  # our own key, of exports of fits
 
 
 class AnimalOfMany(Animal3DEntry):
@@ -172,7 +179,7 @@ def _intrinsics(
     if entry.K is None:
         return None if split.flength is None else intrinsics(split.flength, image_hw).numpy()
     try:
-        K = np.array(entry.K, dtype=np.float64)
+        K = read_matrix(entry.K)
         check_intrinsics("K", K)
     except (ShapeError, ValueError) as error:
         raise SampleError(sample_id, "K", str(error)) from error
@@ -238,7 +245,7 @@ def category_names(split: SplitFile) -> dict[str, str]:
 def _flat(
     numbers: list[float | list[float]] | None, sample_id: str, field: str
 ) -> NDArray[np.float64]:
-    """Parameters as one array, of a list of numbers or of one of three a joint."""
+    """Parameters as one array, of a list of numbers or of rows of them, such as three a joint."""
     try:
         return np.array(numbers or [], dtype=np.float64).reshape(-1)
     except ValueError as error:

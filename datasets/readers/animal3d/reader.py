@@ -54,6 +54,8 @@ def read_animal3d(
     model: Path | None = None,
     images: Path | None = None,
     tolerance: Tolerance | None = None,
+    *,
+    focal_px: float | None = None,
 ) -> Animal3D:
     """The animals of an Animal3D folder or file.
 
@@ -63,6 +65,7 @@ def read_animal3d(
             only.
         images: the folder that img_path is relative to; None: the json's.
         tolerance: how bad masks, and scores, are taken; None: not at all.
+        focal_px: the user's focal length, which notes must not contradict; None without.
 
     Raises:
         DatasetNotFoundError: no such file or folder.
@@ -91,7 +94,7 @@ def read_animal3d(
             name=FORMAT,
             records=tuple(records),
             faults=faults,
-            notes=(*notes, *_notes(records, animals), *tolerance.notes()),
+            notes=(*notes, *_notes(records, animals, focal_px), *tolerance.notes()),
             categories=tuple(
                 dict.fromkeys(name for split in splits for name in category_names(split).values())
             ),
@@ -121,7 +124,7 @@ def _posed(records: Sequence[AnimalRecord], animals: CollectedAnimals, model: Sm
     parameters, beta_faults, notes = with_betas_of(
         model, animals.parameters, animals.keypoints_3d, VOCABULARY
     )
-    unusable = {**beta_faults, **animals.limb_scale_faults}
+    unusable = {**beta_faults, **animals.body_faults}
     usable = [record for record in records if record.sample_id not in unusable]
     if not parameters:
         return _Posed(usable, None, tuple(unusable.values()), notes)
@@ -139,19 +142,24 @@ def _posed(records: Sequence[AnimalRecord], animals: CollectedAnimals, model: Sm
     return _Posed(with_pose, bodies, tuple(unusable.values()), notes)
 
 
-def _notes(records: Sequence[AnimalRecord], animals: CollectedAnimals) -> tuple[str, ...]:
+def _notes(
+    records: Sequence[AnimalRecord], animals: CollectedAnimals, focal_px: float | None
+) -> tuple[str, ...]:
     """Sentences on masks, parameters and images that are not what they seem."""
     return (
         *_mask_notes(records),
         *_zero_notes(animals),
-        *_notes_of_many(animals),
+        *_notes_of_many(animals, focal_px),
         *elsewhere_notes(records),
     )
 
 
-def _notes_of_many(animals: CollectedAnimals) -> tuple[str, ...]:
-    """Sentences on images of several animals."""
+def _notes_of_many(animals: CollectedAnimals, focal_px: float | None) -> tuple[str, ...]:
+    """Sentences on images of several animals, and on their focal lengths but for the user's."""
     focal, close = many_animals.ASSUMED_FOCAL, many_animals.CLOSE_PX
+    taken = f"and {focal:g} px is taken for it: with it"
+    if focal_px is not None:
+        taken = f"and {focal_px:g} px is given for it; with {focal:g} px"
     sentences = (
         (
             animals.merged_masks,
@@ -160,11 +168,11 @@ def _notes_of_many(animals: CollectedAnimals) -> tuple[str, ...]:
         (animals.without_animals, "entries say that no animal is in their image"),
         (
             animals.assumed_focals,
-            f"images have no focal length, and {focal:g} px is taken for it: with it their"
-            f" keypoint_3d lie within {close:g} px of keypoint_2d",
+            f"images have no focal length, {taken} their keypoint_3d lie within {close:g} px of"
+            " keypoint_2d",
         ),
         (
-            animals.unknown_focals,
+            animals.unknown_focals if focal_px is None else [],
             f"images have no focal length, and {focal:g} px does not fit them: theirs is"
             " estimated, unless --focal-px or EXIF tell it",
         ),
@@ -188,12 +196,12 @@ def _mask_notes(records: Sequence[AnimalRecord]) -> tuple[str, ...]:
 
 
 def _zero_notes(animals: CollectedAnimals) -> tuple[str, ...]:
-    """A sentence on animals whose parameters are all zero."""
+    """A sentence on animals whose pose is all zero, the root's with it."""
     if not animals.without_parameters:
         return ()
     return (
-        f"the parameters of {len(animals.without_parameters)} animals are all zero, which stands"
-        f" for none; the first is {animals.without_parameters[0]}",
+        f"the pose of {len(animals.without_parameters)} animals is all zero, which stands for no"
+        f" parameters; the first is {animals.without_parameters[0]}",
     )
 
 

@@ -11,7 +11,16 @@ from itertools import permutations
 
 import numpy as np
 
-from animal3dbox.datasets.readers.cuboid_checks import overlap, share_inside
+from animal3dbox.datasets.readers.cuboid_checks import (
+    BOX_GAIN,
+    BOX_OVERLAP,
+    FILE_GAIN,
+    FILE_OVERLAP,
+    MANY,
+    SAMPLED,
+    overlap,
+    share_inside,
+)
 from animal3dbox.datasets.readers.cuboid_conventions import KITTI, Floats, yaw_rotation
 from animal3dbox.datasets.readers.kitti.files import KittiLine
 from animal3dbox.datasets.readers.visible_boxes import visible_boxes
@@ -28,20 +37,8 @@ LEAST_SEEN = 0.5
 """Least part of the 2D box that lies in the picture: KITTI's stay inside, detectors' nearly."""
 LEAST_SHARE = 0.2
 """Least part of the 2D box inside the projected cuboid, which has lost pitch and roll."""
-FILE_GAIN, FILE_OVERLAP = 0.15, 0.7
-"""By how much another reading must fit the median 2D box of a file better, and how well."""
-BOX_GAIN, BOX_OVERLAP = 0.3, 0.8
-"""The same for a single box of a file that is read rightly, and for a file of few boxes."""
 GOOD_OVERLAP = 0.75
 """Median overlap of a file whose 2D boxes are near enough to the cuboids to judge a single line."""
-MANY = 5
-"""Number of boxes from which on a file's median is evidence enough.
-
-With fewer, one that has lost its pitch may fit another order by chance. There the other reading
-must fit much better, or make the length the greatest dimension where it was not.
-"""
-SAMPLED = 300
-"""Most boxes of a file by which readings are compared."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.readers.elements import Matrix, read_matrix
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, ShapeError
 from animal3dbox.geometry.camera import WEAK_FOCAL, intrinsics
@@ -21,10 +22,10 @@ Array = NDArray[np.float64]
 class CameraFile(msgspec.Struct, forbid_unknown_fields=True):
     """The keys of a camera's file, all of which may be left out; see docs/formats.md."""
 
-    K: list[list[float]] | None = None
+    K: Matrix | None = None
     focal_px: float | None = None
     focal_over_side: float | None = None
-    R: list[list[float]] | None = None
+    R: Matrix | None = None
     t: list[float] | None = None
     exact: bool = True
     distortion: list[float] | None = None
@@ -139,7 +140,7 @@ def _weak_perspective(
     ]
     if others:
         raise ShapeError(f"weak_perspective says it all but R: leave out {' and '.join(others)}")
-    R = None if camera.R is None else np.array(camera.R, dtype=np.float64)
+    R = None if camera.R is None else read_matrix(camera.R)
     if R is not None:
         check_rotation("R", torch.from_numpy(R))
     return weak_perspective_camera(camera.weak_perspective or (), image_hw, R)
@@ -156,7 +157,7 @@ def _intrinsics(camera: CameraFile, image_hw: tuple[int, int]) -> NDArray[np.flo
     if len(keys) > 1:
         raise ShapeError(f"give one of {' and '.join(keys)}")
     if camera.K is not None:
-        K = np.array(camera.K, dtype=np.float64)
+        K = read_matrix(camera.K)
         check_intrinsics("K", K)
         return K
     focal = (
@@ -177,7 +178,7 @@ def _pose(camera: CameraFile) -> tuple[NDArray[np.float64], NDArray[np.float64]]
         return None
     if camera.R is None or camera.t is None:
         raise ShapeError("give both R and t, or neither: X_cam = R X + t")
-    R, t = np.array(camera.R, dtype=np.float64), np.array(camera.t, dtype=np.float64)
+    R, t = read_matrix(camera.R), np.array(camera.t, dtype=np.float64)
     check_rotation("R", torch.from_numpy(R))
     if t.shape != (3,) or not np.isfinite(t).all():
         raise ShapeError(f"t must be 3 finite numbers, got {camera.t}")

@@ -10,15 +10,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from animal3dbox.datasets.bodies.mesh_formats import MESH_SUFFIXES
+from animal3dbox.datasets.images.named_files import near_miss
 from animal3dbox.datasets.images.photos import IMAGE_SUFFIXES
 from animal3dbox.datasets.readers.mesh_folder.regressor_names import Rank, own_name
+from animal3dbox.datasets.readers.mesh_folder.spellings import NUMBERED, Spellings
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError
 
 COMMON_CAMERA = "camera.json"
 """The camera of all images that have none of their own."""
 EXTRAS = {"keypoints": (".json", ".npy"), "masks": (".png",), "cameras": (".json",)}
 """Folders of further files of an animal or image, and the suffixes of the files in each."""
-_NUMBERED = re.compile(r"(?P<name>.+)(?P<number>[._]\d+)")
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,8 @@ def _note_unused(root: Path, images: Path, files: _Files, listing: Listing) -> N
                 SampleError(
                     f"meshes/{path}",
                     "image",
-                    f"there is no image {name}.* in {images} that it is of",
+                    f"there is no image {name}.* in {images} that it is of"
+                    f"{_other_names(images, files.images, name)}",
                 )
             )
     for kind, by_name in files.extras.items():
@@ -167,13 +169,24 @@ def _note_unused(root: Path, images: Path, files: _Files, listing: Listing) -> N
         )
 
 
+def _other_names(folder: Path, images: Mapping[str, str], name: str) -> str:
+    """Words that name the images that a mesh without one may be of; "" if none is near."""
+    alike = Spellings(images).alike(name)
+    if len(alike) > 1:
+        return f"; it may be of {' or '.join(images[one] for one in alike)}: name it as the one"
+    return near_miss(folder, f"{name}.jpg")
+
+
 def _list_files(root: Path, images: Path, listing: Listing) -> _Files:
     """The files of a mesh folder by name; those of a name that another has are faults."""
     pictures = _by_name(images, IMAGE_SUFFIXES, "image", listing)
     ends = {end for name in pictures for end in _ends(name)}
-    meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", listing, images=ends)
+    places = {place for name in pictures for place in _camera_places(name)}
+    spellings = Spellings(ends)
+    meshes = _by_name(root / "meshes", (*MESH_SUFFIXES, ".npz"), "mesh", listing, images=spellings)
+    of_kind = {"cameras": Spellings(ends | places)}
     extras = {
-        kind: _by_name(root / kind, suffixes, kind, listing, images=ends)
+        kind: _by_name(root / kind, suffixes, kind, listing, images=of_kind.get(kind, spellings))
         for kind, suffixes in EXTRAS.items()
     }
     _take_out_ambiguous(meshes, pictures, listing)
@@ -214,7 +227,7 @@ def _by_name(
     field_name: str,
     listing: Listing,
     *,
-    images: set[str] | None = None,
+    images: Spellings | None = None,
 ) -> dict[str, str]:
     """Path without suffix -> path, both relative to the folder, which may be missing.
 
@@ -227,19 +240,18 @@ def _by_name(
         suffixes: of the files.
         field_name: what they are, for errors.
         listing: gets the faults.
-        images: the names of images, with and without their first folders; None: these are images.
+        images: the names of images, with and without their first folders, which these files have
+            in any letter case and Unicode form; None: these are images.
 
     """
     names: dict[str, str] = {}
     ranks: dict[str, Rank] = {}
     replaced: list[str] = []
-    for path in sorted(folder.rglob("*")) if folder.is_dir() else []:
-        if path.suffix.lower() not in suffixes:
-            continue
-        relative = path.relative_to(folder)
+    for relative in _files_of(folder, suffixes, images):
         plain = relative.with_suffix("").as_posix()
-        as_is = images is None or plain in images
+        as_is = images is None or len(images.alike(plain)) == 1
         name, rank = (plain, Rank.PLAIN) if as_is else own_name(plain)
+        name = name if images is None else images.own_spelling(name)
         if name in names and rank != ranks[name]:
             replaced.append(names[name] if rank < ranks[name] else relative.as_posix())
             if rank < ranks[name]:
@@ -256,6 +268,18 @@ def _by_name(
             names[name], ranks[name] = relative.as_posix(), rank
     listing.notes += _unused_note(replaced, f"of {folder.name}/ have a better one beside them")
     return names
+
+
+def _files_of(folder: Path, suffixes: tuple[str, ...], images: Spellings | None) -> list[Path]:
+    """The files of some suffixes below a folder, which may be missing, relative to it.
+
+    Those that are spelled as an image come first, so that no other one takes their place.
+    """
+    files = sorted(folder.rglob("*")) if folder.is_dir() else []
+    relative = [path.relative_to(folder) for path in files if path.suffix.lower() in suffixes]
+    if images is None:
+        return relative
+    return sorted(relative, key=lambda path: not images.is_exact(path.with_suffix("").as_posix()))
 
 
 def _ends(name: str) -> list[str]:
@@ -290,7 +314,7 @@ def _take_out_ambiguous(
     alike: list[str] = []
     ambiguous: list[tuple[str, re.Match[str]]] = []
     for mesh in sorted(meshes):
-        match = _NUMBERED.fullmatch(mesh)
+        match = NUMBERED.fullmatch(mesh)
         if match is None or mesh not in by_end or match["name"] not in by_end:
             continue
         first = match["name"]
@@ -331,7 +355,7 @@ def _numbered(meshes: Iterable[str], images: set[str]) -> dict[str, list[tuple[s
     """
     groups: dict[str, list[tuple[str, str]]] = {}
     for mesh in meshes:
-        match = _NUMBERED.fullmatch(mesh)
+        match = NUMBERED.fullmatch(mesh)
         if match and mesh not in images:
             groups.setdefault(match["name"], []).append((mesh, match["number"]))
     return {

@@ -4,7 +4,7 @@ Captures, motion capture and the outputs of mesh regressors come in this form.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from animal3dbox.datasets.readers.mesh_folder.camera_files import (
 from animal3dbox.datasets.readers.mesh_folder.crop_keypoints import without_crop_keypoints
 from animal3dbox.datasets.readers.mesh_folder.files import AnimalFiles, list_mesh_folder
 from animal3dbox.datasets.readers.mesh_folder.regressor_names import is_of_crop
-from animal3dbox.datasets.readers.tolerance import TURNED
+from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import (
@@ -116,7 +116,7 @@ def read_mesh_folder(
         vocabulary=vocabulary or _vocabulary(manifest, home),
         manifest=manifest,
         load_camera=lru_cache(maxsize=None)(load_camera),
-        upright=upright,
+        tolerance=Tolerance(upright=upright),
     )
     listing = list_mesh_folder(home, reader.images)
     records, faults, meshes, of_crop = [], list(listing.faults), {}, set[str]()
@@ -130,12 +130,12 @@ def read_mesh_folder(
         camera = None if files.camera is None else Path(files.camera)
         of_crop |= {record.sample_id} if is_of_crop(files.keypoints or "") else set()
         meshes[record.sample_id] = MeshFile(mesh, camera)
-    landmarks, notes = _landmarks(home / LANDMARKS), (TURNED,) if upright else ()
+    landmarks = _landmarks(home / LANDMARKS)
     bodies = MeshFolderBodies(
         home.resolve(), meshes, landmarks, None if model is None else load_model(model)
     )
     records, crop_faults, crop_notes = without_crop_keypoints(records, bodies, of_crop)
-    notes = (*listing.notes, *notes, *crop_notes)
+    notes = (*listing.notes, *reader.tolerance.notes(), *crop_notes)
     return MeshFolder(RecordSet(FORMAT, tuple(records), (*faults, *crop_faults), notes), bodies)
 
 
@@ -181,7 +181,7 @@ class _RecordReader:
         vocabulary: the keypoints.
         manifest: what holds for all animals.
         load_camera: reads a camera once for the many images that it took.
-        upright: whether pictures and masks are turned as their EXIF headers say.
+        tolerance: how the folder is taken, and how often it needed that.
     """
 
     home: Path
@@ -189,7 +189,7 @@ class _RecordReader:
     vocabulary: Vocabulary
     manifest: Manifest
     load_camera: Callable[[Path, tuple[int, int]], Camera]
-    upright: bool = False
+    tolerance: Tolerance = field(default_factory=Tolerance)
 
     def record(self, files: AnimalFiles) -> tuple[AnimalRecord, Path]:
         """The record of an animal and its mesh's file, checked but for the mesh's content.
@@ -199,7 +199,7 @@ class _RecordReader:
         sample_id = files.sample_id
         image = resolve_inside(self.images, files.image, sample_id, "image")
         mesh = resolve_inside(self.home, files.mesh, sample_id, "mesh")
-        image_hw = stored_size(image, sample_id, upright=self.upright)
+        image_hw = stored_size(image, sample_id, upright=self.tolerance.upright)
         camera = self._camera(files, mesh, image_hw)
         keypoints = self._keypoints(files)
         if camera.pose is None and not keypoints.any():
@@ -225,7 +225,7 @@ class _RecordReader:
             metres_per_unit=(
                 self.manifest.unit_m if camera.metres_per_unit is None else camera.metres_per_unit
             ),
-            upright=self.upright,
+            upright=self.tolerance.upright,
         )
         return record, mesh
 
@@ -274,12 +274,12 @@ class _RecordReader:
         for row, column in enumerate(columns):
             if column is not None and (point := values[column]) is not None:
                 rows[row] = _point(point, files, self.vocabulary.keypoints[row])
-        return rows
+        return self.tolerance.without_minus_ones(rows, files.sample_id)
 
     def _keypoint_array(self, path: Path, files: AnimalFiles) -> NDArray[np.float64]:
         """The keypoints (J, 3) of an array in the vocabulary's order: x, y, perhaps confidence.
 
-        A point that is not finite, and (0, 0) without a confidence, is missing.
+        A point that is not finite, (0, 0) and (-1, -1) are missing.
         """
         try:
             array = np.load(path, allow_pickle=False)
@@ -297,8 +297,12 @@ class _RecordReader:
                 f"{files.keypoints}: must be {count} x 3 (x, y, confidence) or {count} x 2 of"
                 f" {self.vocabulary.name}, got {values.shape}",
             )
-        is_known = np.isfinite(values).all(axis=1) & values[:, :2].any(axis=1)
         marks = values[:, 2:] if values.shape[1] == 3 else np.ones((count, 1))
+        rows = self.tolerance.without_minus_ones(
+            np.concatenate((values[:, :2], marks), axis=1), files.sample_id
+        )
+        marks = rows[:, 2:]
+        is_known = np.isfinite(rows).all(axis=1) & rows[:, :2].any(axis=1)
         if not ((marks[is_known] >= 0) & (marks[is_known] <= 1)).all():
             raise SampleError(
                 files.sample_id,
@@ -306,21 +310,25 @@ class _RecordReader:
                 f"{files.keypoints}: confidences must be from 0 to 1, got up to"
                 f" {np.abs(marks[is_known]).max():g}",
             )
-        rows = np.concatenate((values[:, :2], marks), axis=1)
         return np.where((is_known & (marks[:, 0] > 0))[:, None], rows, 0.0)
 
 
 def _point(numbers: list[float], files: AnimalFiles, name: str) -> list[float]:
     """x, y and confidence of one keypoint; the confidence is 1 if it is left out."""
     point = [*numbers, 1.0] if len(numbers) == 2 else numbers
-    if len(point) != 3 or not np.isfinite(point).all() or not 0 <= point[2] <= 1:
+    if len(point) != 3 or not np.isfinite(point).all() or not _is_mark(point[2]):
         raise SampleError(
             files.sample_id,
             "keypoints",
             f"{files.keypoints}: {name} must be [x, y] or [x, y, confidence from 0 to 1] or null,"
             f" got {numbers}",
         )
-    return point if point[2] > 0 else [0.0, 0.0, 0.0]
+    return point if point[2] else [0.0, 0.0, 0.0]
+
+
+def _is_mark(number: float) -> bool:
+    """Whether a number is a confidence, or the -1 that some programs write of a missing point."""
+    return 0 <= number <= 1 or number == -1
 
 
 def _nothing_tells(files: AnimalFiles) -> str:

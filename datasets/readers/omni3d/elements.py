@@ -102,7 +102,8 @@ def cuboid_image(
     check_pixels(K, image_hw, name, "K")
     path = image_path(root, annotations, element.file_path, name)
     name = name if root is None else portable_name(root, name)
-    return element.id, CuboidImage(name, path, image_hw, K)
+    upright = element.turned_upright is True
+    return element.id, CuboidImage(name, path, image_hw, K, upright)
 
 
 def category_names(raws: Sequence[msgspec.Raw]) -> tuple[dict[Key, str], list[SampleError]]:

@@ -25,6 +25,7 @@ from animal3dbox.datasets.readers.omni3d.consistency import (
     behind_camera_problems,
     with_consistent_boxes_2d,
 )
+from animal3dbox.datasets.readers.omni3d.dimension_order import order_problems
 from animal3dbox.datasets.readers.omni3d.elements import (
     StatedBox,
     category_names,
@@ -160,9 +161,12 @@ def _sound_records(
         records, heading_faults, heading_notes = with_named_faces(records, boxes)
         faults += heading_faults
         notes += heading_notes
+    misread = order_problems(records, boxes, convention)
+    records = [(index, record) for index, record in records if index not in misread]
     consistent, projection_faults = with_consistent_boxes_2d(records, boxes, convention)
     kept, repeats = without_repeats(consistent)
-    return kept, [*faults, *projection_faults, *repeats], [*notes, *all_behind_note(boxes)]
+    faults += [*misread.values(), *projection_faults, *repeats]
+    return kept, faults, [*notes, *all_behind_note(boxes)]
 
 
 def images_by_id(
@@ -354,6 +358,7 @@ def _records(
             truncation=box.truncation,
             visibility=box.visibility,
             sighting=box.sighting,
+            upright=box.image.upright,
         )
         records.append((index, record))
     return records, faults

@@ -7,18 +7,21 @@ from typing import Final
 
 import msgspec
 
+from animal3dbox.datasets.readers.elements import Matrix
+
 GENERATOR: Final = "animal3dbox"
 """Value of info.generator in the files that this package writes."""
 
 Key = int | str
 """An id: Omni3D's own are whole numbers, files made after it have words, too."""
 
-Matrix = list[list[float] | float]
-"""Rows of numbers, or the same numbers one after the other."""
-
 
 class Omni3DImage(msgspec.Struct, kw_only=True):
-    """One element of "images"; K is written row by row, by some others as nine numbers."""
+    """One element of "images"; K is written row by row, by some others as nine numbers.
+
+    turned_upright is this package's own: that the boxes are for the picture turned as the EXIF
+    header of its file says. It is there only if it is true.
+    """
 
     id: Key
     dataset_id: Key = 0
@@ -26,6 +29,7 @@ class Omni3DImage(msgspec.Struct, kw_only=True):
     height: int
     file_path: str
     K: Matrix
+    turned_upright: bool | msgspec.UnsetType = msgspec.UNSET
 
 
 class Omni3DCategory(msgspec.Struct, kw_only=True):

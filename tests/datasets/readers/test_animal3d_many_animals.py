@@ -164,7 +164,7 @@ def test_a_row_of_zeros_stands_for_no_parameters(home: Path, tmp_path: Path) -> 
     assert second.stored_pose is None
     assert first.box is not None
     assert second.box is None
-    assert any("of 1 animals are all zero" in note for note in found.records.notes)
+    assert any("of 1 animals is all zero" in note for note in found.records.notes)
 
 
 def second_without_parameters(content: Content) -> None:
@@ -332,8 +332,10 @@ def test_without_one_5000_px_are_believed_where_the_landmarks_fit(
         assert record.K_source == "dataset"
         assert record.stored_pose is not None
     assert any("2 images have no focal length, and 5000 px is taken" in n for n in found.notes)
-    users = read(path, home, focal_px=700.0).records.records
-    assert [record.K[0, 0] for record in users if record.K is not None] == [700.0] * 3
+    users = read(path, home, focal_px=700.0).records
+    assert [one.K[0, 0] for one in users.records if one.K is not None] == [700.0] * 3
+    assert not any("is taken" in note for note in users.notes)
+    assert any("and 700 px is given for it; with 5000 px their" in note for note in users.notes)
 
 
 def test_landmarks_that_do_not_fit_leave_the_focal_length_unknown(
@@ -344,8 +346,9 @@ def test_landmarks_that_do_not_fit_leave_the_focal_length_unknown(
     assert [record.K for record in found.records] == [None] * 3
     assert [record.stored_pose for record in found.records] == [None] * 3
     assert any("2 images have no focal length, and 5000 px does not fit" in n for n in found.notes)
-    users = read(path, home, focal_px=700.0).records.records
-    assert [record.K[0, 0] for record in users if record.K is not None] == [700.0] * 3
+    users = read(path, home, focal_px=700.0).records
+    assert [one.K[0, 0] for one in users.records if one.K is not None] == [700.0] * 3
+    assert not any("5000 px" in note for note in users.notes)
 
 
 def test_one_animal_that_does_not_fit_keeps_its_image_on_one_camera(

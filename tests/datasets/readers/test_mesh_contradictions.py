@@ -1,6 +1,7 @@
 """Meshes whose landmarks, names or cameras cannot mean what they seem to."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from animals import toy_mesh
+from commands import ran
 from mesh_folder_dataset import (
     LANDMARK_IDS,
     camera_json,
@@ -17,6 +19,8 @@ from mesh_folder_dataset import (
     write_mesh_folder,
     write_picture,
 )
+from numpy.typing import NDArray
+from PIL import Image
 
 from animal3dbox.datasets.bodies.mesh_file import load_mesh_body
 from animal3dbox.datasets.bodies.mesh_folder import LOOSE_NOTE
@@ -27,6 +31,7 @@ from animal3dbox.datasets.labelling.sample_checks import Outcome
 from animal3dbox.errors import DatasetFormatError, SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.report.summary import flags_of
 
 QUICK = LabelConfig(surface_share=False, mask_iou=False)
 
@@ -154,6 +159,124 @@ def test_names_that_can_mean_one_thing_are_no_matter(
 
 # Cameras and meshes in different units
 # --------------------------------------------------------------------------------------------------
+
+
+# Names in another letter case or Unicode form
+# --------------------------------------------------------------------------------------------------
+
+COMPOSED, APART = "r\u00e9n\u00e9", "re\u0301ne\u0301"
+
+
+@pytest.mark.parametrize(
+    ("image", "other"), [("A", "a"), ("a", "A"), (COMPOSED, APART), (APART, COMPOSED)]
+)
+def test_files_in_another_letter_case_or_unicode_form_belong_together(
+    tmp_path: Path, image: str, other: str
+) -> None:
+    root = write_mesh_folder(tmp_path / "cap")
+    (root / "images" / "a.jpg").rename(root / "images" / f"{image}.JPG")
+    for kind, suffix in (("meshes", "obj"), ("masks", "png"), ("cameras", "json")):
+        (root / kind / f"a.{suffix}").rename(root / kind / f"{other}.{suffix}")
+    records = read_dataset(root).records
+    assert records.faults == ()
+    (record,) = [record for record in records.records if record.image_id == f"{image}.JPG"]
+    assert record.pose is not None
+    assert record.mask is not None
+
+
+def test_numbered_files_and_cameras_of_folders_are_spelled_otherwise_too(tmp_path: Path) -> None:
+    root = write_mesh_folder(tmp_path / "cap")
+    (root / "images" / "Cam1").mkdir()
+    (root / "images" / "a.jpg").rename(root / "images" / "Cam1" / "A.jpg")
+    for k in (0, 1):
+        (root / "meshes" / f"a_{k}.obj").write_text((root / "meshes" / "a.obj").read_text())
+    (root / "meshes" / "a.obj").unlink()
+    (root / "masks" / "a.png").unlink()
+    (root / "cameras" / "a.json").rename(root / "cameras" / "cam1.json")
+    records = read_dataset(root).records
+    assert records.faults == ()
+    found = [one for one in records.records if one.image_id == "Cam1/A.jpg"]
+    assert [record.sample_id for record in found] == ["Cam1/A.jpg", "Cam1/A.jpg#1"]
+    assert all(record.pose is not None for record in found)
+
+
+def test_a_file_spelled_as_its_image_comes_first(tmp_path: Path) -> None:
+    root = write_mesh_folder(tmp_path / "cap")
+    (root / "meshes" / "A.obj").write_text("v")
+    (fault,) = read_dataset(root).records.faults
+    assert (fault.sample_id, fault.problem) == (
+        "A.obj",
+        "has the name of a.obj: keep one of them",
+    )
+
+
+def test_a_mesh_that_may_be_of_two_spellings_or_of_none_names_what_is_near(tmp_path: Path) -> None:
+    root = write_mesh_folder(tmp_path / "cap")
+    for name in ("bear_01", "Bear_01", "tiger_07"):
+        write_picture(root / "images" / f"{name}.jpg")
+    for name in ("BEAR_01", "tigre_07"):
+        (root / "meshes" / f"{name}.obj").write_text((root / "meshes" / "a.obj").read_text())
+    faults = {fault.sample_id: fault.problem for fault in read_dataset(root).records.faults}
+    assert "it may be of Bear_01.jpg or bear_01.jpg" in faults["meshes/BEAR_01.obj"]
+    assert "the nearest there is 'tiger_07.jpg'" in faults["meshes/tigre_07.obj"]
+
+
+# A camera that the mask denies
+# --------------------------------------------------------------------------------------------------
+
+
+def labelled(root: Path) -> CuboidLabel:
+    """The label of a.jpg, the first of the folder, whose camera is known."""
+    dataset = read_dataset(root)
+    requests = [request_of_record(record, dataset.bodies) for record in dataset.records.records]
+    label = label_records(requests[:1], LabelConfig(surface_share=False))[0]
+    assert isinstance(label, CuboidLabel)
+    assert label.quality.pose_source == "given"
+    return label
+
+
+def change_mask(root: Path, change: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]) -> None:
+    path = root / "masks" / "a.png"
+    mask = np.asarray(Image.open(path)) > 0
+    Image.fromarray(np.uint8(255) * change(mask).astype(np.uint8)).save(path)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        {"t": [0.0, 0.0, 24.0]},
+        {"t": [1.5, 0.0, 2.4]},
+        {"K": [[60.0, 0, 79.5], [0, 60, 59.5], [0, 0, 1]]},
+    ],
+)
+def test_a_known_camera_that_the_mask_denies_is_flagged_and_named(
+    tmp_path: Path, camera: dict[str, Any]
+) -> None:
+    root = write_mesh_folder(tmp_path / "cap")
+    write_json(root / "cameras" / "a.json", {**camera_json(60), **camera})
+    label = labelled(root)
+    assert "off_mask" in label.quality.flags
+    assert "off_mask" in flags_of(label)
+    (warning,) = [words for words in label.quality.warnings if "of the mask" in words]
+    assert "the camera (K, R, t)" in warning
+    code, output = ran("label", root, "--out", tmp_path / "out")
+    assert (code, "1 x off_mask" in output) == (0, True), output
+
+
+def test_a_mask_of_what_little_is_visible_denies_no_camera(tmp_path: Path) -> None:
+    root = write_mesh_folder(tmp_path / "cap")
+    assert "off_mask" not in labelled(root).quality.flags
+
+    def mostly_hidden(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        columns = np.flatnonzero(mask.any(0))
+        return mask & (np.arange(mask.shape[1]) < np.quantile(columns, 0.25))
+
+    change_mask(root, mostly_hidden)
+    label = labelled(root)
+    assert label.quality.mask_iou is not None
+    assert label.quality.mask_iou < 0.3
+    assert "off_mask" not in label.quality.flags
+    assert not any("of the mask" in words for words in label.quality.warnings)
 
 
 def with_scaled_camera(root: Path, factor: float) -> Path:

@@ -100,6 +100,55 @@ def test_a_guess_at_the_camera_is_one_start_among_others(tmp_path: Path) -> None
     assert "too_few_keypoints" in fault
 
 
+def test_matrices_of_a_camera_may_be_flat(tmp_path: Path) -> None:
+    plain = read_mesh_folder(write_mesh_folder(tmp_path / "plain")).records.records[0]
+    root = write_mesh_folder(tmp_path / "flat")
+    content = camera_json(60)
+    flat = {key: np.ravel(content[key]).tolist() for key in ("K", "R")}
+    write_json(root / "cameras" / "a.json", {**content, **flat})
+    found = read_mesh_folder(root).records
+    assert found.faults == ()
+    assert found.records[0].K is not None
+    assert plain.K is not None
+    assert np.array_equal(found.records[0].K, plain.K)
+    for part, other in zip(found.records[0].pose or (), plain.pose or (), strict=True):
+        assert np.array_equal(part, other)
+    write_json(root / "cameras" / "a.json", {**content, "K": flat["K"][:8]})
+    (fault,) = read_mesh_folder(root).records.faults
+    assert (fault.sample_id, fault.field) == ("a.jpg", "camera")
+
+
+def test_marked_keypoints_at_minus_one_are_missing_with_a_note(tmp_path: Path) -> None:
+    plain = read_mesh_folder(write_mesh_folder(tmp_path / "plain")).records.records[1].keypoints_2d
+    names = list(keypoints_json(250))
+    absent = names[::4]
+    rows = np.where(np.isin(names, absent)[:, None], -1.0, plain[:, :2])
+    marks, minus_marks = np.ones((len(rows), 1)), np.where(rows[:, :1] == -1, -1.0, 1.0)
+    files: dict[str, dict[str, list[int]] | NDArray[np.float64]] = {
+        "json": {name: [-1, -1, 1] for name in absent},
+        "json without marks": {name: [-1, -1] for name in absent},
+        "json of marks -1": {name: [-1, -1, -1] for name in absent},
+        "npy": np.hstack((rows, marks)),
+        "npy of marks -1": np.hstack((rows, minus_marks)),
+        "npy without marks": rows,
+    }
+    for kind, content in files.items():
+        root = write_mesh_folder(tmp_path / kind)
+        (root / "keypoints" / "b.json").unlink()
+        if isinstance(content, dict):
+            write_json(root / "keypoints" / "b.json", {**keypoints_json(250), **content})
+        else:
+            np.save(root / "keypoints" / "b.npy", content)
+        read = read_mesh_folder(root).records
+        assert read.faults == (), kind
+        keypoints = read.records[1].keypoints_2d
+        assert not keypoints[::4].any(), kind
+        kept = np.arange(len(names)) % 4 != 0
+        assert np.array_equal(keypoints[kept], plain[kept]), kind
+        is_noted = any("(-1, -1)" in note and "b.jpg" in note for note in read.notes)
+        assert is_noted == ("marks -1" not in kind)
+
+
 def _labelling_outcomes(root: Path) -> list[object]:
     read = read_mesh_folder(root)
     return [label_of(record, read.bodies, LabelConfig()) for record in read.records.records]

@@ -1,12 +1,13 @@
 """Omni3D files of other programs: other axes and units, flat matrices, things listed twice."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from cuboid_sets import random_set
+from cuboid_sets import random_set, visible_part
 
 from animal3dbox.datasets.cuboid_datasets import Omni3DDataset
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
@@ -279,3 +280,66 @@ def test_orientation_without_corners_is_taken_on_trust_and_noted(
     back = read(tmp_path, content)
     assert back.faults == ()
     assert any("bbox3D_cam is missing in 3 of 10" in note for note in back.notes)
+
+
+@pytest.mark.parametrize("order", ["LHW", "HWL", "LWH", "WLH", "HLW"])
+@pytest.mark.parametrize("field", ["bbox2D_proj", "bbox2D_trunc", "bbox2D_tight"])
+def test_dimensions_in_another_order_without_corners_are_faults_that_name_it(
+    tmp_path: Path, content: Content, order: str, field: str
+) -> None:
+    for annotation in content["annotations"]:
+        annotation["bbox3D_cam"] = None
+        annotation["bbox2D_tight"] = annotation["bbox2D_trunc"]
+        annotation |= {
+            key: [-1] * 4 for key in ("bbox2D_proj", "bbox2D_trunc", "bbox2D_tight") if key != field
+        }
+        by_name = dict(zip("WHL", annotation["dimensions"], strict=True))
+        annotation["dimensions"] = [by_name[name] for name in order]
+    back = read(tmp_path, content)
+    assert back.records == ()
+    assert len(back.faults) == 10
+    for fault in back.faults:
+        assert fault.field == "dimensions"
+        assert f"look like [{', '.join(order)}], not [W, H, L]" in fault.problem
+
+
+@pytest.mark.parametrize("field", ["bbox2D_proj", "bbox2D_trunc", "bbox2D_tight"])
+def test_dimensions_as_documented_are_no_fault_without_corners(
+    tmp_path: Path, content: Content, field: str
+) -> None:
+    for number, annotation in enumerate(content["annotations"]):
+        annotation["bbox3D_cam"] = None
+        annotation |= {
+            key: [-1] * 4
+            for key in ("bbox2D_proj", "bbox2D_trunc", "bbox2D_tight")
+            if key != field or number % 4 == 0
+        }
+    assert read(tmp_path, content).faults == ()
+
+
+@pytest.mark.parametrize("order", ["WHL", "LHW", "HLW", "LWH"])
+def test_boxes_round_what_is_visible_tell_an_order_together(tmp_path: Path, order: str) -> None:
+    records = []
+    for seed in range(4):
+        for one in random_set(seed, upright=True, in_view=True).records:
+            animal = replace(
+                one,
+                sample_id=f"{seed}/{one.sample_id}",
+                image_id=f"{seed}/{one.image_id}",
+                size=one.size.mean() * np.array([1.6, 0.5, 1.0]),
+            )
+            records.append(replace(animal, box=visible_part(animal)))
+    write_omni3d(CuboidSet("things", tuple(records), ()), tmp_path / "good.json")
+    content = json.loads((tmp_path / "good.json").read_text())
+    content["info"] = {"id": 0}
+    for annotation in content["annotations"]:
+        annotation |= {key: [-1] * 4 for key in ("bbox2D_proj", "bbox2D_trunc")}
+        annotation["bbox3D_cam"] = None
+        by_name = dict(zip("WHL", annotation["dimensions"], strict=True))
+        annotation["dimensions"] = [by_name[name] for name in order]
+    faults = read(tmp_path, content).faults
+    if order == "WHL":
+        assert faults == ()
+        return
+    assert len(faults) == len(records)
+    assert all(f"look like [{', '.join(order)}]" in fault.problem for fault in faults)
