@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 
 from animal3dbox.datasets.readers.cuboid_conventions import Floats
-from animal3dbox.datasets.readers.elements import converted, read_box
+from animal3dbox.datasets.readers.elements import Matrix, converted, read_box
 from animal3dbox.datasets.readers.omni3d.elements import checked_rotation, numbers
-from animal3dbox.datasets.readers.omni3d.schema import Key, Matrix
+from animal3dbox.datasets.readers.omni3d.schema import Key
 from animal3dbox.datasets.readers.predictions.layouts import PICKLES
 from animal3dbox.datasets.readers.predictions.pickled import read_pickled
 from animal3dbox.datasets.readers.predictions.plain_json import plain_json

@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 
 from animal3dbox.datasets.readers.cuboid_conventions import Floats
-from animal3dbox.datasets.readers.elements import converted
+from animal3dbox.datasets.readers.elements import Matrix, converted
 from animal3dbox.datasets.readers.omni3d.elements import checked_rotation, numbers
-from animal3dbox.datasets.readers.omni3d.schema import Key, Matrix
+from animal3dbox.datasets.readers.omni3d.schema import Key
 from animal3dbox.datasets.readers.predictions.camera_poses import (
     POSES_FILE,
     Cameras,
