@@ -76,7 +76,7 @@ def _read_animal3d(path: Path, options: ReadOptions) -> ReadDataset:
         remedy = (
             f"{len(faults)} entries are faulty, the first: {faults[0]}"
             if faults
-            else "give a --body"
+            else "; ".join((*dataset.zero_notes, "give a --body"))
         )
         raise ConfigError(
             f"{path} has no parameters (pose, shape, trans) that --model {options.model} could"

@@ -43,10 +43,12 @@ class Animal3D:
     Attributes:
         records: the animals in the files' order, train first.
         bodies: posed by the animals' parameters; None without a model or parameters.
+        zero_notes: of the records' notes that on poses that are all zero, if there are any.
     """
 
     records: RecordSet
     bodies: ParametersBody | None
+    zero_notes: tuple[str, ...] = ()
 
 
 def read_animal3d(
@@ -100,6 +102,7 @@ def read_animal3d(
             ),
         ),
         bodies,
+        _zero_notes(animals),
     )
 
 
@@ -129,6 +132,8 @@ def _posed(records: Sequence[AnimalRecord], animals: CollectedAnimals, model: Sm
     if not parameters:
         return _Posed(usable, None, tuple(unusable.values()), notes)
     bodies = ParametersBody(model, parameters)
+    if not any(record.sample_id in parameters for record in usable):
+        return _Posed(usable, bodies, tuple(unusable.values()), notes)
     pose, camera_notes = stored_camera(usable, bodies, animals.keypoints_3d)
     notes = (*camera_notes, *notes)
     if animals.without_tail:

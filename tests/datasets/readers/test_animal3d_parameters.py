@@ -117,12 +117,20 @@ def test_a_pose_of_zeros_stands_for_no_parameters_wherever_trans_is(
     assert note in dataset.records.notes
 
 
+def test_a_model_for_poses_of_zeros_alone_is_refused_with_the_reason(
+    home: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match=r"the pose of \d+ animals is all zero.*; give a --body"):
+        read(home, tmp_path, lambda entry: entry.update(pose=[0.0] * 105))
+
+
 @pytest.mark.parametrize("many", [False, True])
 def test_angles_in_degrees_are_a_fault_that_says_so(home: Path, tmp_path: Path, many: bool) -> None:
     def to_degrees(entry: dict[str, Any]) -> None:
         entry["pose"] = np.degrees(entry["pose"]).tolist()
 
     dataset = read(home, tmp_path, to_degrees, many=many)
+    assert not any("focal length" in note for note in dataset.records.notes)
     assert len(dataset.records.faults) > 1
     assert not dataset.records.records
     for fault in dataset.records.faults:
