@@ -53,6 +53,11 @@ def row_of(entry: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def beside(rows: list[list[float]], px: float) -> list[list[float]]:
+    """Keypoints so much to the right that they are another animal's."""
+    return [[x + px * bool(v), y, v] for x, y, v in rows]
+
+
 def zeros_like(row: Any) -> Any:
     return [zeros_like(part) for part in row] if isinstance(row, list) else 0.0
 
@@ -68,6 +73,7 @@ def as_many(counts: tuple[int, ...]) -> Callable[[Content], None]:
                 "category": entry["category"],
                 "num_animals": count,
                 **{key: [row] * count for key, row in row_of(entry).items()},
+                "keypoint_2d": [beside(entry["keypoint_2d"], 1.2 * k) for k in range(count)],
             }
             for entry, count in zip(content["data"], counts, strict=False)
         ]
@@ -307,7 +313,7 @@ def far_camera(noise_px: float) -> Callable[[Content], None]:
                 entry["trans"] = [*entry["trans"]]
                 entry["trans"][k] = [x, y, 5 * z]
                 points = np.array(entry["keypoint_3d"][k])[:, :3] + entry["trans"][k]
-                px = ASSUMED_FOCAL * points[:, :2] / points[:, 2:] + [80 + noise_px, 60]
+                px = ASSUMED_FOCAL * points[:, :2] / points[:, 2:] + [80 + noise_px, 60 + 1.2 * k]
                 rows = np.concatenate((px, np.ones((26, 1))), axis=1)
                 entry["keypoint_2d"] = [*entry["keypoint_2d"]]
                 entry["keypoint_2d"][k] = rows.tolist()
