@@ -7,6 +7,7 @@ The rooms, in their order; each imports only from those above it (tests/transfor
 - `draw_context`: the picture by then, which a transform may look at when it draws.
 - `rendering`: executors that read the pixels of images, masks and depth maps.
 - `target_maps`: the law on a whole target, for pixels that another library has moved.
+- `conventions_door`: targets and pictures as other libraries have them, at the door.
 - `pipeline`: one picture's way, from drawing to rendering.
 - `transform`: the base of all transforms; derive your own from it.
 - `augmentations`: the transforms, a kind a file.

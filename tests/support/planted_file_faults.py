@@ -81,7 +81,10 @@ ENTRY_FAULTS: dict[str, tuple[str, Callable[[Entry, Path], None]]] = {
     "pose of 7 numbers": ("pose, trans", _entry(pose=lambda pose: pose[:7])),
     "translation of words": ("trans[0]", _entry(trans=["a", "b", "c"])),
     "shape missing": ("shape", _entry(shape=None)),
-    "too many betas": ("parameters", _entry(shape_extra=lambda extra: [*extra, *[0.0] * 40])),
+    "too many betas": (
+        "shape",
+        _entry(shape_extra=lambda extra: [*extra, *[0.5] * 40], keypoint_3d=None),
+    ),
     "path out of the folder": ("img_path", _entry(img_path="../../etc/passwd")),
     "absolute path": ("img_path", _entry(img_path="/etc/passwd")),
     "path of zero bytes": ("img_path", _entry(img_path="")),

@@ -15,6 +15,7 @@ ROOMS = [
     "draw_context",
     "rendering",
     "target_maps",
+    "conventions_door",
     "pipeline",
     "transform",
     "augmentations",

@@ -107,6 +107,7 @@ def test_a_map_of_pixels_loses_no_field_of_the_schema() -> None:
         "depth": torch.ones(HW),
         "occlusion": torch.zeros(count),
         "scores": torch.ones(count),
+        "heading_known": torch.ones(count, dtype=torch.bool),
         "iscrowd": torch.zeros(count, dtype=torch.int64),
         "track_ids": torch.arange(count),
     }

@@ -355,7 +355,7 @@ FAULTS = {
     "no shape": (spoil(shape=[]), "shape_extra: comes after 20 betas, but shape has 0"),
     "trans": (drop("trans"), "trans: is missing"),
     "shape": (drop("shape"), "shape: is missing"),
-    "words": (spoil(trans=["a", "b", "c"]), "Expected `float`"),
+    "words": (spoil(trans=["a", "b", "c"]), "Expected `float"),
 }
 
 

@@ -306,7 +306,8 @@ def test_what_was_learned_with_another_body_or_other_keypoints_is_refused(
 def test_a_vocabulary_whose_keypoints_have_moved_on_the_body_refuses_what_was_learned(
     animals: list[dict[str, Any]], lessons: Lessons
 ) -> None:
-    elsewhere = replace(AP10K, landmarks=(("nose",), *AP10K.landmarks[1:]))
+    places = (("left_mouth",), ("right_mouth",), *AP10K.landmarks[2:])
+    elsewhere = replace(AP10K, landmarks=places)
     with pytest.raises(ConfigError, match="ap10k17's keypoints elsewhere"):
         fit_animal(**{**animals[0], "vocabulary": elsewhere, "calibration": lessons.calibration})
     short = replace(lessons.shapes["pony"], betas=(0.0,))
