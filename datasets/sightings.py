@@ -37,7 +37,7 @@ class Sighting(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
     @property
     def known(self) -> dict[str, str]:
-        """What is known, by name."""
+        """The fields that have a value, name -> value, as targets and labels.json hold them."""
         values = {name: getattr(self, name) for name in SIGHTING_FIELDS}
         return {name: value for name, value in values.items() if value is not None}
 

@@ -157,12 +157,7 @@ def compared_boxes(labels: CuboidSet, detections: CuboidSet) -> list[ComparedBox
         >>> [(one.status, one.iou_3d) for one in compared_boxes(boxes, boxes)]
         [('matched', 1.0)]
     """
-    of_image: dict[str, tuple[list[CuboidRecord], list[CuboidRecord]]] = defaultdict(
-        lambda: ([], [])
-    )
-    for side, records in enumerate((labels.records, detections.records)):
-        for record in records:
-            of_image[record.image_id][side].append(record)
+    of_image = boxes_by_image(labels, detections)
     shared = {image.image_id for image in detections.listed_images()}
     if labels.records and not shared & {record.image_id for record in labels.records}:
         raise DatasetFormatError(
@@ -170,6 +165,19 @@ def compared_boxes(labels: CuboidSet, detections: CuboidSet) -> list[ComparedBox
             f" ({next(iter(shared), 'none')}, ...): give the truth that was made of these labels"
         )
     return [box for members in of_image.values() for box in _of_one_image(*members)]
+
+
+def boxes_by_image(
+    labels: CuboidSet, detections: CuboidSet
+) -> dict[str, tuple[list[CuboidRecord], list[CuboidRecord]]]:
+    """Image -> its labels and its detections, of all images that have one of either."""
+    of_image: dict[str, tuple[list[CuboidRecord], list[CuboidRecord]]] = defaultdict(
+        lambda: ([], [])
+    )
+    for side, boxes in enumerate((labels, detections)):
+        for record in boxes.records:
+            of_image[record.image_id][side].append(record)
+    return of_image
 
 
 def _of_one_image(

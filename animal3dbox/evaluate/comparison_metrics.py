@@ -1,6 +1,5 @@
 """The metrics of detection of a comparison: average precision with the labels as the truth."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -9,6 +8,7 @@ import torch
 
 from animal3dbox.datasets.readers.visible_boxes import stacked_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
+from animal3dbox.evaluate.comparison import boxes_by_image
 from animal3dbox.evaluate.tables import Table
 from animal3dbox.training.metrics.box_metrics import BoxMetrics
 
@@ -51,13 +51,7 @@ def metrics_table(labels: CuboidSet, detections: CuboidSet) -> Table:
     classes = tuple(sorted({_class_name(record) for record in records}))
     is_metric = all(record.metric for record in records)
     metrics = BoxMetrics(classes=classes, relative=True, metric=is_metric)
-    of_image: dict[str, tuple[list[CuboidRecord], list[CuboidRecord]]] = defaultdict(
-        lambda: ([], [])
-    )
-    for side, boxes in enumerate((labels, detections)):
-        for record in boxes.records:
-            of_image[record.image_id][side].append(record)
-    for image_id, members in of_image.items():
+    for image_id, members in boxes_by_image(labels, detections).items():
         target, prediction = (_fields(one, classes) for one in members)
         metrics.update([prediction], [{**target, "image_id": image_id}])
     values = metrics.compute()

@@ -90,7 +90,7 @@ def _cuboid(record: CuboidRecord) -> Cuboid:
 
 
 def _words(box: ComparedBox) -> str:
-    """A line about one animal."""
+    """The caption of one animal: its status, category, overlaps and score."""
     words = [box.status, box.record.category]
     words += [] if box.iou_3d is None else [f"IoU {box.iou_3d:.2f}"]
     words += [] if box.iou_2d is None else [f"2D {box.iou_2d:.2f}"]

@@ -141,8 +141,8 @@ FITTED: Mapping[str, Family] = {
 }
 """The mixes of animals whose bodies are fitted to the picture; half of their species are known.
 
-Fits are learned on milder faults: on those of the others two of three fits are bad, and what is
-learned there is too low a probability elsewhere.
+Fits are learned on milder faults: on those of the others most fits are bad, and what is learned
+there is too low a probability elsewhere.
 """
 KNOWN_SPECIES = 0.5
 TOLD_TO_A_FIT = ("image_hw", "keypoints_2d", "K", "mask", "vocabulary", "sample_id")

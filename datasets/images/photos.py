@@ -35,7 +35,7 @@ MAX_PIXELS = 100_000_000
 """A file whose header promises more is not decoded: 100 megapixels are 300 MB."""
 
 _BITS_PER_SAMPLE = 258
-"""TIFF's tag of that name."""
+"""Number of the TIFF tag BitsPerSample, whose value is the depth of a grey."""
 _T = TypeVar("_T")
 
 

@@ -106,7 +106,7 @@ def _crops_of(
     size: tuple[int, int],
     margin: float,
 ) -> BoxCrops:
-    """The crops of one image."""
+    """The crops of one image's boxes, one a box, with the intrinsics that belong to each."""
     name = str(target.get("image_id", f"image {number} of the batch"))
     for field in ("boxes", "K"):
         if field not in target:

@@ -66,7 +66,7 @@ class BoxMetrics:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all images."""
+        """Empty the states, as before the first `update`."""
         self.image_counts: list[Tensor] = []
         self.prediction_rows: list[Tensor] = []
         self.truth_rows: list[Tensor] = []

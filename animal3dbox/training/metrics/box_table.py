@@ -103,7 +103,7 @@ class BoxTable:
 
     @cached_property
     def corners(self) -> Floats:
-        """The corners (N, 8, 3)."""
+        """The corners (N, 8, 3) in the camera frame, in our corner order."""
         return corners_of(self.center, self.rotation, self.size)
 
     @cached_property

@@ -44,7 +44,7 @@ class Mean:
     images: int
 
     def __call__(self, weights: Whole) -> Floats:
-        """The mean (R,)."""
+        """The mean (R,) under weightings (R, I) of the images; NaN where nothing is known."""
         known = ~np.isnan(self.values)
         sums = per_image(np.where(known, self.values, 0.0), self.image, self.images)
         counts = per_image(known.astype(np.float64), self.image, self.images)

@@ -168,7 +168,7 @@ def _check_angles(line: KittiLine, sample_id: str) -> None:
 
 
 def _wrapped(angle: float) -> float:
-    """An angle from -pi to pi."""
+    """The same angle in radians, brought between -pi and pi by whole turns."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
