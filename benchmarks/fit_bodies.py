@@ -89,6 +89,11 @@ def exchanged(animal: ForeignAnimal) -> ForeignAnimal:
     return replace(animal, keypoints_2d=animal.keypoints_2d[order])
 
 
+def down(animal: ForeignAnimal) -> torch.Tensor:
+    """Gravity's direction (3,) in an animal's camera frame."""
+    return -animal.camera.T_cam_world[:3, 2]
+
+
 SETTINGS: dict[str, tuple[str, Method]] = {
     "own: rigid dog": ("own", lambda animal: labelled_box(animal, "dog")),
     "own: rigid, species known": ("own", lambda animal: labelled_box(animal, animal.preset)),
@@ -97,6 +102,7 @@ SETTINGS: dict[str, tuple[str, Method]] = {
     "own: fit, species known": ("own", lambda animal: fitted_box(animal, species=animal.preset)),
     "own: fit, no mask": ("own", lambda animal: fitted_box(animal, mask=None)),
     "own: fit, focal unknown": ("own", lambda animal: fitted_box(animal, K=None)),
+    "own: fit, gravity known": ("own", lambda animal: fitted_box(animal, down_cam=down(animal))),
     "own: fit, exchanged": ("own", lambda animal: fitted_box(exchanged(animal))),
     "small: fit": ("small", fitted_box),
     "4 px: fit": ("4 px", fitted_box),
@@ -109,6 +115,10 @@ SETTINGS: dict[str, tuple[str, Method]] = {
     "foreign: fit, species known": ("foreign", lambda a: fitted_box(a, species=a.preset)),
     "photo noise: fit": ("photo noise", fitted_box),
     "photo noise: fit, no mask": ("photo noise", lambda animal: fitted_box(animal, mask=None)),
+    "photo noise: fit, gravity known": (
+        "photo noise",
+        lambda animal: fitted_box(animal, down_cam=down(animal)),
+    ),
     "occluded: fit": ("occluded", fitted_box),
     "occluded: fit, no mask": ("occluded", lambda animal: fitted_box(animal, mask=None)),
     "other topology: rigid dog": ("other topology", lambda animal: labelled_box(animal, "dog")),

@@ -42,7 +42,9 @@ def run_calibrate(job: CalibrateJob) -> ExitCode:
     wanted = sections(job.learn)
     if job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a folder: name the file to be written")
-    dataset = read_dataset(job.path, job.dataset.format, job.body.read_options(job.dataset))
+    dataset = read_dataset(
+        job.path, job.dataset.format, job.body.read_options(job.dataset, job.focal_px)
+    )
     bodies = bodies_for(dataset, job.body.source(job.dataset.model))
     placement = _placement(job, dataset, bodies) if PLACEMENT in wanted else None
     of_fits = tuple(name for name in OF_FITS if name in wanted)

@@ -282,6 +282,8 @@ class CalibrateJob:
     """what, with commas: placement (of bodies without a template), or places (of keypoints on
     fitted bodies) and shapes (of the dataset's categories), which take two fits an animal; if
     interrupted, the same command goes on from the fits beside --out"""
+    focal_px: float | None = None
+    """focal length of images without a camera of their own; else it is estimated"""
     dataset: KeypointDatasetOptions
     body: BodyOptions
     json: bool = False

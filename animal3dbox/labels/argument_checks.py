@@ -169,6 +169,21 @@ class ArgumentChecks:
             raise self.fail("mask", "is empty: leave it out (mask=None) if there is none")
         return inside
 
+    def down(self, value: ArrayLike) -> Array | None:
+        """Gravity's direction (3,) in the camera frame, made unit; None if it is not known."""
+        if value is None:
+            return None
+        down = self.finite("down_cam", value, "3")
+        length = float(np.linalg.norm(down))
+        if not 0.99 < length < 1.01:
+            raise self.fail(
+                "down_cam",
+                "must be a unit vector, gravity's direction in the camera frame, got one"
+                f" {length:.3g} long",
+            )
+        unit: Array = down / length
+        return unit
+
     def sigma(self, value: ArrayLike, words: Vocabulary) -> Array:
         """Deviations of the landmarks, one a keypoint, not negative."""
         sigma = self.finite("landmark_sigma", value, "J")

@@ -171,7 +171,7 @@ def observe(
         ),
         mask=None if mask is None else checks.mask(mask, size),
         image=image,
-        down_cam=_checked_down(checks, down_cam),
+        down_cam=checks.down(down_cam),
         warnings=(*warnings, *checked.notes, *words.notes),
         species=species,
         calibration=calibration_of(calibration),
@@ -185,22 +185,6 @@ def _checked_lens(checks: ArgumentChecks, distortion: ArrayLike) -> Array | None
     lens = checks.array("distortion", distortion, "N")
     checks.check(check_distortion, "distortion", lens)
     return lens
-
-
-def _checked_down(checks: ArgumentChecks, down_cam: ArrayLike) -> Array | None:
-    """Gravity's direction (3,) in the camera frame, made unit; None if it is not known."""
-    if down_cam is None:
-        return None
-    down = checks.finite("down_cam", down_cam, "3")
-    length = float(np.linalg.norm(down))
-    if not 0.99 < length < 1.01:
-        raise checks.fail(
-            "down_cam",
-            f"must be a unit vector, gravity's direction in the camera frame, got one {length:.3g}"
-            " long",
-        )
-    unit: Array = down / length
-    return unit
 
 
 def _checked_body(

@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from animal3dbox.cli import calibrate
 from animal3dbox.cli.calibrate import run_calibrate, sections
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import CalibrateJob
@@ -15,6 +17,7 @@ from animal3dbox.cli.options import BodyOptions, KeypointDatasetOptions
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.labelling import learned_bodies
 from animal3dbox.datasets.labelling.skipped import Skipped
+from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.synthetic import SyntheticSet, WorldConfig, write_stanfordextra
 from animal3dbox.errors import ConfigError
 from animal3dbox.labels.calibration import Calibration, load_calibration
@@ -212,3 +215,20 @@ def test_what_cannot_be_learned_is_refused(dogs: Path, tmp_path: Path) -> None:
     )
     with pytest.raises(ConfigError, match="give --body fit"):
         run_calibrate(preset)
+
+
+@pytest.mark.parametrize("focal_px", [None, 321.0])
+def test_a_stated_focal_length_is_that_of_every_image(
+    dogs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, focal_px: float | None
+) -> None:
+    seen: list[float | None] = []
+
+    def learned(records: Sequence[AnimalRecord], *args: object, **kwargs: object) -> object:
+        seen.extend(None if one.K is None else float(one.K[0, 0]) for one in records)
+        raise ConfigError("enough")
+
+    monkeypatch.setattr(calibrate, "learn_from_records", learned)
+    with pytest.raises(ConfigError, match="enough"):
+        run_calibrate(replace(job(dogs, tmp_path / "c.json"), focal_px=focal_px))
+    assert len(seen) == 12
+    assert set(seen) == {focal_px}

@@ -59,7 +59,7 @@ def choice_costs(body: FitBody, problem: FitProblem, state: FitState) -> ChoiceC
     return ChoiceCosts(
         exchange=EXCHANGED_COST * state.exchanged.astype(np.float64),
         facing=facing,
-        up=_up_costs(body, state),
+        up=problem.up_weight[state.animal] * _up_costs(body, state),
         away=away,
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.labels.fit.fit_body import FitBody, PosedJoints
+from animal3dbox.labels.fit.ground_term import add_ground_term
 from animal3dbox.labels.fit.kinematics import (
     landmark_parts,
     slopes_by_shape,
@@ -280,6 +281,7 @@ def with_priors(
     active = (slopes.T * (excess != 0)[:, None]) @ slopes
     A[:, CAMERA : CAMERA + P, CAMERA : CAMERA + P] += active
     b[:, CAMERA : CAMERA + P] += (excess[:, None] @ slopes)[:, 0]
+    cost = cost + add_ground_term(LocalFit(cost, A, b), prior, problem, state, P)
     return LocalFit(cost, A, b)
 
 

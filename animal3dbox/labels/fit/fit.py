@@ -41,6 +41,7 @@ def fit_animal(
     *,
     mask: ArrayLike = None,
     K: ArrayLike = None,
+    down_cam: ArrayLike = None,
     vocabulary: str | Vocabulary = "animal3d26",
     species: str | None = None,
     category: str | None = None,
@@ -60,6 +61,7 @@ def fit_animal(
             (0, 1]).
         mask: (H, W), above 0 on the animal; it makes the fit tighter.
         K: (3, 3) in px; None: the focal length is found with the body, about a guess.
+        down_cam: (3,) unit, gravity's direction in the camera frame, where it is known.
         vocabulary: the keypoints' names: a known vocabulary or your own.
         species: one of the quadruped's presets, if it is known what the animal is.
         category: the animal's class in its dataset, whose shape a calibration may know; its shape
@@ -91,6 +93,7 @@ def fit_animal(
         "keypoints_2d": keypoints_2d,
         "mask": mask,
         "K": K,
+        "down_cam": down_cam,
         "vocabulary": vocabulary,
         "species": species,
         "category": category,

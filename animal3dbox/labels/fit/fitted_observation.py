@@ -27,7 +27,10 @@ FOUND_BY_THE_FIT = (
     *("pose", "pose_hypotheses", "distortion"),
 )
 """Arguments of label_animal that a fit finds itself, or cannot take account of."""
-SHARED = ("image_hw", "keypoints_2d", "mask", "K", "vocabulary", "sample_id", "calibration")
+SHARED = (
+    *("image_hw", "keypoints_2d", "mask", "K", "down_cam"),
+    *("vocabulary", "sample_id", "calibration"),
+)
 """Arguments of label_animal that are fit_animal's, too."""
 ENOUGH_KEYPOINTS = 10
 """Of fewer keypoints a rigid body tells more than a fitted one."""

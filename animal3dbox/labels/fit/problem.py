@@ -33,6 +33,9 @@ class FitProblem:
         extent: (A,) px, the longer side of the keypoints' box.
         focal_sd: (A,) of the logarithm of the focal length about K's.
         frame: (A, 4) least and greatest u, v of the picture, about the principal point.
+        up_weight: (A,) by which the costs of a rolled camera, and of one under the ground, count:
+            1, or 0 where gravity tells more.
+        down: (A, 3) unit, gravity in the camera's frame; NaN where it is not known.
     """
 
     pixels: Array
@@ -41,6 +44,8 @@ class FitProblem:
     extent: Array
     focal_sd: Array
     frame: Array
+    up_weight: Array
+    down: Array
 
     def __getitem__(self, ids: Any) -> "FitProblem":
         """The problem of the animals of some indices alone."""
@@ -54,6 +59,8 @@ def fit_problem(
     *,
     image_hw: tuple[int, int],
     focal_is_known: bool,
+    is_upright: bool,
+    down: Array | None,
     noise_px: Array,
     places_sd: Array,
 ) -> FitProblem:
@@ -65,6 +72,8 @@ def fit_problem(
         tables: of the landmarks.
         image_hw: height and width.
         focal_is_known: whether K is.
+        is_upright: whether cameras seldom roll or stand under the ground, and gravity counts.
+        down: (3,) unit, gravity in the camera's frame; None: not known.
         noise_px: (L,) standard deviations of the keypoints.
         places_sd: (L,) see FitBody.
 
@@ -82,6 +91,8 @@ def fit_problem(
         np.array([extent]),
         np.array([FOCAL_KNOWN_SD if focal_is_known else FOCAL_SD]),
         frame_about(image_hw, K[:2, 2])[None],
+        np.array([float(is_upright and down is None)]),
+        np.array(down if is_upright and down is not None else [np.nan] * 3)[None],
     )
 
 

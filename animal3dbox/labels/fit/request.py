@@ -37,6 +37,8 @@ class FitRequest:
         body: what is fitted.
         body_name: see FittedBody.
         noise_px: (J,) standard deviations of the keypoints.
+        is_upright: whether cameras seldom roll or stand under the ground, and gravity counts.
+        down: (3,) unit, gravity in the camera's frame; None: not known.
         calibration: digest of the calibration that has a part in the body; None without.
     """
 
@@ -49,6 +51,8 @@ class FitRequest:
     body: FitBody
     body_name: str
     noise_px: Array
+    is_upright: bool
+    down: Array | None
     calibration: str | None
 
     @property
@@ -66,6 +70,8 @@ class FitRequest:
             self.body.tables,
             image_hw=self.image_hw,
             focal_is_known=self.K_is_given,
+            is_upright=self.is_upright,
+            down=self.down,
             noise_px=self.noise_px,
             places_sd=self.body.places_sd,
         )
@@ -78,6 +84,7 @@ def fit_request(
     config: LabelConfig,
     mask: ArrayLike = None,
     K: ArrayLike = None,
+    down_cam: ArrayLike = None,
     vocabulary: str | Vocabulary = "animal3d26",
     species: str | None = None,
     model: SmalModel | None = None,
@@ -103,6 +110,8 @@ def fit_request(
         mask=None if mask is None else checks.mask(mask, size),
         body=fit_body(model, words, None if shape else species, places=places, shape=shape),
         noise_px=keypoint_sigma(keypoints, size, config),
+        is_upright=config.upright == "prior",
+        down=checks.down(down_cam),
         body_name=name if species is None else f"{name}:{species}",
         calibration=taught.digest if taught is not None and (places or shape) else None,
     )

@@ -94,7 +94,8 @@ def _starts(body: FitBody, problem: FitProblem, animal: int, *, exchanged: bool)
     plane = np.ascontiguousarray(views.plane[:, names])
     weights = problem.weights[animal, used] / problem.weights[animal, used].max()
     a, b, cost = _aligned(plane, seen, weights, SCAN_WIDTH * extent)
-    cost = cost + _up_costs(views, a)
+    cost = cost + problem.up_weight[animal] * _up_costs(views, a)
+    cost = cost + _gravity_costs(views, a, R_look.T @ problem.down[animal])
     count = len(views.rotations)
     ids = _best(cost.reshape(-1, count), EXCHANGED_STARTS if exchanged else STARTS)
     a, b = a[ids], b[ids]
@@ -178,6 +179,18 @@ def _up_costs(views: ScanViews, a: NDArray[np.complex128]) -> Array:
     upright = -(turn.imag * x + turn.real * y)  # the part of the ground's normal that points up
     below = np.maximum(z, 0.0)  # it points away from the camera
     cost: Array = SCAN_UP * (np.hypot(x, y) - upright) / 2 + 2 * SCAN_UP * below**2
+    return cost
+
+
+def _gravity_costs(views: ScanViews, a: NDArray[np.complex128], down: Array) -> Array:
+    """What views cost for a ground that is not level under gravity's direction (3,), (M,)."""
+    if not np.isfinite(down).all():
+        return np.zeros(len(a))
+    turn = a / np.abs(a)
+    x, y, z = views.up.T
+    across, along = turn.real * x - turn.imag * y, turn.imag * x + turn.real * y
+    level = -(across * down[0] + along * down[1] + z * down[2])
+    cost: Array = SCAN_UP * (1 - level) / 2
     return cost
 
 

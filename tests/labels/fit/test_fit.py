@@ -15,8 +15,12 @@ from animal3dbox.datasets.synthetic.foreign.config import ALONE, ForeignConfig
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.rasterizer import silhouette
 from animal3dbox.geometry.rigid_transforms import rotation_angle
+from animal3dbox.labels.config import LabelConfig
+from animal3dbox.labels.fit.choice import choice_costs
 from animal3dbox.labels.fit.fit import fit_many
 from animal3dbox.labels.fit.fitted_body import FittedBody
+from animal3dbox.labels.fit.request import fit_request
+from animal3dbox.labels.fit.view_scan import scan_starts
 from animal3dbox.labels.types import Rejection
 from animal3dbox.smal.keypoints.exchanges import exchange_order
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
@@ -216,3 +220,58 @@ def test_a_model_of_another_size_and_shape_basis_can_be_fitted() -> None:
     assert np.median(off) < 12
     assert {fit.body_name for fit in fits} == {"model"}
     assert fits[0].betas.shape == (20,)
+
+
+def tilted(one: ForeignAnimal, degrees: float) -> torch.Tensor:
+    """Gravity's direction in the camera, turned from the true one about the line of sight."""
+    angle = np.deg2rad(degrees)
+    x, y, z = (-one.camera.T_cam_world[:3, 2]).tolist()
+    return torch.tensor(
+        [x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z]
+    )
+
+
+def test_gravity_turns_the_fit_towards_it() -> None:
+    one = animal(3)
+    level, leaning = (
+        fitted(fit_animal(**arguments(one, down_cam=tilted(one, degrees)))) for degrees in (0, 25)
+    )
+    ups = [torch.from_numpy(fit.rotation)[:, 2] for fit in (level, leaning)]
+    cosines = [float(up @ -tilted(one, 25)) for up in ups]
+    assert cosines[1] > cosines[0] + 0.001
+    assert degrees_off(level, one) < 10
+
+
+def test_gravity_and_upright_cameras_count_only_with_the_prior() -> None:
+    one, free = animal(3), LabelConfig(upright="none")
+    requests = [
+        fit_request(config=config, **arguments(one, **more))
+        for config in (LabelConfig(), free)
+        for more in ({}, {"down_cam": (0.0, 0.0, 1.0)})
+    ]
+    weights = [float(request.problem.up_weight[0]) for request in requests]
+    known = [bool(np.isfinite(request.problem.down).all()) for request in requests]
+    assert weights == [1.0, 0.0, 0.0, 0.0]
+    assert known == [False, True, False, False]
+
+
+def test_a_picture_turned_upside_down_is_another_choice_without_the_prior() -> None:
+    one = animal(3)
+    height, width = one.camera.image_hw
+    turned = one.keypoints_2d.clone()
+    turned[:, :2] = torch.tensor([width - 1.0, height - 1.0]) - turned[:, :2]
+    costs = []
+    for upright in ("prior", "none"):
+        request = fit_request(
+            config=LabelConfig(upright=upright),
+            **arguments(one, keypoints_2d=turned, mask=None),
+        )
+        starts = scan_starts(request.body, request.problem, exchanges=False)
+        costs.append(choice_costs(request.body, request.problem, starts).up.max())
+    assert costs[0] > 1
+    assert costs[1] == 0
+
+
+def test_gravity_of_another_length_is_refused() -> None:
+    with pytest.raises(SampleError, match="down_cam: must be a unit vector"):
+        fit_animal(**arguments(animal(3), down_cam=(0.0, 0.0, 2.0)))

@@ -114,7 +114,9 @@ def test_the_left_jacobian_keeps_its_digits_at_small_angles() -> None:
         assert np.abs(left_jacobian(theta) - expected).max() < 1e-9
 
 
-def states(body: FitBody, count: int = 3) -> tuple[FitProblem, FitState]:
+def states(
+    body: FitBody, count: int = 3, down: tuple[float, float, float] | None = None
+) -> tuple[FitProblem, FitState]:
     rng = np.random.default_rng(2)
     pose, shape = coefficients(body, count)
     turns, _ = np.linalg.qr(rng.standard_normal((count, 3, 3)))
@@ -128,6 +130,8 @@ def states(body: FitBody, count: int = 3) -> tuple[FitProblem, FitState]:
         extent=np.array([200.0]),
         focal_sd=np.array([0.7]),
         frame=np.array([[-320.0, -240.0, 320.0, 240.0]]),
+        up_weight=np.ones(1),
+        down=np.full((1, 3), np.nan) if down is None else np.array([down]),
     )
     state = FitState(
         animal=np.zeros(count, dtype=np.intp),
@@ -164,10 +168,14 @@ def test_slopes_of_pixels_are_their_finite_differences(skew: float) -> None:
         assert np.abs(moves[:, k] - numeric).max() < 1e-5 * np.abs(numeric).max()
 
 
-@pytest.mark.parametrize("by_kind", [False, True])
-def test_the_gradient_of_the_cost_is_its_finite_difference(by_kind: bool) -> None:
+@pytest.mark.parametrize(
+    ("by_kind", "down"), [(False, None), (True, None), (True, (0.48, 0.6, -0.64))]
+)
+def test_the_gradient_of_the_cost_is_its_finite_difference(
+    by_kind: bool, down: tuple[float, float, float] | None
+) -> None:
     body = body_of()
-    problem, state = states(body)
+    problem, state = states(body, down=down)
     width = np.array([3.0, 10.0, 40.0])
 
     def cost(moved: FitState) -> Array:

@@ -67,6 +67,8 @@ def problem_of(state: FitState, marked: Array | None = None) -> FitProblem:
         extent=np.array([float(np.ptp(pixels, axis=1).max())]),
         focal_sd=np.array([1e-4]),
         frame=frame_about(IMAGE_HW, CENTER)[None],
+        up_weight=np.ones(1),
+        down=np.full((1, 3), np.nan),
     )
 
 
