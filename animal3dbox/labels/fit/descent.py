@@ -17,6 +17,7 @@ from animal3dbox.labels.fit.kinematics import (
     slopes_by_shape,
     slopes_of_parts,
 )
+from animal3dbox.labels.fit.local_fit import LocalFit
 from animal3dbox.labels.fit.problem import CAMERA, FOCAL_KNOWN_SD, FitProblem, FitState
 
 Array = NDArray[np.float64]
@@ -30,38 +31,6 @@ NEAR_DISTANCE, DISTANCE_SD = 4.0, 0.3
 logarithm a nearer camera costs, where the focal length is not known."""
 NEAREST_DEPTH = 0.05
 """Least depth of a landmark, in the body's lengths."""
-
-
-@dataclass(frozen=True)
-class LocalFit:
-    """The cost near states: cost + b . step + step . A step / 2.
-
-    Attributes:
-        cost: (B,); infinite where a state is not allowed.
-        A: (B, P, P).
-        b: (B, P).
-    """
-
-    cost: Array
-    A: Array
-    b: Array
-
-    def __add__(self, other: "LocalFit") -> "LocalFit":
-        return LocalFit(self.cost + other.cost, self.A + other.A, self.b + other.b)
-
-    def replaced(self, ids: NDArray[np.intp], other: "LocalFit") -> "LocalFit":
-        """This, that of some indices being the other."""
-        cost, A, b = self.cost.copy(), self.A.copy(), self.b.copy()
-        cost[ids], A[ids], b[ids] = other.cost, other.A, other.b
-        return LocalFit(cost, A, b)
-
-    def where(self, mask: NDArray[np.bool_], other: "LocalFit") -> "LocalFit":
-        """This where a mask (B,) says so, else the other."""
-        return LocalFit(
-            np.where(mask, self.cost, other.cost),
-            np.where(mask[:, None, None], self.A, other.A),
-            np.where(mask[:, None], self.b, other.b),
-        )
 
 
 def descend_fit(
@@ -281,7 +250,7 @@ def with_priors(
     active = (slopes.T * (excess != 0)[:, None]) @ slopes
     A[:, CAMERA : CAMERA + P, CAMERA : CAMERA + P] += active
     b[:, CAMERA : CAMERA + P] += (excess[:, None] @ slopes)[:, 0]
-    cost = cost + add_ground_term(LocalFit(cost, A, b), prior, problem, state, P)
+    cost = cost + add_ground_term(LocalFit(cost, A, b), prior, problem, state=state, pose_count=P)
     return LocalFit(cost, A, b)
 
 

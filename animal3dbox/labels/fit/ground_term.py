@@ -5,16 +5,12 @@ prior regresses the ground's normal on its coefficients, see `ground_normals`; h
 compared with gravity while camera and pose are moved. docs/solver.md has the formulas.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.labels.fit.local_fit import LocalFit
 from animal3dbox.labels.fit.pose_prior import PosePrior
 from animal3dbox.labels.fit.problem import CAMERA, FitProblem, FitState
-
-if TYPE_CHECKING:
-    from animal3dbox.labels.fit.descent import LocalFit
 
 Array = NDArray[np.float64]
 GRAVITY_SD = 0.1
@@ -24,7 +20,7 @@ GRAVITY_WIDTH = 3.0
 
 
 def add_ground_term(
-    local: "LocalFit", prior: PosePrior, problem: FitProblem, state: FitState, pose_count: int
+    local: LocalFit, prior: PosePrior, problem: FitProblem, *, state: FitState, pose_count: int
 ) -> Array:
     """The cost (B,) of grounds that are not level; its derivatives are added to A and b in place.
 
@@ -37,7 +33,7 @@ def add_ground_term(
 
     """
     down = problem.down[state.animal]
-    is_known: NDArray[np.bool_] = np.isfinite(down).all(1)
+    is_known: NDArray[np.bool_] = ~np.isnan(down[:, 0])
     if not is_known.any():
         return np.zeros(len(state))
     raw = prior.up + (state.pose[:, None] @ prior.up_slopes)[:, 0]

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.labels.fit.descent import LocalFit, projected
+from animal3dbox.labels.fit.descent import projected
 from animal3dbox.labels.fit.fit_body import FitBody, PosedJoints
+from animal3dbox.labels.fit.local_fit import LocalFit
 from animal3dbox.labels.fit.mask_target import MaskTarget
 from animal3dbox.labels.fit.problem import FitProblem, FitState
 from animal3dbox.labels.fit.surface import PosedSurface, posed_surface, surface_of, surface_slopes

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.labels.fit.choice import EXCHANGED_COST, ChoiceCosts, choice_costs
-from animal3dbox.labels.fit.descent import LocalFit, descend_fit, keypoint_terms
+from animal3dbox.labels.fit.descent import descend_fit, keypoint_terms
 from animal3dbox.labels.fit.fit_body import FitBody
+from animal3dbox.labels.fit.local_fit import LocalFit
 from animal3dbox.labels.fit.mask_target import MaskTarget
 from animal3dbox.labels.fit.mask_term import MaskWeights, mask_terms
 from animal3dbox.labels.fit.problem import FitProblem, FitState

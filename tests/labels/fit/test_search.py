@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.labels.fit.choice import EXCHANGED_COST, choice_costs
-from animal3dbox.labels.fit.descent import LocalFit, descend_fit, keypoint_terms
+from animal3dbox.labels.fit.descent import descend_fit, keypoint_terms
 from animal3dbox.labels.fit.fit_body import FitBody, fit_body
+from animal3dbox.labels.fit.local_fit import LocalFit
 from animal3dbox.labels.fit.mask_target import mask_target
 from animal3dbox.labels.fit.mask_term import MaskWeights, mask_terms
 from animal3dbox.labels.fit.problem import CAMERA, FitProblem, FitState, frame_about

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from animal3dbox.labels.fit.descent import (
     KeypointResiduals,
-    LocalFit,
     keypoint_residuals,
     labeled,
     with_priors,
@@ -24,6 +23,7 @@ from animal3dbox.labels.fit.descent import (
 from animal3dbox.labels.fit.fit_body import FitBody
 from animal3dbox.labels.fit.kinematics import JointFrames, blended_rotations, trunk_lengths
 from animal3dbox.labels.fit.learning.mirrored_offsets import offset_basis
+from animal3dbox.labels.fit.local_fit import LocalFit
 from animal3dbox.labels.fit.mask_target import MaskTarget
 from animal3dbox.labels.fit.mask_term import MaskWeights, mask_terms
 from animal3dbox.labels.fit.problem import CAMERA, FitProblem, FitState
