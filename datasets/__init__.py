@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
+    from animal3dbox.datasets.batches import Targets as Targets
     from animal3dbox.datasets.batches import collate as collate
     from animal3dbox.datasets.batches import collate_stacked as collate_stacked
     from animal3dbox.datasets.bodies.sources import ModelBody as ModelBody
@@ -74,6 +75,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
         "batches": (
+            "Targets",
             "collate",
             "collate_stacked",
         ),
