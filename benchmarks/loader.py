@@ -49,8 +49,7 @@ BATCH = 8
 def by_opencv(path: Path) -> NDArray[np.uint8]:
     """The pixels of a JPEG by the decoder that Datasets use, without any check."""
     colour = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
-    pixels: NDArray[np.uint8] = cv2.imdecode(np.fromfile(path, np.uint8), colour)
-    return pixels
+    return np.asarray(cv2.imdecode(np.fromfile(path, np.uint8), colour), dtype=np.uint8)
 
 
 def by_pillow(path: Path) -> NDArray[np.uint8]:

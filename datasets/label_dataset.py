@@ -193,6 +193,13 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             raise ConfigError(f"epoch must not be negative, got {epoch}")
         self._epoch.fill_(epoch)
 
+    def own_epoch(self) -> None:
+        """Part its epoch from that of other processes that the Dataset was sent to.
+
+        Workers that are started from now on share it, those that run already do not.
+        """
+        self._epoch = self._epoch.clone().share_memory_()  # type: ignore[no-untyped-call]
+
     def report(self) -> LoadReport:
         """What has been left out so far and why, by all processes."""
         return self.case_file.report()

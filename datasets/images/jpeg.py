@@ -17,6 +17,7 @@ import struct
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -119,10 +120,10 @@ def opencv_pixels(content: bytes, image_hw: tuple[int, int]) -> NDArray[np.uint8
 
 def _decoded(content: bytes) -> NDArray[np.uint8] | None:
     try:
-        pixels: NDArray[np.uint8] | None = cv2.imdecode(np.frombuffer(content, np.uint8), _COLOUR)
+        pixels: Any = cv2.imdecode(np.frombuffer(content, np.uint8), _COLOUR)
     except cv2.error:
         return None
-    return pixels
+    return None if pixels is None else np.asarray(pixels, dtype=np.uint8)
 
 
 @lru_cache(maxsize=1)

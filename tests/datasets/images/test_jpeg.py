@@ -1,6 +1,7 @@
 """JPEGs decoded by OpenCV: Pillow's pixels and Pillow's errors, whatever the file."""
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ def picture(image_hw: tuple[int, int], seed: int = 0) -> Image.Image:
     height, width = image_hw
     generator = np.random.default_rng([seed, height, width])
     coarse = generator.integers(0, 256, (height // 9 + 2, width // 9 + 2, 3), dtype=np.uint8)
-    pixels = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+    pixels: Any = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
     noise = generator.integers(0, 256, pixels.shape, dtype=np.uint8)
     pixels[: height // 2] = noise[: height // 2]
     return Image.fromarray(pixels.astype(np.uint8))
@@ -97,7 +98,7 @@ def _several_pictures(image: Image.Image) -> bytes:
     return file.getvalue()
 
 
-LEFT_TO_PILLOW = {
+LEFT_TO_PILLOW: dict[str, Callable[[Image.Image], bytes]] = {
     "progressive": lambda image: written(image, progressive=True),
     "colour profile": lambda image: written(image, icc_profile=_srgb()),
     "CMYK": _cmyk,
