@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.formats import read_dataset as read_dataset
     from animal3dbox.datasets.formats import recognised_format as recognised_format
     from animal3dbox.datasets.inspection.inspect import inspect_dataset as inspect_dataset
+    from animal3dbox.datasets.joined_dataset import JoinedDataset as JoinedDataset
     from animal3dbox.datasets.label_dataset import LabelDataset as LabelDataset
     from animal3dbox.datasets.labelling.file_source import FileSource as FileSource
     from animal3dbox.datasets.labelling.filters import LabelFilter as LabelFilter
@@ -102,6 +103,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "formats": ("read_dataset", "recognised_format"),
         "read_options": ("ReadOptions",),
         "inspection.inspect": ("inspect_dataset",),
+        "joined_dataset": ("JoinedDataset",),
         "label_dataset": ("LabelDataset",),
         "labelling.file_source": ("FileSource",),
         "labelling.filters": ("LabelFilter",),
