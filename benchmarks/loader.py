@@ -4,7 +4,10 @@ Run: python benchmarks/loader.py [--images N] [--rounds R] [--workers 0 1 2] [--
 
 All kinds of loading take turns in one run, so that what else the machine does falls on all alike;
 the figures are medians of rounds, the ratios those of times per image to the floor's with as many
-workers. Pictures are synthetic, 640 x 480, one animal each.
+workers. The floors decode as Datasets do, JPEGs by OpenCV (datasets/images/jpeg.py): with masks,
+without, and JPEGs alone by Pillow. Pictures are synthetic, 640 x 480, one animal each. With
+--masks-off only "cached labels, no masks" and its floor take turns, in one process and processor
+time.
 """
 
 import argparse
@@ -22,6 +25,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import cv2
 import numpy as np
 import torch
+from numpy.typing import NDArray
+from PIL import Image
 from torch.utils.data import DataLoader, Dataset
 
 from animal3dbox.datasets import Animal3DDataset, LabelDataset, SyntheticSet, collate
@@ -41,10 +46,35 @@ cv2.setNumThreads(1)
 BATCH = 8
 
 
-class Decoded(Dataset[Any]):
-    """Images and masks of a Dataset, decoded as it decodes them and nothing else: the floor."""
+def by_opencv(path: Path) -> NDArray[np.uint8]:
+    """The pixels of a JPEG by the decoder that Datasets use, without any check."""
+    colour = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
+    return np.asarray(cv2.imdecode(np.fromfile(path, np.uint8), colour), dtype=np.uint8)
 
-    def __init__(self, dataset: LabelDataset) -> None:
+
+def by_pillow(path: Path) -> NDArray[np.uint8]:
+    """The same pixels by Pillow."""
+    with Image.open(path) as image:
+        return np.array(image.convert("RGB"))
+
+
+class Decoded(Dataset[Any]):
+    """Images and masks of a Dataset, decoded as it decodes them and nothing else: the floor.
+
+    Args:
+        dataset: the Dataset.
+        masks: whether masks are decoded, too.
+        decode: the decoder of pictures.
+    """
+
+    def __init__(
+        self,
+        dataset: LabelDataset,
+        *,
+        masks: bool = True,
+        decode: Callable[[Path], NDArray[np.uint8]] | None = None,
+    ) -> None:
+        self.masks, self.decode = masks, decode or by_opencv
         samples = [dataset.source.sample(index) for index in range(len(dataset))]
         self.records: list[tuple[AnimalRecord, ...]] = [sample.records for sample in samples]  # type: ignore[misc]
 
@@ -53,10 +83,12 @@ class Decoded(Dataset[Any]):
 
     def __getitem__(self, index: int) -> tuple[torch.Tensor, Target]:
         first, *others = self.records[index]
-        photo = read_photo(first.image_path, first.image_id, first.image_hw)  # type: ignore[arg-type]
+        image = image_tensor(self.decode(first.image_path))  # type: ignore[arg-type]
+        if not self.masks:
+            return image, {}
         masks = [record.mask for record in (first, *others)]
         whole = np.stack(masks) if others else masks[0][None]  # type: ignore[arg-type,index]
-        return image_tensor(photo.pixels), {"masks": torch.from_numpy(whole.view(np.uint8))}
+        return image, {"masks": torch.from_numpy(whole.view(np.uint8))}
 
 
 def write_dataset(folder: Path, images: int) -> tuple[Path, Path]:
@@ -90,6 +122,11 @@ def kinds(root: Path, model: Path, cache: Path) -> dict[str, Dataset[Any]]:
     exact = Animal3DDataset(root, model, stored_cameras="exact")
     return {
         "decode only": Decoded(exact),
+        "decode only, no masks": Decoded(exact, masks=False),
+        "decode only, no masks, Pillow": Decoded(exact, masks=False, decode=by_pillow),
+        "cached labels, no masks": Animal3DDataset(
+            root, model, stored_cameras="exact", cache=cache, masks=False
+        ),
         "cached labels": Animal3DDataset(root, model, stored_cameras="exact", cache=cache),
         "labels, known pose": exact,
         "labels, pose searched": Animal3DDataset(root, model, on_bad="skip"),
@@ -120,6 +157,38 @@ def compare(root: Path, model: Path, cache: Path, *, workers: list[int], rounds:
             times, floor = np.array(seconds[name, count]), np.array(seconds["decode only", count])
             cells.append(f"{1 / np.median(times):10.1f} /s {np.median(times / floor):8.2f} x")
         print(f"{name:28}" + "".join(f"{cell:>24}" for cell in cells))
+
+
+def masks_off(root: Path, model: Path, cache: Path, rounds: int) -> None:
+    """Print what a cached sample without masks costs by its own decoder's decode, in batches.
+
+    Processor time of one process: what else the machine does counts less.
+    """
+    dataset = Animal3DDataset(root, model, stored_cameras="exact", cache=cache, masks=False)
+    floor, other = (
+        Decoded(dataset, masks=False, decode=decode) for decode in (by_opencv, by_pillow)
+    )
+    batches = [[*range(i, min(i + BATCH, len(dataset)))] for i in range(0, len(dataset), BATCH)]
+    loadings: dict[str, Callable[[list[int]], Any]] = {
+        "decode only": lambda batch: [floor[index] for index in batch],
+        "decode only, Pillow": lambda batch: [other[index] for index in batch],
+        "cached labels": dataset.__getitems__,
+    }
+    for batch in batches:
+        dataset.__getitems__(batch)  # fills the cache
+    seconds: dict[str, list[float]] = {name: [] for name in loadings}
+    for _ in range(rounds):
+        for name, load in loadings.items():
+            begin = time.process_time()
+            for batch in batches:
+                samples = load(batch)
+            del samples
+            seconds[name].append((time.process_time() - begin) / len(dataset))
+    floors = np.array(seconds["decode only"])
+    print("no masks, one process, processor time of an image")
+    for name, times in seconds.items():
+        ratio = np.median(np.array(times) / floors)
+        print(f"  {name:28} {1e3 * float(np.median(times)):7.3f} ms {ratio:7.2f} x")
 
 
 def stages(root: Path, model: Path, cache: Path, rounds: int) -> None:
@@ -214,6 +283,7 @@ def main() -> None:
         default=0,
         help="instead: an epoch over so many small images with planted faults",
     )
+    parser.add_argument("--masks-off", action="store_true", help="see above")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -221,6 +291,9 @@ def main() -> None:
             epoch_with_faults(folder, options.faults)
             return
         root, model = write_dataset(folder, options.images)
+        if options.masks_off:
+            masks_off(root, model, folder / "cache", options.rounds)
+            return
         compare(root, model, folder / "cache", workers=options.workers, rounds=options.rounds)
         stages(root, model, folder / "cache", options.rounds)
 

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
+    from animal3dbox.datasets.batches import Targets as Targets
     from animal3dbox.datasets.batches import collate as collate
     from animal3dbox.datasets.batches import collate_stacked as collate_stacked
     from animal3dbox.datasets.bodies.sources import ModelBody as ModelBody
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from animal3dbox.datasets.formats import read_dataset as read_dataset
     from animal3dbox.datasets.formats import recognised_format as recognised_format
     from animal3dbox.datasets.inspection.inspect import inspect_dataset as inspect_dataset
+    from animal3dbox.datasets.joined_dataset import JoinedDataset as JoinedDataset
     from animal3dbox.datasets.label_dataset import LabelDataset as LabelDataset
     from animal3dbox.datasets.labelling.file_source import FileSource as FileSource
     from animal3dbox.datasets.labelling.filters import LabelFilter as LabelFilter
@@ -74,6 +76,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
         "batches": (
+            "Targets",
             "collate",
             "collate_stacked",
         ),
@@ -100,6 +103,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "formats": ("read_dataset", "recognised_format"),
         "read_options": ("ReadOptions",),
         "inspection.inspect": ("inspect_dataset",),
+        "joined_dataset": ("JoinedDataset",),
         "label_dataset": ("LabelDataset",),
         "labelling.file_source": ("FileSource",),
         "labelling.filters": ("LabelFilter",),

@@ -33,11 +33,47 @@ class Targets(list[Target]):
 
     Attributes:
         skipped: samples that cannot be used; their reasons are in the Dataset's report().
+
+    Example:
+        >>> batch = Targets([{"size": torch.ones(1, 3), "image_id": "a.jpg"}])
+        >>> moved = batch.to("meta", torch.float64)
+        >>> moved[0]["size"].device.type, moved[0]["size"].dtype, moved[0]["image_id"]
+        ('meta', torch.float64, 'a.jpg')
     """
 
     def __init__(self, targets: Iterable[Target] = (), skipped: Sequence[Skipped] = ()) -> None:
         super().__init__(targets)
         self.skipped = tuple(skipped)
+
+    def to(
+        self,
+        device: torch.device | str | None = None,
+        dtype: torch.dtype | None = None,
+        *,
+        non_blocking: bool = False,
+    ) -> "Targets":
+        """The same targets with every tensor on a device; all that is no tensor stays as it is.
+
+        Args:
+            device: where to; None: where each tensor is.
+            dtype: of the tensors of floating point, such as torch.float64; whole numbers, flags and
+                masks keep theirs. None: as they are.
+            non_blocking: see torch.Tensor.to; it helps from pinned memory.
+
+        Returns:
+            A new batch; this one is left as it is. A tensor that is there already is shared.
+
+        """
+
+        def moved(value: Any) -> Any:
+            if isinstance(value, Tensor):
+                kind = dtype if value.is_floating_point() else None
+                return value.to(device=device, dtype=kind, non_blocking=non_blocking)
+            if isinstance(value, dict):
+                return {name: moved(one) for name, one in value.items()}
+            return [moved(one) for one in value] if type(value) is list else value
+
+        return Targets(map(moved, self), self.skipped)
 
     def __reduce__(self) -> tuple[Any, ...]:
         numbers: list[bytes] = []

@@ -4,7 +4,7 @@ import operator
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -18,6 +18,7 @@ from animal3dbox.datasets.labelling.dataset_options import (
     Options,
     Partial,
     TransformCall,
+    check_choices,
 )
 from animal3dbox.datasets.labelling.file_source import images_of
 from animal3dbox.datasets.labelling.filters import LabelFilter
@@ -77,7 +78,8 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         misplaced: keypoints beside the frame, the box or the mask are a "fault" or a "flag".
         optional: a bad mask or box is a "fault", or left out: "drop".
         cache: folder of the label cache; None: none.
-        masks: whether targets hold masks, of images whose every animal has one.
+        masks: whether targets hold masks, of images whose every animal has one. With False none is
+            decoded, but where a label has to be made of it; labels are the same either way.
         report_to: file that cases are appended to; None: a temporary one.
         reuse: whether labels in the cache are used; False makes them all anew.
         calibration: what the dataset taught about its keypoints' places (`animal3dbox calibrate`),
@@ -124,7 +126,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         **unknown: object,
     ) -> None:
         refuse_unknown(type(self), unknown, Options.__annotations__)
-        _check_choices(on_bad, partial, scale)
+        check_choices(on_bad, partial, scale)
         if on_bad == "error" and source.faults:
             raise _first_fault(source.faults)
         check_camera_policy(stored_cameras, source.has_cameras or not len(source), source.notes)
@@ -191,6 +193,13 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             raise ConfigError(f"epoch must not be negative, got {epoch}")
         self._epoch.fill_(epoch)
 
+    def own_epoch(self) -> None:
+        """Part its epoch from that of other processes that the Dataset was sent to.
+
+        Workers that are started from now on share it, those that run already do not.
+        """
+        self._epoch = self._epoch.clone().share_memory_()  # type: ignore[no-untyped-call]
+
     def report(self) -> LoadReport:
         """What has been left out so far and why, by all processes."""
         return self.case_file.report()
@@ -218,7 +227,13 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         keys = [self._key(index) for index in indices]
         with one_thread():
             places = [place for _, place in keys]
-            samples = open_samples(self.source, places, self._numbers, self._store)
+            samples = open_samples(
+                self.source,
+                places,
+                classes=self._numbers,
+                store=self._store,
+                masks=self.masks,
+            )
             requests = [
                 request
                 for sample in samples
@@ -360,21 +375,6 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         except Exception as error:
             error.add_note(f"in the transform of image {target['image_id']}")
             raise
-
-
-def _check_choices(on_bad: str, partial: str, scale: object) -> None:
-    """Raise a ConfigError for options that have a value that they cannot have."""
-    for name, value, known in (
-        ("on_bad", on_bad, get_args(OnBad)),
-        ("partial", partial, get_args(Partial)),
-    ):
-        if value not in known:
-            raise ConfigError(f"{name} must be {' or '.join(map(repr, known))}, got {value!r}")
-    if scale is not None and not hasattr(scale, "metres_per_unit"):
-        raise ConfigError(
-            "scale must be a KnownScale, SpeciesScale or AltitudeScale"
-            f" (datasets.labelling.scale), got {scale!r}"
-        )
 
 
 def _first_fault(faults: Sequence[SampleError]) -> SampleError:

@@ -133,7 +133,8 @@ DATASET_ROOMS = (
     {"records", "sightings", "images", "storage"},
     {"readers", "bodies", "synthetic"},
     {"formats", "cuboid_formats", "labelling", "read_options", "record_changes"},
-    {"label_dataset", "batches", "format_datasets", "synthetic_dataset"} | {"cuboid_datasets"},
+    {"label_dataset", "batches", "format_datasets", "synthetic_dataset"}
+    | {"cuboid_datasets", "joined_dataset"},
     {"exchange", "inspection"},
 )
 """The rooms and files of datasets/ from the lowest: each imports from its own tier and from those

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from animal3dbox.geometry.arrays import AnyArray, namespace
+from animal3dbox.errors import ShapeError
+from animal3dbox.geometry.arrays import AnyArray, as_numpy, namespace
 from animal3dbox.geometry.checks import check_image_hw, check_intrinsics, check_shape
 from animal3dbox.geometry.distortion import distort
 from animal3dbox.geometry.frame import in_frame
@@ -59,12 +60,16 @@ def project(
             project_in_front.
         depth: (..., N) along the optical axis, positive in front of the camera.
 
+    Raises:
+        ShapeError: K and points_cam have other shapes, or are exchanged.
+
     Example:
         >>> K = intrinsics(100.0, (11, 21))
         >>> px, depth = project(K, torch.tensor([[0.4, -0.1, 2.0]], dtype=torch.float64))
         >>> px.tolist(), depth.tolist()
         ([[30.0, 0.0]], [2.0])
     """
+    _check_camera_and_points(K, points_cam)
     depth = points_cam[..., 2]
     xp = namespace(depth)
     divisor = xp.where(abs(depth) < 1e-12, xp.full_like(depth, 1e-12), depth)[..., None]
@@ -92,6 +97,9 @@ def project_in_front(
         points_px: (..., N, 2), exactly 0 where the point is not in front.
         in_front: (..., N) bool.
 
+    Raises:
+        ShapeError: K and points_cam have other shapes, or are exchanged.
+
     Example:
         >>> K = intrinsics(100.0, (11, 21))
         >>> px, in_front = project_in_front(K, torch.tensor([[1.0, 0, 8], [1.0, 0, -8]]).double())
@@ -101,6 +109,30 @@ def project_in_front(
     points_px, depth = project(K, points_cam, distortion)
     in_front = (depth > near) & torch.isfinite(points_px).all(-1)
     return torch.where(in_front[..., None], points_px, torch.zeros_like(points_px)), in_front
+
+
+def _check_camera_and_points(K: AnyArray, points_cam: AnyArray) -> None:
+    """Raise a ShapeError unless K (..., 3, 3) and points (..., N, 3) come in this order.
+
+    Of three points the shapes do not tell: they are taken for a K if only they are one.
+    """
+    if K.shape[-2:] == (3, 3) and points_cam.shape[-1:] == (3,) and points_cam.ndim > 1:
+        if points_cam.shape[-2] != 3 or _may_be_intrinsics(K) or not _may_be_intrinsics(points_cam):
+            return
+        problem = "what is given as points_cam is a camera's K"
+    elif points_cam.shape[-2:] == (3, 3) and K.shape[-1:] == (3,):
+        problem = f"got K of shape {tuple(K.shape)} and points_cam of {tuple(points_cam.shape)}"
+    else:
+        check_shape("K", K, "... 3 3")
+        check_shape("points_cam", points_cam, "... N 3")
+        return
+    raise ShapeError(f"K and points_cam are exchanged, {problem}: K comes first, then the points")
+
+
+def _may_be_intrinsics(matrices: AnyArray) -> bool:
+    """Whether matrices (..., 3, 3) all have zeros below their diagonal, and 1 at its end."""
+    below = as_numpy(matrices).reshape(-1, 9)[:, [3, 6, 7, 8]]
+    return bool((below == (0, 0, 0, 1)).all())
 
 
 @dataclass(frozen=True)

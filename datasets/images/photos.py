@@ -18,6 +18,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from animal3dbox.datasets.images.exif import FORMATS, PhotoFacts, facts_of
+from animal3dbox.datasets.images.jpeg import (
+    has_plain_pixels,
+    jpeg_header,
+    opencv_pixels,
+    whole_jpeg,
+)
 from animal3dbox.datasets.images.orientation import (
     ON_ITS_SIDE,
     as_shown,
@@ -89,10 +95,30 @@ def read_photo(
         SampleError: no image, a truncated one, too large a one, or one of another size.
 
     """
+    content = whole_jpeg(path)
+    header = None if content is None else jpeg_header(content)
+    if content is None or header is None:
+        content = b""  # left to Pillow
+    elif header.is_silent and _is_expected(header.image_hw, expected_hw):
+        pixels = opencv_pixels(content, header.image_hw)
+        if pixels is not None:
+            return Photo(pixels, PhotoFacts())
     with _open_image(path, sample_id) as image:
         facts = facts_of(image, upright=upright)
+        if content and not facts.upright and has_plain_pixels(image):
+            _check_size(image, sample_id, expected_hw, upright=upright)
+            pixels = opencv_pixels(content, image.size[::-1])
+            if pixels is not None:
+                return Photo(pixels, facts)
         image = _decoded(image, sample_id, expected_hw, upright=upright)
         return Photo(rgb_pixels(image, sample_id), facts)
+
+
+def _is_expected(image_hw: tuple[int, int], expected_hw: tuple[int, int] | None) -> bool:
+    """Whether a picture may be decoded, and has the size of its annotations."""
+    height, width = image_hw
+    has_size = expected_hw is None or tuple(expected_hw) == image_hw
+    return has_size and height * width <= MAX_PIXELS
 
 
 def converted_image(

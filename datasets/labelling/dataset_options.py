@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, TypedDict, get_args
 
 from torch import Tensor
 
@@ -12,6 +12,7 @@ from animal3dbox.datasets.labelling.label_records import CameraPolicy
 from animal3dbox.datasets.labelling.scale import ScaleSource
 from animal3dbox.datasets.labelling.skipped import Target
 from animal3dbox.datasets.readers.tolerance import BadParts
+from animal3dbox.errors import ConfigError
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 
@@ -38,3 +39,18 @@ class Options(TypedDict, total=False):
     report_to: Path | str | None
     reuse: bool
     calibration: Calibration | Path | str | None
+
+
+def check_choices(on_bad: str, partial: str, scale: object) -> None:
+    """Raise a ConfigError for options that have a value that they cannot have."""
+    for name, value, known in (
+        ("on_bad", on_bad, get_args(OnBad)),
+        ("partial", partial, get_args(Partial)),
+    ):
+        if value not in known:
+            raise ConfigError(f"{name} must be {' or '.join(map(repr, known))}, got {value!r}")
+    if scale is not None and not hasattr(scale, "metres_per_unit"):
+        raise ConfigError(
+            "scale must be a KnownScale, SpeciesScale or AltitudeScale"
+            f" (datasets.labelling.scale), got {scale!r}"
+        )

@@ -16,12 +16,17 @@ from animal3dbox.errors import SampleError
 T = TypeVar("T")
 RequestOrError = LabelRequest | SampleError
 OpenSample = tuple[ImageSample, Photo, list[RequestOrError]]
-"""An image's annotations, its picture, decoded, and the requests for its animals' labels with their
-masks, or what is wrong with those that cannot be labelled."""
+"""An image's annotations, its picture, decoded, and the requests for its animals' labels, or what
+is wrong with those that cannot be labelled."""
 
 
 def open_samples(
-    source: SampleSource, places: Sequence[int], classes: Mapping[str, int], store: LabelStore
+    source: SampleSource,
+    places: Sequence[int],
+    *,
+    classes: Mapping[str, int],
+    store: LabelStore,
+    masks: bool,
 ) -> list[OpenSample | SampleError]:
     """Samples with their pictures and masks, in order, and the errors of those that are unreadable.
 
@@ -33,6 +38,8 @@ def open_samples(
         places: in the source.
         classes: the categories that animals may be of.
         store: will be asked for the animals' labels.
+        masks: whether targets hold masks, so that all are decoded here; else only those are, later,
+            of which a label has to be made.
 
     """
     samples = [_attempt(source.sample, place) for place in places]
@@ -46,6 +53,8 @@ def open_samples(
             opened.append(photo)
         elif not isinstance(sample, SampleError):
             opened.append((sample, photo, _requests(sample, photo, classes, store)))
+    if not masks:
+        return opened
     return [
         one
         if isinstance(one, SampleError)

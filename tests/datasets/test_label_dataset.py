@@ -154,10 +154,6 @@ def test_one_body_can_serve_all_animals(animals: Path) -> None:
     )
 
 
-def test_masks_can_be_left_out(animals: Path) -> None:
-    assert "masks" not in used(small_dataset(animals, masks=False))[1]
-
-
 def test_a_transform_gets_the_sample_and_its_key(animals: Path) -> None:
     augment = Compose([RandomHorizontalFlip(0.5), RandomResizedCrop(64)], seed=1)
     dataset = small_dataset(animals, transform=augment)

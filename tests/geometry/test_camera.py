@@ -1,4 +1,5 @@
 import math
+from typing import Any
 
 import pytest
 import torch
@@ -10,7 +11,13 @@ from torch import Tensor
 from torch.testing import assert_close
 
 from animal3dbox.errors import ShapeError
-from animal3dbox.geometry.camera import PinholeCamera, intrinsics, look_at, project
+from animal3dbox.geometry.camera import (
+    PinholeCamera,
+    intrinsics,
+    look_at,
+    project,
+    project_in_front,
+)
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.homography import apply_homography, oriented_homography, rq, update_camera
 from animal3dbox.geometry.rigid_transforms import (
@@ -39,6 +46,36 @@ def test_a_point_projects_where_a_person_computes_it() -> None:
     px, depth = camera.project(torch.tensor([[1.0, -1, 0]], dtype=F64))
     assert px.tolist() == [[10 + 50 - 5, 5 - 50]]
     assert depth.tolist() == [2]
+
+
+@pytest.mark.parametrize("function", [project, project_in_front])
+@pytest.mark.parametrize("points", [1, 3, 8])
+def test_points_and_a_camera_that_are_exchanged_are_an_error_that_says_so(
+    function: Any, points: int
+) -> None:
+    K = intrinsics(100.0, (11, 21))
+    points_cam = torch.rand(points, 3, dtype=F64) + 1
+    with pytest.raises(ShapeError, match=r"are exchanged, .* comes first"):
+        function(points_cam, K)
+    with pytest.raises(ShapeError, match="exchanged"):
+        function(points_cam.expand(2, points, 3), K.expand(2, 3, 3))
+    function(K, points_cam)  # the right way round
+
+
+def test_three_points_may_look_like_a_camera_if_the_camera_is_one() -> None:
+    K = intrinsics(100.0, (11, 21))
+    assert project(K, K)[1].tolist() == [10.0, 5.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("K", "points_cam", "name"),
+    [((3, 4), (8, 3), "K"), ((3, 3), (8, 4), "points_cam"), ((3, 3), (3,), "points_cam")],
+)
+def test_other_shapes_than_a_camera_and_points_are_named(
+    K: tuple[int, ...], points_cam: tuple[int, ...], name: str
+) -> None:
+    with pytest.raises(ShapeError, match=f"^{name} must have shape"):
+        project(torch.ones(K), torch.ones(points_cam))
 
 
 def test_the_camera_center_projects_nowhere_and_is_where_it_was_put() -> None:
