@@ -10,27 +10,9 @@ SIZES = (
     (100_000, "10K<n<100K"),
 )
 """Hugging Face's names of numbers of images, below each bound."""
-
-
-def card_text(plan: BenchPlan) -> str:
-    """The text of the card, by the plan alone.
-
-    Example:
-        >>> from animal3dbox.bench import bench_plan
-        >>> card_text(bench_plan("small")).splitlines()[1]
-        'license: cc0-1.0'
-    """
-    total = sum(split.images for split in plan.splits)
-    size = next(name for bound, name in SIZES if total < bound)
-    configs = "".join(
-        f"  - split: {split.name.replace('-', '_')}\n    path: truth/{split.name}.json\n"
-        for split in plan.splits
-    )
-    rows = "".join(_row(split) for split in plan.splits)
-    height, width = plan.splits[0].world.image_hw
-    return f"""---
+TEXT = """---
 license: cc0-1.0
-pretty_name: animal3dbox {plan.version} ({plan.edition} edition)
+pretty_name: animal3dbox {version} ({edition} edition)
 task_categories:
 - object-detection
 tags:
@@ -45,7 +27,7 @@ configs:
   data_files:
 {configs}---
 
-# {plan.version}, {plan.edition} edition
+# {version}, {edition} edition
 
 Monocular 3D detection of animals: {total} drawn images of {width} x {height} px with exact oriented
 boxes, whose six faces have names. Nobody took these pictures: bodies, coats, ground and light are
@@ -69,6 +51,35 @@ animals, and `test-focal` shorter focal lengths than `train`.
 Check a copy with `animal3dbox bench verify`, a detector with `animal3dbox bench score`;
 docs/bench.md of animal3dbox has the rules. What it cannot tell: how a detector does on photographs.
 """
+"""The card; what stands in braces is filled in."""
+
+
+def card_text(plan: BenchPlan) -> str:
+    """The text of the card, by the plan alone.
+
+    Example:
+        >>> from animal3dbox.bench import bench_plan
+        >>> card_text(bench_plan("small")).splitlines()[1]
+        'license: cc0-1.0'
+    """
+    total = sum(split.images for split in plan.splits)
+    size = next(name for bound, name in SIZES if total < bound)
+    configs = "".join(
+        f"  - split: {split.name.replace('-', '_')}\n    path: truth/{split.name}.json\n"
+        for split in plan.splits
+    )
+    rows = "".join(_row(split) for split in plan.splits)
+    height, width = plan.splits[0].world.image_hw
+    return TEXT.format(
+        version=plan.version,
+        edition=plan.edition,
+        size=size,
+        configs=configs,
+        total=total,
+        width=width,
+        height=height,
+        rows=rows,
+    )
 
 
 def _row(split: SplitPlan) -> str:

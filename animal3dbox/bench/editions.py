@@ -7,4 +7,5 @@ Edition = Literal["full", "small"]
 EDITIONS: tuple[Edition, ...] = get_args(Edition)
 Track = Literal["image", "K", "box", "keypoints"]
 """What a method may look at: the image alone, or K too, or 2D boxes too, or keypoints too."""
-TRACKS: tuple[Track, ...] = get_args(Track)
+Baseline = Literal["constant", "nearest", "labels-fit", "labels-preset"]
+"""Methods that come with the benchmark; see baselines.py."""
