@@ -2,7 +2,8 @@
 
 Work is done in chunks. A chunk's rows are written when all of its images are, so a chunk that is
 there need not be drawn again, and whatever a killed run leaves is whole: images, chunks, and the
-files of the split so far, which are written anew whenever the number of chunks has doubled.
+files of the split so far, which are written anew whenever the number of chunks has doubled, and
+after every thousand images.
 """
 
 import shutil
@@ -35,6 +36,8 @@ from animal3dbox.files import write_whole
 
 CHUNK = 25
 """Images that a process draws at a time."""
+OFTEN = 40
+"""Chunks after which the files of a split are written, too: it takes a second or two."""
 WORK = "work"
 """Folder of the chunks of splits that are not whole yet."""
 
@@ -140,7 +143,8 @@ def _drawn(
     rows: list[ImageRow] = []
     for number, chunk in enumerate(progress(_chunks(jobs, workers), len(jobs)), 1):
         rows += chunk
-        if number & (number - 1) == 0 or number == len(jobs):  # 1, 2, 4, 8, ...
+        has_doubled = number & (number - 1) == 0  # 1, 2, 4, 8, ...
+        if has_doubled or number % OFTEN == 0 or number == len(jobs):
             write_split(root, plan, split, rows)
     return rows
 
