@@ -19,7 +19,7 @@ from animal3dbox.evaluate.tables import Table, table_from_records
 from animal3dbox.training.metrics.box_metrics import BoxMetrics, Metrics
 
 IN_BRIEF = (
-    *("ap_3d", "ap_3d_h30", "ap_3d_h45", "rel_ap_3d", "heading_error_deg", "flip_rate"),
+    *("ap_3d", "ap_3d_h30", "ap_3d_h45", "rel_ap_3d", "heading_median_deg", "flip_rate"),
     *("flank_accuracy", "corner_error", "distance_error"),
 )
 """Metrics of the short table, each with its interval."""
