@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         write_animal3d_fits as write_animal3d_fits,
     )
     from animal3dbox.datasets.exchange.coco_writer import write_coco as write_coco
+    from animal3dbox.datasets.exchange.detection_writer import write_detections as write_detections
     from animal3dbox.datasets.exchange.fitted_animals import FittedAnimal as FittedAnimal
     from animal3dbox.datasets.exchange.kitti_writer import write_kitti as write_kitti
     from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d as write_omni3d
@@ -89,6 +90,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "exchange.coco_writer": ("write_coco",),
         "exchange.fitted_animals": ("FittedAnimal",),
         "exchange.kitti_writer": ("write_kitti",),
+        "exchange.detection_writer": ("write_detections",),
         "exchange.omni3d_writer": ("write_omni3d",),
         "exchange.oracle2d_writer": ("write_oracle2d",),
         "exchange.quadruped_file": ("read_quadruped", "write_quadruped"),

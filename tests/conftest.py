@@ -31,6 +31,7 @@ hypothesis.settings.load_profile(PROFILE)
 
 PROCESS = frozenset(
     {
+        "bench/test_small_edition.py",
         "cli/test_cli.py::test_help_answers_without_loading_torch",
         "cli/test_cli.py::test_stdout_of_a_process_is_one_json",
         "cli/test_cli.py::test_the_module_can_be_run_and_leaves_no_traceback",
@@ -59,6 +60,8 @@ PROCESS = frozenset(
 """Files and tests that start processes: interpreters, workers, ranks."""
 LONG = frozenset(
     {
+        "bench/test_making.py",
+        "bench/test_small_edition.py",
         "cli/test_check.py",
         "cli/test_demo.py",
         "cli/test_evaluate.py",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from animal3dbox.cli.bench_jobs import BenchJob
 from animal3dbox.cli.options import (
     BodyOptions,
     CacheOptions,
@@ -324,6 +325,7 @@ Job = (
     | ExportJob
     | CheckJob
     | CompareJob
+    | BenchJob
     | InspectJob
     | ConvertModelJob
     | CalibrateJob
@@ -338,6 +340,7 @@ COMMANDS: dict[str, Callable[..., Job]] = {
     "export": ExportJob,
     "check": CheckJob,
     "compare": CompareJob,
+    "bench": BenchJob,
     "inspect": InspectJob,
     "convert-model": ConvertModelJob,
     "calibrate": CalibrateJob,

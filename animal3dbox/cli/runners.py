@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 
 from animal3dbox.cli import jobs
+from animal3dbox.cli.bench_jobs import BenchJob
 from animal3dbox.cli.exit_codes import ExitCode
 
 RUNNERS: Mapping[type, tuple[str, str]] = {
@@ -14,6 +15,7 @@ RUNNERS: Mapping[type, tuple[str, str]] = {
     jobs.ExportJob: ("export", "run_export"),
     jobs.CheckJob: ("check", "run_check"),
     jobs.CompareJob: ("compare", "run_compare"),
+    BenchJob: ("bench", "run_bench"),
     jobs.InspectJob: ("inspect", "run_inspect"),
     jobs.ConvertModelJob: ("convert", "run_convert"),
     jobs.CalibrateJob: ("calibrate", "run_calibrate"),

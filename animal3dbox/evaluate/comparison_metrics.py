@@ -52,7 +52,7 @@ def metrics_table(labels: CuboidSet, detections: CuboidSet) -> Table:
     is_metric = all(record.metric for record in records)
     metrics = BoxMetrics(classes=classes, relative=True, metric=is_metric)
     for image_id, members in boxes_by_image(labels, detections).items():
-        target, prediction = (_fields(one, classes) for one in members)
+        target, prediction = (metric_fields(one, classes) for one in members)
         metrics.update([prediction], [{**target, "image_id": image_id}])
     values = metrics.compute()
     ends = tuple(f"{name}{end}" for name in values for end in ("_low", "_high"))
@@ -75,8 +75,14 @@ def _class_name(record: CuboidRecord) -> str:
     return record.category.strip().lower()
 
 
-def _fields(records: Sequence[CuboidRecord], classes: tuple[str, ...]) -> dict[str, Any]:
-    """The boxes of an image as BoxMetrics takes them."""
+def metric_fields(records: Sequence[CuboidRecord], classes: tuple[str, ...]) -> dict[str, Any]:
+    """The boxes of an image as BoxMetrics takes them.
+
+    Args:
+        records: the boxes; a score that is not known counts as 1.
+        classes: names in lower case, by whose places boxes are labelled.
+
+    """
     center, rotation, size = (torch.from_numpy(one) for one in stacked_boxes(records))
     K = torch.from_numpy(records[0].K) if records else None
     scores = [1.0 if record.score is None else record.score for record in records]

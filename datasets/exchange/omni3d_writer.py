@@ -32,6 +32,8 @@ from animal3dbox.datasets.readers.omni3d.schema import (
 from animal3dbox.datasets.readers.visible_boxes import stated_truncation, visible_boxes
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.files import write_whole
+from animal3dbox.geometry.box_visibility import corners_visibility, visible_faces
+from animal3dbox.geometry.cuboid import corners_of
 
 UNKNOWN_BOX = [-1.0, -1.0, -1.0, -1.0]
 """Value of a 2D box that is not known."""
@@ -49,6 +51,7 @@ def write_omni3d(
     first_category_id: int = 0,
     first_id: int = 1,
     categories: Sequence[str] = (),
+    faces: bool = False,
 ) -> ExportSummary:
     """Write cuboids in Omni3D's format as X.json, X_category_meta.json and X_stats.json.
 
@@ -72,6 +75,8 @@ def write_omni3d(
         first_id: id of the first image and of the first annotation.
         categories: names in the order of their ids, which may be more than the boxes have; none:
             those of the boxes.
+        faces: write which faces of each box are seen and their parts of the picture too, in keys of
+            this package's own that other readers leave alone.
 
     Returns:
         The summary; its faults are the boxes that were left out.
@@ -117,6 +122,8 @@ def write_omni3d(
         ],
         annotations=_annotations(records, numbers, ids, dataset_id=dataset_id, first_id=start),
     )
+    if faces:
+        _add_faces(file.annotations, records)
     meta, stats = (
         path.with_name(f"{path.stem}_{name}.json") for name in ("category_meta", "stats")
     )
@@ -235,6 +242,20 @@ def _annotations(
         )
         annotations.append(annotation)
     return annotations
+
+
+def _add_faces(annotations: Sequence[Omni3DAnnotation], records: Sequence[CuboidRecord]) -> None:
+    """Add what each box and its camera say of the faces; of boxes of unknown fronts nothing."""
+    for annotation, record in zip(annotations, records, strict=True):
+        if not record.heading_known:
+            continue
+        corners = corners_of(record.center, record.rotation, record.size)
+        visible = visible_faces(corners, np.zeros(3))
+        faces = corners_visibility(corners, record.K, record.image_hw, visible)
+        annotation.face_visible = faces.visible.tolist()
+        annotation.face_area = faces.area.tolist()
+        annotation.face_share = faces.share.tolist()
+        annotation.face_share_in_image = faces.share_in_image.tolist()
 
 
 def _box(box: Floats | None) -> list[float]:

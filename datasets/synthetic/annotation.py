@@ -52,18 +52,23 @@ def annotate(animal: SyntheticAnimal, hidden: Hidden = "unmarked") -> Annotation
             marked as visible too.
 
     """
-    keypoints = animal.keypoints_2d.clone()
-    if hidden == "unmarked":
-        keypoints[~animal.keypoint_visible, 2] = 0.0
     return Annotation(
         sample_id=animal.sample_id,
         image_hw=animal.image_hw,
         vocabulary=animal.vocabulary,
-        keypoints_2d=keypoints,
+        keypoints_2d=marked_keypoints(animal, hidden),
         mask=animal.mask,
         K=animal.K,
         parameters=camera_parameters(animal),
     )
+
+
+def marked_keypoints(animal: SyntheticAnimal, hidden: Hidden = "unmarked") -> Tensor:
+    """The keypoints (J, 3) of an animal: x, y in px and 1 if marked, as annotate has them."""
+    keypoints = animal.keypoints_2d.clone()
+    if hidden == "unmarked":
+        keypoints[~animal.keypoint_visible, 2] = 0.0
+    return keypoints
 
 
 def camera_parameters(animal: SyntheticAnimal) -> SmalParameters:

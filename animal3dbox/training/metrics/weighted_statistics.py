@@ -52,6 +52,36 @@ class Mean:
 
 
 @dataclass(frozen=True)
+class Median:
+    """The median of values (P,) of pairs, of those that are known.
+
+    Attributes:
+        values: (P,), NaN where unknown.
+        image: (P,) the image of each pair.
+    """
+
+    values: Floats
+    image: Whole
+
+    def __call__(self, weights: Whole) -> Floats:
+        """The median (R,) under weightings (R, I) of the images; NaN where nothing is known.
+
+        Each value counts as often as its image; of two middle values it is the mean.
+        """
+        known = np.flatnonzero(~np.isnan(self.values))
+        if len(known) == 0:
+            return np.full(len(weights), np.nan)
+        order = known[np.argsort(self.values[known], kind="stable")]
+        upto = np.cumsum(weights[:, self.image[order]], axis=1)  # (R, K) values up to each one
+        total = upto[:, -1:]
+        last = len(order) - 1
+        lower = np.minimum((2 * upto < total).sum(1), last)
+        upper = np.minimum((2 * upto <= total).sum(1), last)
+        middle = (self.values[order[lower]] + self.values[order[upper]]) / 2
+        return np.where(total[:, 0] > 0, middle, np.nan)
+
+
+@dataclass(frozen=True)
 class F1:
     """F1 = 2 TP / (2 TP + FP + FN) of one face: a score above 0.5 says that it is seen.
 

@@ -44,7 +44,9 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     """One element of "annotations": a box in its image.
 
     metric and heading_known are this package's own: that lengths are metres, that sides have names.
-    track_id, the same animal's in all images of its sequence, is there if it is known.
+    track_id, the same animal's in all images of its sequence, is there if it is known; the faces in
+    the order of FACE_NAMES (seen, px^2, parts of the area, parts of that in the frame) if they were
+    asked for.
     """
 
     id: Key
@@ -69,6 +71,10 @@ class Omni3DAnnotation(msgspec.Struct, kw_only=True, omit_defaults=False):
     metric: bool | None = None
     heading_known: bool | None = None
     track_id: Key | msgspec.UnsetType | None = msgspec.UNSET
+    face_visible: list[bool] | msgspec.UnsetType = msgspec.UNSET
+    face_area: list[float] | msgspec.UnsetType = msgspec.UNSET
+    face_share: list[float] | msgspec.UnsetType = msgspec.UNSET
+    face_share_in_image: list[float] | msgspec.UnsetType = msgspec.UNSET
 
     def __post_init__(self) -> None:
         """Take a single -1 or 0 in the place of a rotation or corners for None.

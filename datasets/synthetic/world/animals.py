@@ -1,5 +1,6 @@
 """The animals of a scene: species, shape, pose and place on the ground."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,7 +72,7 @@ def draw_animal(rng: np.random.Generator, preset: str, config: WorldConfig) -> S
     poses = config.poses or WORLD_POSES
     pose_name = poses[int(rng.integers(len(poses)))]
     betas, pose = (
-        draw_betas(rng, preset, config.shape_spread),
+        draw_betas(rng, preset, config.shape_spread, mixed=config.mixed),
         draw_pose(rng, pose_name, config.pose_spread),
     )
     heading = torch.tensor([0.0, 0.0, rng.uniform(-np.pi, np.pi)], dtype=torch.float64)
@@ -107,17 +108,28 @@ def _with_tail_off_the_ground(betas: Tensor, pose: Tensor) -> tuple[Tensor, Pose
     return pose, body
 
 
-def draw_betas(rng: np.random.Generator, preset: str, spread: float) -> Tensor:
-    """The shape (S,) of a species, sometimes with another one mixed in, its measures varied."""
+def draw_betas(
+    rng: np.random.Generator, preset: str, spread: float, *, mixed: Sequence[str] = ()
+) -> Tensor:
+    """The shape (S,) of a species, sometimes with another one mixed in, its measures varied.
+
+    Args:
+        rng: the random numbers.
+        preset: the species.
+        spread: of shapes, as WorldConfig has it.
+        mixed: the species that may be mixed in; none: all.
+
+    """
     names = quadruped_names()
+    others = tuple(mixed) or names.presets
     amounts = dict.fromkeys(names.columns, 0.0)
-    other, mixed, share = (
-        names.presets[int(rng.integers(len(names.presets)))],
+    other, is_mixed, share = (
+        others[int(rng.integers(len(others)))],
         rng.random() < BLEND * spread,
         rng.uniform(0.1, 0.35),
     )
-    amounts[preset] += 1 - share * mixed
-    amounts[other] += share * mixed
+    amounts[preset] += 1 - share * is_mixed
+    amounts[other] += share * is_mixed
     for column in names.columns:
         deviation = 0.0 if column in names.presets else VARIATION_SPREAD
         if column in names.measures:

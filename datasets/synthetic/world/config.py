@@ -45,6 +45,7 @@ class WorldConfig:
             image's sides.
         fill: longer side of the animal's box by the image's side, drawn over its logarithm, large
             ones more often.
+        mixed: the species of which some animals have a part beside their own; all if empty.
 
     Example:
         >>> WorldConfig(image_hw=(120, 160), presets=("dog", "cat")).presets
@@ -67,10 +68,12 @@ class WorldConfig:
     focal_px: Range = (500.0, 5000.0)
     principal_offset: float = 0.12
     fill: Range = (0.08, 0.95)
+    mixed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_image_hw("image_hw", self.image_hw)
-        for field, choices in (("presets", quadruped_names().presets), ("poses", WORLD_POSES)):
+        species = quadruped_names().presets
+        for field, choices in (("presets", species), ("poses", WORLD_POSES), ("mixed", species)):
             if unknown := [name for name in getattr(self, field) if name not in choices]:
                 raise ConfigError(
                     f"{field} must be of {', '.join(choices)}, got {', '.join(unknown)}"

@@ -16,6 +16,7 @@ from animal3dbox.datasets.exchange.coco_writer import FLIP_PAIRS, KEYPOINT_NAMES
 from animal3dbox.datasets.exchange.export import in_metres
 from animal3dbox.datasets.exchange.kitti_writer import levelled, write_kitti
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
+from animal3dbox.datasets.labelling.given_boxes import given_label
 from animal3dbox.datasets.readers.cuboid_conventions import (
     COCO,
     CONVENTIONS,
@@ -46,6 +47,28 @@ def corners_of(record: CuboidRecord) -> np.ndarray:
 def written(path: Path) -> dict[str, Any]:
     content: dict[str, Any] = json.loads(path.read_text())
     return content
+
+
+def test_omni3d_holds_the_faces_that_a_dataset_gives_if_they_are_asked_for(tmp_path: Path) -> None:
+    given = random_set(in_view=True)
+    boxes = replace(given, records=tuple(replace(one, heading_known=True) for one in given.records))
+    write_omni3d(boxes, tmp_path / "plain.json")
+    write_omni3d(boxes, tmp_path / "faces.json", faces=True)
+    plain, faces = (written(tmp_path / name) for name in ("plain.json", "faces.json"))
+    fields = ("face_visible", "face_area", "face_share", "face_share_in_image")
+    names = list(dict.fromkeys(one.image_id for one in boxes.records))
+    in_order = sorted(boxes.records, key=lambda one: names.index(one.image_id))
+    for record, box, bare in zip(in_order, faces["annotations"], plain["annotations"], strict=True):
+        label = given_label(record)
+        for name in fields:
+            assert np.allclose(box.pop(name), getattr(label, name), rtol=1e-9, atol=1e-9)
+        assert box == bare
+
+
+def test_omni3d_holds_no_faces_of_a_box_whose_front_is_not_known(tmp_path: Path) -> None:
+    folded = CuboidSet("labels", (replace(simple_record(), heading_known=False),), ())
+    write_omni3d(folded, tmp_path / "a.json", faces=True)
+    assert "face_visible" not in written(tmp_path / "a.json")["annotations"][0]
 
 
 def test_omni3d_holds_the_numbers_of_one_simple_box(tmp_path: Path) -> None:

@@ -3,12 +3,14 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from detections import F64, HEAD_FOR_TAIL, animals, detected, turned
 from scenes import scene
 
 from animal3dbox.training.metrics import BoxMetrics
+from animal3dbox.training.metrics.weighted_statistics import Median
 
 HERE, ASIDE = (0.0, 0, 8), (4.0, 0, 8)
 
@@ -70,6 +72,30 @@ def test_the_heading_error_is_the_angle_between_the_forward_axes() -> None:
     result = measured(prediction, target)
     assert result["heading_error_deg"] == pytest.approx((20 + 120) / 2, abs=1e-9)
     assert result["flip_rate"] == 0.5
+
+
+def test_the_median_of_headings_is_that_of_every_pair_as_often_as_its_image_is_drawn() -> None:
+    rng = np.random.default_rng(0)
+    for pairs in (1, 2, 5, 8):
+        values, image = rng.uniform(0, 180, pairs), rng.integers(0, 4, pairs)
+        values[rng.random(pairs) < 0.2] = np.nan
+        weights = rng.integers(0, 3, (50, 4))
+        medians = Median(values, image)(weights)
+        for times, median in zip(weights, medians, strict=True):
+            drawn = np.repeat(values, times[image])
+            known = drawn[~np.isnan(drawn)]
+            if len(known):
+                assert median == pytest.approx(np.median(known), abs=1e-12)
+            else:
+                assert np.isnan(median)
+
+
+def test_one_flipped_animal_of_three_does_not_move_the_median() -> None:
+    target = animals(HERE, ASIDE, HERE)
+    rotation = torch.stack((turned(10), turned(20), turned(180)))
+    result = measured(detected(target, 0.9, 0.8, 0.7, rotation=rotation), target)
+    assert result["heading_median_deg"] == pytest.approx(20, abs=1e-9)
+    assert result["heading_error_deg"] == pytest.approx(70, abs=1e-9)
 
 
 def test_a_roll_about_the_own_forward_axis_is_no_heading_error() -> None:

@@ -1,0 +1,141 @@
+"""MANIFEST.json and VERSION: the benchmark that a folder holds, its whole splits, their digests."""
+
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from animal3dbox.bench.plan import BenchPlan
+from animal3dbox.datasets.storage.json_files import decode_json
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.files import write_whole
+
+SCHEMA: Final = "animal3dbox.bench"
+MANIFEST, VERSION = "MANIFEST.json", "VERSION"
+"""Names of the two files."""
+
+
+class SplitEntry(msgspec.Struct, kw_only=True, frozen=True):
+    """What the manifest says of one whole split.
+
+    Attributes:
+        images: number of images.
+        animals: number of animals.
+        digest: of all its images' names and pixels, in their order; results name it.
+        files: path -> SHA-256 of each file but the images, whose pixels are hashed decoded.
+
+    Example:
+        >>> entry = SplitEntry(images=30, animals=41, digest="0" * 64, files={})
+        >>> entry.images
+        30
+    """
+
+    images: int
+    animals: int
+    digest: str
+    files: dict[str, str]
+
+
+class Manifest(msgspec.Struct, kw_only=True):
+    """The content of MANIFEST.json.
+
+    Attributes:
+        version: of the benchmark.
+        edition: "full" or "small".
+        plan: the seed file's digest for the edition, see BenchPlan.digest.
+        splits: the whole splits by name.
+        files: path -> SHA-256 of the files that belong to no split.
+        schema: SCHEMA.
+
+    Example:
+        >>> from animal3dbox.bench import bench_plan
+        >>> empty_manifest(bench_plan("small")).splits
+        {}
+    """
+
+    version: str
+    edition: str
+    plan: str
+    splits: dict[str, SplitEntry]
+    files: dict[str, str]
+    schema: str = SCHEMA
+
+
+def empty_manifest(plan: BenchPlan) -> Manifest:
+    """The manifest of a benchmark of which no split is whole yet."""
+    return Manifest(
+        version=plan.version, edition=plan.edition, plan=plan.digest, splits={}, files={}
+    )
+
+
+def read_manifest(root: Path) -> Manifest:
+    """The manifest of a benchmark's folder.
+
+    Raises:
+        DatasetNotFoundError: there is none.
+        DatasetFormatError: it is damaged.
+
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.bench import bench_plan
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_manifest(Path(folder), empty_manifest(bench_plan("small")))
+        ...     read_manifest(Path(folder)).edition
+        'small'
+    """
+    if not (root / MANIFEST).is_file():
+        raise DatasetNotFoundError(
+            f"{root} holds no {MANIFEST}: make the benchmark there first (animal3dbox bench make)"
+        )
+    manifest: Manifest = decode_json(root / MANIFEST, Manifest)
+    if manifest.schema != SCHEMA:
+        raise DatasetFormatError(f"{root / MANIFEST} is a {manifest.schema}, not an {SCHEMA}")
+    return manifest
+
+
+def write_manifest(root: Path, manifest: Manifest) -> None:
+    """Write MANIFEST.json whole, its splits and files in alphabetical order."""
+    write_whole(root / MANIFEST, msgspec.json.format(msgspec.json.encode(manifest, order="sorted")))
+
+
+def version_text(plan: BenchPlan) -> str:
+    """The content of VERSION: the benchmark, the edition and the plan's digest, on one line."""
+    return f"{plan.version} {plan.edition} {plan.digest}\n"
+
+
+def claim_folder(plan: BenchPlan, root: Path) -> None:
+    """Write VERSION into a new folder, or check that the folder is this benchmark's already.
+
+    Raises:
+        ConfigError: the folder holds something else.
+
+    """
+    file = root / VERSION
+    if file.is_file():
+        if file.read_text() != version_text(plan):
+            raise ConfigError(
+                f"{root} holds {file.read_text().strip()!r}, and this would be"
+                f" {version_text(plan).strip()!r}: give another folder"
+            )
+        return
+    if root.exists() and (not root.is_dir() or any(root.iterdir())):
+        raise ConfigError(f"{root} must be a new or an empty folder, or one of {plan.version}")
+    write_whole(file, version_text(plan).encode())
+
+
+def pixels_digest(images: Iterable[tuple[str, str]]) -> str:
+    """SHA-256 of the names of images and the digests of their pixels, in their order.
+
+    Example:
+        >>> pixels_digest([])[:8]
+        'e3b0c442'
+    """
+    lines = "".join(f"{name} {pixels}\n" for name, pixels in images)
+    return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes; raises OSError."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,204 @@
+"""A detector's results as a folder, and what of it is refused.
+
+The folder holds about.json, which says what was detected on, and for each split SPLIT.json (or
+SPLIT.pth) in Cube R-CNN's layout, an element an image. Only that layout tells an image in which
+nothing was found from an image that was left out.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from animal3dbox.bench.editions import Track
+from animal3dbox.bench.manifest import Manifest, file_sha256
+from animal3dbox.bench.split_files import split_paths
+from animal3dbox.datasets.readers.predictions.layouts import PICKLES
+from animal3dbox.datasets.readers.predictions.pickled import read_pickled
+from animal3dbox.datasets.readers.predictions.plain_json import plain_json
+from animal3dbox.datasets.readers.predictions.reader import read_predictions
+from animal3dbox.datasets.readers.predictions.truth import read_truth
+from animal3dbox.datasets.records import CuboidSet
+from animal3dbox.datasets.storage.json_files import decode_json
+from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
+from animal3dbox.files import write_whole
+
+ABOUT = "about.json"
+SUFFIXES = (".json", ".pth")
+"""Suffixes of a split's file."""
+NAMED = 5
+"""Number of images that a message names."""
+
+
+class ResultHead(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
+    """The content of about.json: what a result is of.
+
+    Attributes:
+        version: of the benchmark, from its MANIFEST.json.
+        edition: likewise.
+        track: what the method looked at; see docs/bench.md.
+        method: the method's name.
+        splits: split -> the digest that MANIFEST.json gives the images that were looked at.
+        note: anything that a reader should know.
+
+    Example:
+        >>> ResultHead(
+        ...     version="bench-v1", edition="small", track="K", method="ours", splits={}).note
+        ''
+    """
+
+    version: str
+    edition: str
+    track: Track
+    method: str
+    splits: dict[str, str]
+    note: str = ""
+
+
+def write_head(folder: Path, head: ResultHead) -> None:
+    """Write about.json of a result's folder.
+
+    Example:
+        >>> import tempfile
+        >>> head = ResultHead(
+        ...     version="bench-v1", edition="small", track="K", method="ours", splits={})
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_head(Path(folder), head)
+        ...     read_head(Path(folder)) == head
+        True
+    """
+    write_whole(folder / ABOUT, msgspec.json.format(msgspec.json.encode(head)))
+
+
+def read_head(folder: Path) -> ResultHead:
+    """The content of a result's about.json.
+
+    Raises:
+        DatasetNotFoundError: there is none.
+        DatasetFormatError: a key is missing, unknown or of another kind.
+
+    """
+    if not (folder / ABOUT).is_file():
+        raise DatasetNotFoundError(
+            f"{folder} holds no {ABOUT}, which says what the result is of: see docs/bench.md"
+        )
+    head: ResultHead = decode_json(folder / ABOUT, ResultHead)
+    return head
+
+
+def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) -> list[str]:
+    """The splits of a result that can be scored against a benchmark.
+
+    Args:
+        head: of the result.
+        manifest: of the benchmark.
+        splits: those that are asked for; none: all of the result.
+
+    Raises:
+        DatasetFormatError: the result is of another version, edition or pixels, or lacks a split.
+
+    """
+    theirs, ours = (head.version, head.edition), (manifest.version, manifest.edition)
+    if theirs != ours:
+        raise DatasetFormatError(
+            f"{ABOUT}: the result is of {' '.join(theirs)} and the benchmark is {' '.join(ours)}:"
+            " score it against what was detected on"
+        )
+    for name in (wanted := list(splits) or list(head.splits)):
+        if name not in head.splits:
+            raise DatasetFormatError(f"{ABOUT}: splits has no {name!r}, which is asked for")
+        if name not in manifest.splits:
+            raise DatasetFormatError(
+                f"{ABOUT}: the benchmark's folder has no whole split {name!r}: make it"
+            )
+        if head.splits[name] != (digest := manifest.splits[name].digest):
+            raise DatasetFormatError(
+                f"{ABOUT}: {name} was detected on other pixels: the result says"
+                f" {head.splits[name]}, and MANIFEST.json {digest}; verify both copies"
+                " (animal3dbox bench verify), and detect again"
+            )
+    if not wanted:
+        raise DatasetFormatError(f"{ABOUT}: splits is empty: there is nothing to score")
+    return wanted
+
+
+def truth_file(root: Path, manifest: Manifest, split: str) -> Path:
+    """The truth of a split; raises DatasetFormatError if its bytes are not those that were made."""
+    path = split_paths(split)[0]
+    if not (root / path).is_file():
+        raise DatasetNotFoundError(f"{root} has no {path}: make the split again")
+    if file_sha256(root / path) != manifest.splits[split].files[path]:
+        raise DatasetFormatError(
+            f"{root / path} is not as it was made, so nothing is scored against it: see"
+            " `animal3dbox bench verify`"
+        )
+    return root / path
+
+
+def read_split(folder: Path, split: str, truth: Path) -> CuboidSet:
+    """The boxes of a result in one split, none of which is unusable.
+
+    Args:
+        folder: of the result.
+        split: its name.
+        truth: the split's Omni3D JSON.
+
+    Raises:
+        DatasetNotFoundError: there is no file of the split.
+        DatasetFormatError: in another layout; an image is missing, unknown or there twice; or a box
+            cannot be used.
+
+    """
+    path = _file_of(folder, split)
+    _check_images(path, truth)
+    boxes = read_predictions(path, truth, layout="cubercnn")
+    if boxes.faults:
+        raise DatasetFormatError(
+            f"{path}: {len(boxes.faults)} boxes cannot be used, so the result is not scored; the"
+            f" first: {boxes.faults[0]}"
+        )
+    return boxes
+
+
+def _file_of(folder: Path, split: str) -> Path:
+    """The one file of a split."""
+    found = [path for suffix in SUFFIXES if (path := folder / f"{split}{suffix}").is_file()]
+    if len(found) != 1:
+        names = " or ".join(f"{split}{suffix}" for suffix in SUFFIXES)
+        number = "both" if found else "neither"
+        raise DatasetNotFoundError(f"{folder} must hold {names}, and holds {number}")
+    return found[0]
+
+
+def _check_images(path: Path, truth: Path) -> None:
+    """Raise unless every image of the truth has exactly one element in the file."""
+    content = read_pickled(path) if path.suffix in PICKLES else plain_json(path)
+    if not isinstance(content, list) or not all(_is_image(element) for element in content):
+        raise DatasetFormatError(
+            f"{path} must be a list of images, each with image_id and a list of instances"
+            " (Cube R-CNN's layout): an image without a box has an empty list"
+        )
+    times = Counter(element["image_id"] for element in content)
+    known = read_truth(truth).images
+    missing = [key for key in known if key not in times]
+    unknown = [key for key in times if key not in known]
+    twice = [key for key, count in times.items() if count > 1]
+    for problem, keys in (
+        ("are missing: give each its element, with no instances if nothing was found", missing),
+        ("are not of this split", unknown),
+        ("are there more than once", twice),
+    ):
+        if keys:
+            names = ", ".join(map(str, keys[:NAMED])) + (", ..." if len(keys) > NAMED else "")
+            raise DatasetFormatError(f"{path}: {len(keys)} images (ids {names}) {problem}")
+
+
+def _is_image(element: Any) -> bool:
+    """Whether an element is an image with a list of detections."""
+    return (
+        isinstance(element, dict)
+        and isinstance(element.get("image_id"), int | str)
+        and isinstance(element.get("instances"), list)
+    )
