@@ -22,7 +22,14 @@ from animal3dbox.training.metrics.pair_errors import (
     share_errors,
     size_errors,
 )
-from animal3dbox.training.metrics.weighted_statistics import F1, Auc, Mean, mean_of_known, ratio
+from animal3dbox.training.metrics.weighted_statistics import (
+    F1,
+    Auc,
+    Mean,
+    Median,
+    mean_of_known,
+    ratio,
+)
 
 IOU_PERCENT = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50)
 IOU_THRESHOLDS = tuple(percent / 100 for percent in IOU_PERCENT)
@@ -188,11 +195,13 @@ class Evaluation:
         }
 
     def _pair_means(self, weights: Whole) -> Values:
-        """The means of the pairs' errors."""
-        return {
+        """The means of the pairs' errors, and the median of those of heading."""
+        degrees = self.pair_values["heading_error_deg"]
+        means = {
             name: Mean(values, self.pair_image, self.candidates.images)(weights)
             for name, values in self.pair_values.items()
         }
+        return {**means, "heading_median_deg": Median(degrees, self.pair_image)(weights)}
 
     def _faces(self, weights: Whole) -> Values:
         """F1 and AUC of each face, and their means over the faces."""

@@ -1,4 +1,4 @@
-"""Means, F1 and AUC over images that are taken with weights, so that one formula serves intervals.
+"""Means, medians, F1 and AUC over images that are taken with weights, so that one formula serves intervals.
 
 Each statistic takes weights (R, I), how often each image is taken, and gives (R,) or (R, K); NaN
 where nothing is known.
@@ -49,6 +49,31 @@ class Mean:
         sums = per_image(np.where(known, self.values, 0.0), self.image, self.images)
         counts = per_image(known.astype(np.float64), self.image, self.images)
         return ratio(weights @ sums, weights @ counts)
+
+
+@dataclass(frozen=True)
+class Median:
+    """The median of values (P,) of pairs, of those that are known; of an even number the mean of two.
+
+    Attributes:
+        values: (P,), NaN where unknown.
+        image: (P,) the image of each pair.
+    """
+
+    values: Floats
+    image: Whole
+
+    def __call__(self, weights: Whole) -> Floats:
+        """The median (R,) under weightings (R, I) of the images; NaN where nothing is known."""
+        known = np.flatnonzero(~np.isnan(self.values))
+        if len(known) == 0:
+            return np.full(len(weights), np.nan)
+        order = known[np.argsort(self.values[known], kind="stable")]
+        below = np.cumsum(weights[:, self.image[order]], axis=1)  # how many are up to each value
+        total = below[:, -1:]
+        lower, upper = ((2 * below >= total), (2 * below > total))
+        middle = np.stack([self.values[order][flags.argmax(1)] for flags in (lower, upper)])
+        return np.where(total[:, 0] > 0, middle.mean(0), np.nan)
 
 
 @dataclass(frozen=True)

@@ -72,6 +72,19 @@ def test_the_heading_error_is_the_angle_between_the_forward_axes() -> None:
     assert result["flip_rate"] == 0.5
 
 
+@pytest.mark.parametrize(
+    ("angles", "median"), [((20, -120), 70.0), ((20, -120, 10), 20.0), ((10, 20, 90, 100), 55.0)]
+)
+def test_the_median_heading_error_is_the_middle_one_or_the_mean_of_two(
+    angles: tuple[float, ...], median: float
+) -> None:
+    places = [(4.0 * k, 0.0, 30.0) for k in range(len(angles))]
+    target = animals(*places)
+    rotation = torch.stack([turned(angle) for angle in angles])
+    result = measured(detected(target, *[0.9] * len(angles), rotation=rotation), target)
+    assert result["heading_median_deg"] == pytest.approx(median, abs=1e-6)
+
+
 def test_a_roll_about_the_own_forward_axis_is_no_heading_error() -> None:
     target = animals(HERE, size=(2, 1, 1))
     upside_down = target["rotation"] * torch.tensor([1.0, -1, -1], dtype=F64)
