@@ -1,4 +1,4 @@
-"""Means, medians, F1 and AUC over images that are taken with weights, so that one formula serves intervals.
+"""Means, medians, F1 and AUC over images taken with weights: one formula serves intervals too.
 
 Each statistic takes weights (R, I), how often each image is taken, and gives (R,) or (R, K); NaN
 where nothing is known.
@@ -53,7 +53,7 @@ class Mean:
 
 @dataclass(frozen=True)
 class Median:
-    """The median of values (P,) of pairs, of those that are known; of an even number the mean of two.
+    """The median of values (P,) of pairs that are known; of an even number the mean of two.
 
     Attributes:
         values: (P,), NaN where unknown.
