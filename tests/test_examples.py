@@ -2,13 +2,18 @@
 
 import ast
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import cv2
 import pytest
+import torch
 from photo_dataset import add_photo, toy_scene, view_of, write_annotations
+
+from animal3dbox.datasets import SyntheticDataset
+from animal3dbox.training.detector_targets import CropViews, StoredCrops
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -35,12 +40,14 @@ def ways_of(docstring: str) -> list[list[str]]:
     return ways
 
 
+WITH_OWN_TESTS = ("train_loop.py", "train_detector.py", "lightning_module.py")
+"""Examples that train: the tests are below."""
 SHAPES = {"augment_grid.py": (600, 1000), "augment_your_own_cuboids.py": (600, 1600)}
 """Height and width of the sheets that these draw."""
 WAYS = [
     pytest.param(path.name, way, id=" ".join([path.stem, *way]))
     for path in EXAMPLES
-    if path.name != "train_loop.py"  # which has a test of its own, below
+    if path.name not in WITH_OWN_TESTS
     for way in ways_of(ast.get_docstring(ast.parse(path.read_text())) or "")
 ]
 
@@ -105,6 +112,37 @@ def test_the_training_loop_trains_on_every_sample(tmp_path: Path) -> None:
     lines = run_example("train_loop.py", cwd=tmp_path).splitlines()
     assert [line.split(":")[0] for line in lines] == ["epoch 0", "epoch 1", "epoch 2"]
     assert all(line.endswith("left out: nothing") for line in lines)
+
+
+def test_the_detector_s_example_trains_judges_and_draws(tmp_path: Path) -> None:
+    assert len((ROOT / "examples" / "train_detector.py").read_text().splitlines()) <= 150
+    options = ("--out", "kept", "--epochs", "1", "--seeds", "3")
+    lines = run_example("train_detector.py", *options, cwd=tmp_path).splitlines()
+    assert [line.split(":")[0] for line in lines] == ["seed 3, test-id", "seed 3, test-species"]
+    for line in lines:
+        heading, flank, count = (float(word) for word in line.split(": ")[1].split())
+        assert 0 < heading < 180
+        assert 0 <= flank <= 1 < count
+    names = {path.name for path in (tmp_path / "kept").iterdir()}
+    assert names == {
+        *("train", "test-id", "test-species", "seed-3.pt"),
+        *("test-id-3.jpg", "test-species-3.jpg"),
+    }
+    assert run_example("train_detector.py", *options, cwd=tmp_path).splitlines() == lines
+
+
+def test_a_detector_that_was_paused_ends_with_the_same_bytes(tmp_path: Path) -> None:
+    example = runpy.run_path(str(ROOT / "examples" / "train_detector.py"))
+    world = SyntheticDataset(10, seed=5, image_hw=(96, 128))
+    crops, views = StoredCrops.kept(world, tmp_path / "crops"), CropViews()
+    torch.set_num_threads(1)
+    at_once = example["train"](crops, tmp_path / "a.pt", views, seed=1, epochs=3)
+    paused = example["train"](crops, tmp_path / "b.pt", views, seed=1, epochs=3, pause=1)
+    weights, early = at_once.state_dict(), paused.state_dict()
+    assert any(not torch.equal(weights[name], early[name]) for name in weights)
+    resumed = example["train"](crops, tmp_path / "b.pt", views, seed=1, epochs=3).state_dict()
+    for name, weight in weights.items():
+        assert weight.numpy().tobytes() == resumed[name].numpy().tobytes(), name
 
 
 def test_the_side_filter_keeps_left_flanks_only(tmp_path: Path) -> None:

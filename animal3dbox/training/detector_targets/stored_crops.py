@@ -1,0 +1,146 @@
+"""All animals of a dataset as crops in memory: decoded and cut out once, looked at many times."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from animal3dbox.errors import ConfigError, ShapeError
+from animal3dbox.training.detector_targets.crops import crop_boxes
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredCrops:
+    """The crops of N animals and what is true of them; CropViews looks at them.
+
+    Attributes:
+        pixels: (N, 3, s, s) uint8.
+        K: (N, 3, 3) intrinsics of the crops.
+        center: (N, 3) camera frame of the image, which is the crop's too.
+        rotation: (N, 3, 3) R_cam_box.
+        size: (N, 3) length, width, height.
+        boxes: (N, 4) xyxy px of the images.
+        image: (N,) the number of each animal's image, those of an image side by side.
+        weight: (N,) how much each counts in training, as the confidence of its label; 1.
+
+    Example:
+        >>> target = {"boxes": torch.tensor([[2.0, 2, 6, 6]]), "K": torch.eye(3)}
+        >>> target |= {"center": torch.ones(1, 3), "rotation": torch.eye(3)[None]}
+        >>> target["size"] = torch.ones(1, 3)
+        >>> crops = StoredCrops.of([(torch.zeros(3, 9, 9, dtype=torch.uint8), target)], side=96)
+        >>> len(crops), crops.pixels.shape
+        (1, torch.Size([1, 3, 96, 96]))
+    """
+
+    pixels: Tensor
+    K: Tensor
+    center: Tensor
+    rotation: Tensor
+    size: Tensor
+    boxes: Tensor
+    image: Tensor
+    weight: Tensor
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    @classmethod
+    def of(cls, samples: Iterable[Any], *, side: int = 96, margin: float = 0.4) -> "StoredCrops":
+        """Cut all animals of a Dataset out.
+
+        Args:
+            samples: (image, target) each, as a Dataset gives them; what is no such pair, as a
+                sample that was skipped, has no animals.
+            side: of the crops in px.
+            margin: part of the 2D box that is shown on each side of it: with 0.4, views of two
+                thirds of the side have a margin of 0.1, and room to turn.
+
+        Raises:
+            ConfigError: there is no animal.
+            SampleError: a target has no boxes or K, or a box has no area.
+
+        """
+        rows: list[dict[str, Tensor]] = []
+        for number, sample in enumerate(samples):
+            if not isinstance(sample, tuple) or not len(sample[1]["boxes"]):
+                continue
+            image, target = sample
+            crops = crop_boxes([image], [target], (side, side), margin=margin)
+            row = {"weight": torch.ones(len(target["boxes"]))}
+            row |= {name: target[name] for name in ("center", "rotation", "size", "boxes")}
+            rows.append(
+                {**row, "pixels": crops.pixels, "K": crops.K, "image": crops.image + number}
+            )
+        if not rows:
+            raise ConfigError("there is no animal to cut out in any sample")
+        return cls(**{one.name: torch.cat([row[one.name] for row in rows]) for one in fields(cls)})
+
+    @classmethod
+    def kept(
+        cls, dataset: Any, path: Path, *, side: int = 96, margin: float = 0.4
+    ) -> "StoredCrops":
+        """The crops of a Dataset, read from a file if it is there, else cut out and kept there.
+
+        The file does not say of what it was made: take another path for another Dataset.
+
+        Args:
+            dataset: with a length, and samples by number.
+            path: of the file; written at once as a whole.
+            side: see `of`.
+            margin: see `of`.
+
+        """
+        if path.exists():
+            return cls(**torch.load(path))
+        samples = (dataset[number] for number in range(len(dataset)))
+        crops = cls.of(samples, side=side, margin=margin)
+        part = path.with_name(path.name + ".part")
+        torch.save({one.name: getattr(crops, one.name) for one in fields(cls)}, part)
+        part.replace(path)
+        return crops
+
+    def at(self, rows: Tensor) -> "StoredCrops":
+        """Some of the crops, by numbers or flags."""
+        return StoredCrops(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
+
+    @property
+    def images(self) -> list[int]:
+        """The numbers of the images that have animals, in order."""
+        numbers: list[int] = torch.unique_consecutive(self.image).tolist()
+        return numbers
+
+    @property
+    def truth(self) -> dict[str, Tensor]:
+        """What CropViews takes beside the pixels: `K`, `center`, `rotation`, `size`, `weight`."""
+        names = ("K", "center", "rotation", "size", "weight")
+        return {name: getattr(self, name) for name in names}
+
+    def by_image(
+        self, predicted: Mapping[str, Tensor]
+    ) -> tuple[list[dict[str, Tensor]], list[dict[str, Tensor]]]:
+        """Predictions and targets as BoxMetrics takes them, one dict an image.
+
+        Args:
+            predicted: fields (N, ...) of the crops' boxes; `boxes` are put in.
+
+        Raises:
+            ShapeError: a field has not one row a crop.
+
+        """
+        for name, value in predicted.items():
+            if len(value) != len(self):
+                raise ShapeError(f"{name} must have {len(self)} rows, one a crop, got {len(value)}")
+        _, counts = torch.unique_consecutive(self.image, return_counts=True)
+        true = {name: getattr(self, name) for name in ("center", "rotation", "size", "boxes")}
+        split = [
+            {name: value.split(counts.tolist()) for name, value in side.items()}
+            for side in ({**predicted, "boxes": self.boxes}, true)
+        ]
+        predictions, targets = (
+            [{name: parts[k] for name, parts in side.items()} for k in range(len(counts))]
+            for side in split
+        )
+        return predictions, targets
