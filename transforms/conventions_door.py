@@ -16,7 +16,7 @@ from animal3dbox.geometry.arrays import like
 from animal3dbox.transforms.camera_law.fields import Declared, Fields
 from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
 from animal3dbox.transforms.rendering.images import Image
-from animal3dbox.transforms.steps import Colour, Noise, Standardise, Step
+from animal3dbox.transforms.steps import Colour, KorniaPixels, Noise, Standardise, Step
 
 PixelOrigin = Literal["center", "edge"]
 PIXEL_ORIGINS = ("center", "edge")
@@ -122,20 +122,25 @@ def as_subclass(value: Any, original: Any, image_hw: tuple[int, int] | None = No
 def check_colours(image: Image, steps: Sequence[Step], sample_id: str | None) -> None:
     """Raise a SampleError if colours are to be changed that are floats outside 0 to 1.
 
-    Maps of pixels take floats of any range, such as those of a normalised image.
+    Maps of pixels take floats of any range, such as those of a normalised image. Operations of
+    kornia's are clipped to 0 to 1 (see KorniaTransform), which would turn other pictures white.
     """
-    changing = [step for step in steps if isinstance(step, Colour | Standardise | Noise)]
+    changing = [
+        step for step in steps if isinstance(step, Colour | Standardise | Noise | KorniaPixels)
+    ]
     if not changing or str(image.dtype).endswith("uint8"):
         return
     levels = image.detach() if isinstance(image, Tensor) else image
     low, high = float(levels.min()), float(levels.max())
     if low >= -OVERSHOOT and high <= 1 + OVERSHOOT:
         return
+    first = changing[0]
+    name = repr(first.op) if isinstance(first, KorniaPixels) else type(first).__name__
     raise SampleError(
         sample_id,
         "image",
         f"holds floats from {low:.4g} to {high:.4g}, but operations on colours"
-        f" ({type(changing[0]).__name__}) need 0 to 1: divide by 255, or change colours before"
+        f" ({name}) need 0 to 1: divide by 255, or change colours before"
         " normalising",
     )
 

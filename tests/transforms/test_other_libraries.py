@@ -14,6 +14,7 @@ from animal3dbox.transforms import (
     CameraAugmentationSequential,
     ColorJitter,
     Compose,
+    KorniaTransform,
     Normalize,
     RandomHorizontalFlip,
     RandomVirtualCamera,
@@ -104,7 +105,15 @@ def test_an_image_alone_comes_back_alone() -> None:
     assert Compose([FLIP])(torch.zeros(3, *HW)).shape == (3, *HW)
 
 
-@pytest.mark.parametrize("colours", [ColorJitter(brightness=(1.1, 1.1)), Normalize()])
+@pytest.mark.parametrize(
+    "colours",
+    [
+        ColorJitter(brightness=(1.1, 1.1)),
+        Normalize(),
+        KorniaTransform(kornia.RandomBrightness((1.1, 1.1), p=1.0)),
+        KorniaTransform(kornia.Normalize(0.5, 0.2)),
+    ],
+)
 def test_colours_refuse_floats_that_are_not_0_to_1(colours: Any) -> None:
     image = torch.rand(3, 12, 16)
     colours(image, {})
