@@ -40,6 +40,7 @@ class AnimalRow(msgspec.Struct, kw_only=True, frozen=True):
         body: digest of the individual: its shape, whatever its pose.
 
     Example:
+        >>> from animal3dbox.bench import bench_plan
         >>> row, _ = draw_image(bench_plan("small").split("val"), 0)
         >>> row.animals[0].category, len(row.animals[0].keypoints)
         ('dog', 26)
@@ -67,6 +68,7 @@ class ImageRow(msgspec.Struct, kw_only=True, frozen=True):
         animals: the visible ones; an image may have none.
 
     Example:
+        >>> from animal3dbox.bench import bench_plan
         >>> row, pixels = draw_image(bench_plan("small").split("val"), 0)
         >>> row.name, row.pixels == pixel_digest(pixels)
         ('images/val/000000.png', True)
@@ -108,6 +110,7 @@ def draw_image(split: SplitPlan, index: int) -> tuple[ImageRow, Pixels]:
     """The image of a split by its number: what is said of it, and its pixels (H, W, 3).
 
     Example:
+        >>> from animal3dbox.bench import bench_plan
         >>> row, pixels = draw_image(bench_plan("small").split("test-focal"), 3)
         >>> pixels.shape, 110 <= row.K[0][0] <= 190
         ((192, 256, 3), True)
@@ -152,7 +155,7 @@ def pixel_digest(pixels: Pixels) -> str:
 
     Example:
         >>> pixel_digest(np.zeros((1, 2, 3), np.uint8))[:16]
-        'b3d7c6bcf84b8c6c'
+        '8e7c85e0b0346ce2'
     """
     height, width = pixels.shape[:2]
     size = f"{height} {width} 3 uint8\n".encode()

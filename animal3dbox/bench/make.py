@@ -112,7 +112,9 @@ def make_bench(
     write_whole(root / CARD, card_text(plan).encode())
     manifest.files = {CARD: file_sha256(root / CARD)}
     for split in wanted:
-        if not _is_whole(root, split, manifest):
+        if _is_whole(root, split, manifest):
+            _draw_missing(root, split)
+        else:
             rows = _drawn(plan, split, root, workers=workers, progress=progress)
             manifest.splits[split.name] = _entry(root, split, rows)
         write_manifest(root, manifest)
@@ -123,16 +125,18 @@ def make_bench(
 
 
 def _is_whole(root: Path, split: SplitPlan, manifest: Manifest) -> bool:
-    """Whether nothing of a split has to be made; images that are missing are drawn again."""
-    if split.name not in manifest.splits:
-        return False
-    if not all((root / path).is_file() for path in split_paths(split.name)):
-        return False
+    """Whether a split was made, and all of its files but images are there."""
+    return split.name in manifest.splits and all(
+        (root / path).is_file() for path in split_paths(split.name)
+    )
+
+
+def _draw_missing(root: Path, split: SplitPlan) -> None:
+    """Draw the images of a whole split that somebody removed."""
     for index in range(split.images):
         path = root / split.image_name(index)
         if not path.is_file():
             write_whole(path, png_bytes(draw_image(split, index)[1]))
-    return True
 
 
 def _drawn(

@@ -4,8 +4,9 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
 import torch
 
 from animal3dbox.bench.manifest import read_manifest
@@ -18,6 +19,8 @@ from animal3dbox.evaluate.files import Evaluation
 from animal3dbox.evaluate.tables import Table, table_from_records
 from animal3dbox.training.metrics.box_metrics import BoxMetrics, Metrics
 
+PairedBy = Literal["bbox", "projection"]
+"""The 2D boxes whose overlap makes the pairs that errors are taken of."""
 IN_BRIEF = (
     *("ap_3d", "ap_3d_h30", "ap_3d_h45", "rel_ap_3d", "heading_median_deg", "flip_rate"),
     *("flank_accuracy", "corner_error", "distance_error"),
@@ -27,8 +30,9 @@ COUNTS = ("images", "truths", "predictions", "pairs", "heading_count", "flank_co
 """Counts of the short table."""
 NOTES = (
     "Keys are those of docs/metrics.md; low to high: 95 %, by resampling images. Categories do not"
-    " count. Average precision matches cuboids; errors are of pairs whose projections in the frame"
-    " overlap by 0.5 or more, so that a wrong depth does not hide a heading.",
+    " count. Average precision matches cuboids; errors are of pairs whose 2D boxes overlap by 0.5"
+    " or more, so that a wrong depth does not hide a heading: of the boxes that the result states"
+    " (bbox), or else of the projections in the frame (paired_by).",
 )
 
 
@@ -38,14 +42,17 @@ class SplitScore:
 
     Attributes:
         split: its name.
+        paired_by: whose overlap makes the pairs that errors are taken of: "bbox" if the result
+            states a 2D box with every cuboid, else the cuboids' "projection".
         metrics: by the keys of docs/metrics.md; None where one is unknown.
 
     Example:
-        >>> SplitScore("test-id", {"ap_3d": 1.0}).metrics["ap_3d"]
+        >>> SplitScore("test-id", "bbox", {"ap_3d": 1.0}).metrics["ap_3d"]
         1.0
     """
 
     split: str
+    paired_by: PairedBy
     metrics: Metrics
 
 
@@ -97,7 +104,10 @@ def score_result(
     for name in checked_splits(head, manifest, splits):
         truth = truth_file(root, manifest, name)
         boxes = read_split(folder, name, truth)
-        scores.append(SplitScore(name, _metrics(read_omni3d(truth), boxes, resamples)))
+        stated = bool(boxes.records) and all(one.box is not None for one in boxes.records)
+        paired_by: PairedBy = "bbox" if stated else "projection"
+        metrics = _metrics(read_omni3d(truth), boxes, paired_by, resamples)
+        scores.append(SplitScore(name, paired_by, metrics))
     return head, scores
 
 
@@ -107,7 +117,7 @@ def score_tables(head: ResultHead, scores: Sequence[SplitScore]) -> Evaluation:
     Example:
         >>> head = ResultHead(
         ...     version="bench-v1", edition="small", track="K", method="ours", splits={})
-        >>> tables = score_tables(head, [SplitScore("val", {"ap_3d": 0.5})]).tables
+        >>> tables = score_tables(head, [SplitScore("val", "bbox", {"ap_3d": 0.5})]).tables
         >>> tables[0].rows[0][:2]
         ('val', 0.5)
     """
@@ -118,7 +128,11 @@ def score_tables(head: ResultHead, scores: Sequence[SplitScore]) -> Evaluation:
         "brief",
         f"{head.method} on {head.version} ({head.edition}), track {head.track}",
         [
-            {"split": one.split, **{name: one.metrics.get(name) for name in (*IN_BRIEF, *COUNTS)}}
+            {
+                "split": one.split,
+                **{name: one.metrics.get(name) for name in (*IN_BRIEF, *COUNTS)},
+                "paired_by": one.paired_by,
+            }
             for one in scores
         ],
         notes=NOTES,
@@ -139,12 +153,12 @@ def _rows(score: SplitScore) -> Iterator[tuple[str, str, float | None, float | N
             yield score.split, name, value, low, high
 
 
-def _metrics(truth: CuboidSet, boxes: CuboidSet, resamples: int) -> Metrics:
+def _metrics(truth: CuboidSet, boxes: CuboidSet, paired_by: PairedBy, resamples: int) -> Metrics:
     """The metrics of boxes in the images of a truth, also in those without any."""
     metrics = BoxMetrics(class_agnostic=True, pair_by="boxes", resamples=resamples)
     of_image = [_by_image(one.records) for one in (boxes, truth)]
     for image in truth.images:
-        predictions, targets = (_fields(one.get(image.image_id, ())) for one in of_image)
+        predictions, targets = (_fields(one.get(image.image_id, ()), paired_by) for one in of_image)
         K = torch.from_numpy(image.K)
         metrics.update([predictions], [{**targets, "K": K, "image_id": image.image_id}])
     return metrics.compute()
@@ -158,8 +172,15 @@ def _by_image(records: Sequence[CuboidRecord]) -> dict[str, list[CuboidRecord]]:
     return of_image
 
 
-def _fields(records: Sequence[CuboidRecord]) -> dict[str, Any]:
-    """The boxes of an image as BoxMetrics takes them, with the boxes round their projections."""
+def _fields(records: Sequence[CuboidRecord], paired_by: PairedBy) -> dict[str, Any]:
+    """The boxes of an image as BoxMetrics takes them, with the 2D boxes by which they pair."""
     classes = tuple(sorted({record.category.strip().lower() for record in records}))
-    in_frame = torch.from_numpy(visible_boxes(records).in_frame)
-    return {**metric_fields(records, classes), "boxes": in_frame}
+    if paired_by == "bbox":
+        unknown = np.full(4, np.nan)
+        boxes = np.array([unknown if one.box is None else one.box for one in records])
+    else:
+        boxes = visible_boxes(records).in_frame
+    return {
+        **metric_fields(records, classes),
+        "boxes": torch.from_numpy(boxes.reshape(-1, 4)),
+    }

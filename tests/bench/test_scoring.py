@@ -77,13 +77,32 @@ def test_a_box_at_another_depth_keeps_its_pair_and_so_its_heading(
     bench: Path, truth: tuple[CuboidRecord, ...], tmp_path: Path
 ) -> None:
     """Scaled about the camera: the same projection, no overlap in space."""
-    near = [replace(one, center=one.center / 2, size=one.size / 2) for one in truth]
+    near = [replace(one, center=one.center / 2, size=one.size / 2, box=None) for one in truth]
     metrics = scores(bench, write_result(tmp_path / "near", bench, "test-id", near))
     assert metrics["ap_3d"] == 0.0
     assert (metrics["rel_ap_3d"], metrics["rel_scale"]) == (1.0, 2.0)
     assert metrics["pairs"] == metrics["truths"]
     assert metrics["flank_accuracy"] == 1.0
     assert metrics["distance_error"] == pytest.approx(0.5)
+
+
+def test_boxes_that_state_their_2d_box_are_paired_by_it_and_else_by_their_projections(
+    bench: Path, truth: tuple[CuboidRecord, ...], tmp_path: Path
+) -> None:
+    """Cuboids beside their animals: only what they were detected in says whose they are."""
+    beside = [replace(one, center=one.center + np.array([2.5, 0, 0])) for one in truth]
+    score = score_result(
+        bench, write_result(tmp_path / "stated", bench, "test-id", beside), resamples=0
+    )[1][0]
+    assert score.paired_by == "bbox"
+    assert score.metrics["pairs"] == len(truth)
+    assert score.metrics["ap_3d"] == 0.0
+    silent = [replace(one, box=None) for one in beside]
+    score = score_result(
+        bench, write_result(tmp_path / "silent", bench, "test-id", silent), resamples=0
+    )[1][0]
+    assert score.paired_by == "projection"
+    assert score.metrics["pairs"] == 0
 
 
 def test_images_without_boxes_may_have_empty_elements_and_cost_recall(
