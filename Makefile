@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.complete
 export PYTHONSAFEPATH := 1
 
-.PHONY: setup demo test test-fast test-slow test-lowest lint wheel clean
+.PHONY: setup demo test test-fast test-slow test-extras test-lowest lint wheel clean
 
 # The set-up is kept only while it works here: a moved checkout or a half-made environment is made anew.
 setup:
@@ -36,6 +36,12 @@ test-fast: setup
 # Builds the quadruped anew (a minute or two) and compares it with the shipped asset.
 test-slow: setup
 	$(BIN)/python -m pytest -m slow
+
+# What needs extras that the set-up leaves out: Lightning (Apache-2.0, 0.9 MB, and 12 packages that it needs).
+test-extras: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,lightning]'
+	$(BIN)/python -c 'import pytorch_lightning'
+	$(BIN)/python -m pytest -q tests/test_examples.py -k lightning
 
 # The same tests on the lowest versions of everything that pyproject.toml admits (torch stays at the version that is at hand).
 test-lowest:

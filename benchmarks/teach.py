@@ -227,15 +227,20 @@ def print_tables(work: Path) -> None:
     for study in ("detector", "labels"):
         groups: dict[tuple[str, int, str], list[dict[str, Any]]] = {}
         for run in runs.read(study):
+            setting = (
+                f"{run['setting']}, {run['epochs']} epochs" if "epochs" in run else run["setting"]
+            )
             for split in run["tests"]:
-                groups.setdefault((split, run["images"], run["setting"]), []).append(run)
+                groups.setdefault((split, run["images"], setting), []).append(run)
         print(
             f"\n{study}: split | images | setting | seeds | heading deg | flank | n | CPU s a seed"
         )
         drawn = {}
         for (split, images, setting), members in sorted(groups.items()):
             errors = [run["tests"][split] for run in sorted(members, key=lambda run: run["seed"])]
-            drawn[split, setting] = values = statistics(errors, np.random.default_rng(0))
+            drawn[split, members[0]["setting"]] = values = statistics(
+                errors, np.random.default_rng(0)
+            )
             cells = [_shown(values[:, 0], "{:.1f}"), _shown(values[:, 1], "{:.3f}")]
             count = int((~np.isnan(np.array(errors[0]["flank"], float))).sum())
             cpu = np.mean([run["cpu_s"] for run in members])

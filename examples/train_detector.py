@@ -24,7 +24,7 @@ from animal3dbox.training.metrics import BoxMetrics
 
 Fields = dict[str, Tensor]
 CODER, BINS = BoxCoder(virtual_focal_px=1000.0), DirectionBins(count=64)
-BATCH, RATE = 128, 3e-3
+BATCH, RATE = 64, 2e-3
 SHOWN = ("heading_median_deg", "flank_accuracy", "flank_count")
 
 

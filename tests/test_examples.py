@@ -145,6 +145,15 @@ def test_a_detector_that_was_paused_ends_with_the_same_bytes(tmp_path: Path) -> 
         assert weight.numpy().tobytes() == resumed[name].numpy().tobytes(), name
 
 
+def test_the_lightning_module_trains_and_logs_the_metrics(tmp_path: Path) -> None:
+    pytest.importorskip("pytorch_lightning", reason="make test-extras installs it")
+    lines = run_example("lightning_module.py", cwd=tmp_path).splitlines()
+    values = dict(line.split(": ") for line in lines if line.startswith("val_"))
+    assert set(values) == {"val_heading_median_deg", "val_flank_accuracy", "val_pairs"}
+    assert 0 < float(values["val_heading_median_deg"]) < 180
+    assert float(values["val_pairs"]) > 10
+
+
 def test_the_side_filter_keeps_left_flanks_only(tmp_path: Path) -> None:
     write_photos(tmp_path)
     printed = run_example("side_filter_for_reid.py", str(tmp_path), "kept", cwd=tmp_path)
