@@ -93,8 +93,33 @@ def counts_of(
     return made, errors, either
 
 
+def with_exchanged_sides(samples: Sequence[Sample], part: float) -> list[Sample]:
+    """The samples with the names of all keypoints exchanged in a part of the animals."""
+    rng = np.random.default_rng(0)
+    out = []
+    for hw, target in samples:
+        keypoints = target["keypoints"].clone()
+        for n in np.flatnonzero(rng.random(len(keypoints)) < part).tolist():
+            keypoints[n] = keypoints[n, target["keypoint_mirror"]]
+        out.append((hw, {**target, "keypoints": keypoints}))
+    return out
+
+
+def print_side_votes(name: str, samples: Sequence[Sample]) -> None:
+    """Print what an epoch's votes say of samples as they are, and with sides exchanged."""
+    for part in (0.0, 0.05, 0.1, 0.2, 1.0):
+        spoiled = with_exchanged_sides(samples, part)
+        report = check_targets([t for _, t in spoiled], [hw for hw, _ in spoiled], on_fault="count")
+        votes = report.sides
+        print(
+            f"{name}, sides of {part:.0%} exchanged: {votes.animals[True]} of"
+            f" {votes.animals.total()} animals that tell (of {report.animals}) lie the other way"
+            f" round; {len(votes.warnings)} warnings"
+        )
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the table, and what is said of exchanged sides over an epoch."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--batches", type=int, default=100)
     parser.add_argument("--learned", type=int, default=600, help="images to learn ranges from")
@@ -102,6 +127,8 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     learned, reported = samples_of(LEARNED_SEED, options.learned), samples_of(options.seed, 400)
+    print_side_votes(f"seed {LEARNED_SEED}", learned)
+    print_side_votes(f"seed {options.seed}", reported)
     print_tables(learned, reported, options.batches)
 
 

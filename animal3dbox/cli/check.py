@@ -29,6 +29,7 @@ from animal3dbox.report.label_reading import read_label_rows
 from animal3dbox.report.label_targets import target_of_record, target_of_row
 from animal3dbox.training.checks import examined, sample_of
 from animal3dbox.training.findings import WARNINGS, Finding
+from animal3dbox.training.side_votes import SideVotes
 
 AT_ONCE = 256
 """Targets that are examined together."""
@@ -40,6 +41,9 @@ READING = "reading"
 """The check that elements of a file fail which cannot be read."""
 EXCHANGED = "exchanged"
 """The warning about animals whose left and right keypoints a label exchanged."""
+
+SIDES = "keypoint_sides"
+"""The warnings about keypoints that lie on the other side of their cuboids in too many animals."""
 
 
 class CheckedFault(msgspec.Struct, kw_only=True):
@@ -138,10 +142,13 @@ def check_dataset(job: CheckJob) -> CheckReport:
     findings: list[CheckedFault] = []
     mended: list[str] = []
     doubts = Counter[str]()
-    animals = 0
+    animals, votes = 0, SideVotes()
     for images, targets in tqdm(loader, desc="checking", unit="batch", disable=job.json or None):
         sizes = [(image.shape[1], image.shape[2]) for image in images]
-        of_batch, count, _ = examined(targets, sizes, None, classes=len(dataset.classes) or None)
+        of_batch, count, statistics = examined(
+            targets, sizes, None, classes=len(dataset.classes) or None
+        )
+        votes += statistics.sides
         findings += [_checked(finding, sample_of(finding, targets)) for finding in of_batch]
         mended += [one for target in targets for one in mended_animals(target)]
         doubts += doubts_of(targets)
@@ -160,10 +167,10 @@ def check_dataset(job: CheckJob) -> CheckReport:
         animals + len(rejected),
         faults,
         findings,
-        notes=(*dataset.source.notes, *mended, *others),
+        notes=(*dataset.source.notes, *votes.warnings, *mended, *others),
     )
     warnings = Counter(report.warnings) + Counter(case.field for case in rejected)
-    warnings += Counter({EXCHANGED: len(mended)}) + doubts
+    warnings += Counter({EXCHANGED: len(mended), SIDES: len(votes.warnings)}) + doubts
     return msgspec.structs.replace(report, warnings=warnings)
 
 

@@ -14,6 +14,9 @@ EDGE_TOLERANCE_PX = 0.05
 LEAST_PART_ON_CUBOID = 0.5
 """The least part of a box that must lie on its projected cuboid: the boxes of masks and meshes lie
 in it whole, those drawn by hand almost."""
+MOST_IN_PICTURE = 0.5
+"""The greatest part of a cuboid's outline in the frame whose animal is believed to have left it: of
+animals that transforms moved out it was 0.25 at most, for outlines are larger than animals."""
 GROWTH = (2.0, 0.05)
 """Pixels, and a part of its sides, by which the projected cuboid is grown before it is compared."""
 
@@ -77,28 +80,48 @@ def _off_cuboid(
 
 
 def _flat_boxes(packed: Packed, boxes: Floats, flat: NDArray[np.bool_]) -> Iterator[Finding]:
-    """Boxes without area: a warning where the animal left the picture, else a fault."""
-    left_picture = _left_the_picture(packed, boxes)
-    remedy = "drop it by the transforms' min_visible"
+    """Boxes without area: right where the animal left the picture, a warning where it may have."""
+    at_border = _at_border(packed, boxes)
+    remedy = "drop it by the transforms' min_visible if it left the picture"
     yield from animal_findings(
         packed,
-        left_picture,
+        at_border & ~left_picture(packed),
         check="empty_box",
         field="boxes",
         problem=lambda n: (
-            f"has no area, {boxes[n].tolist()}: its animal left the picture; {remedy}"
+            f"has no area, {boxes[n].tolist()}, and no cuboid says that its animal left the"
+            f" picture; {remedy}"
         ),
     )
     yield from animal_findings(
         packed,
-        flat & ~left_picture,
+        flat & ~at_border,
         check="boxes",
         field="boxes",
         problem=lambda n: f"must be x1 < x2, y1 < y2, got {boxes[n].tolist()}",
     )
 
 
-def _left_the_picture(packed: Packed, boxes: Floats) -> NDArray[np.bool_]:
+def left_picture(packed: Packed) -> NDArray[np.bool_]:
+    """Animals (N,) with an empty box on the frame's border whose cuboid lies beyond it.
+
+    Such a target is right: a transform keeps animals that it moved out of the picture unless
+    min_visible drops them. Of the cuboid's outline at most MOST_IN_PICTURE may lie in the frame; a
+    cuboid that reaches behind the camera has no outline to tell.
+    """
+    none = np.zeros(packed.count, dtype=np.bool_)
+    if "boxes" not in packed.floats or packed.frame is None:
+        return none
+    at_border = _at_border(packed, packed.floats["boxes"])
+    if not at_border.any() or packed.outline is None or packed.all_in_front is None:
+        return none
+    low, high = packed.outline
+    inside = np.minimum(high, packed.frame) - np.maximum(low, -0.5)
+    part = np.maximum(inside, 0).prod(1) / np.maximum((high - low).prod(1), 1e-9)
+    return np.asarray(at_border & ((part <= MOST_IN_PICTURE) | ~packed.all_in_front))
+
+
+def _at_border(packed: Packed, boxes: Floats) -> NDArray[np.bool_]:
     """Boxes (N,) without area on the frame's border, where clipping leaves those beyond it."""
     empty = boxes[:, 2:] == boxes[:, :2]
     if packed.frame is not None:

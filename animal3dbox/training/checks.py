@@ -106,6 +106,8 @@ def check_targets(
         first_examples((finding.check, error_of(finding, targets)) for finding in findings),
         statistics.labels,
         statistics.spans,
+        statistics.sides,
+        statistics.left_picture,
     )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from animal3dbox.errors import SampleError
+from animal3dbox.training.side_votes import SideVotes
 
 CHECKS = {
     "dtype": "a field has another type than targets have",
@@ -49,8 +50,8 @@ WARNINGS = {
     "principal_point": "the principal point of an image that was not augmented lies outside it",
     "unusual": "a measure lies outside what right targets, from which it was learned, have shown",
     "empty_box": (
-        "a box on the frame's border has no area, for its animal left the picture; some detectors"
-        " refuse such boxes"
+        "a box on the frame's border has no area, and no cuboid says that its animal left the"
+        " picture"
     ),
 }
 """Checks whose failure is unusual and no fault: they are counted, never raised."""
@@ -91,6 +92,9 @@ class TargetReport:
         labels: how many animals of each class number were among those counted for statistics: all
             without the number of a step, of every sixteenth step in a training loop.
         spans: measure -> least and greatest value of these animals (docs/checks.md).
+        sides: of these animals, how often each pair of keypoints lies as its names say;
+            ``sides.warnings`` are sentences on those that do not.
+        left_picture: how many of these animals a transform moved out of the picture and kept.
 
     Example:
         >>> epoch = TargetReport(targets=16, animals=30) + TargetReport(targets=16, animals=41)
@@ -105,6 +109,8 @@ class TargetReport:
     examples: tuple[tuple[str, SampleError], ...] = ()
     labels: Counter[int] = field(default_factory=Counter)
     spans: dict[str, tuple[float, float]] = field(default_factory=dict)
+    sides: SideVotes = field(default_factory=SideVotes)
+    left_picture: int = 0
 
     @property
     def faults(self) -> int:
@@ -121,13 +127,25 @@ class TargetReport:
             first_examples((*self.examples, *other.examples)),
             self.labels + other.labels,
             joined_spans(self.spans, other.spans),
+            self.sides + other.sides,
+            self.left_picture + other.left_picture,
         )
 
     def __str__(self) -> str:
         lines = [f"{self.targets} targets, {self.animals} animals: {self.faults} faults"]
         lines += [f"  {count} x {check}" for check, count in self.counts.most_common()]
         lines += [f"  warning: {count} x {check}" for check, count in self.warnings.most_common()]
+        lines += [f"  warning: {sentence}" for sentence in self.sides.warnings]
         lines += [f"  {check}: {error}" for check, error in self.examples]
+        if self.sides.mended:
+            lines.append(
+                f"  {self.sides.mended} labels exchanged left and right of their file's keypoints"
+            )
+        if self.left_picture:
+            lines.append(
+                f"  {self.left_picture} animals left the picture and have empty boxes, which some"
+                " detectors refuse: the transforms' min_visible drops them"
+            )
         if self.labels:
             animals = ", ".join(f"{number}: {n}" for number, n in sorted(self.labels.items()))
             lines.append(f"  animals by label: {animals}")

@@ -11,6 +11,12 @@ from animal3dbox.training.places import animal_findings
 SAME_PLACE = 1e-5
 """A part of a box's largest coordinate: two boxes that are nearer in all corners are one box."""
 
+FROM_ONE = (
+    "; these labels are {} to {}: if they count from 1, as where 0 is the background, subtract 1"
+    " here or pass classes=N + 1"
+)
+"""What is added where no label is 0 and the greatest is the number of classes."""
+
 
 def label_findings(packed: Packed, classes: int | None) -> Iterator[Finding]:
     """Class numbers below 0, or not below the number of classes if that is given."""
@@ -20,12 +26,15 @@ def label_findings(packed: Packed, classes: int | None) -> Iterator[Finding]:
     wrong = labels < 0 if classes is None else (labels < 0) | (labels >= classes)
     if wrong.any():
         rule = "must count from 0" + ("" if classes is None else f" and be below {classes} classes")
+        remedy = ""
+        if classes is not None and labels.min() >= 1 and labels.max() == classes:
+            remedy = FROM_ONE.format(labels.min(), classes)
         yield from animal_findings(
             packed,
             wrong,
             check="labels",
             field="labels",
-            problem=lambda n: f"{rule}, got {labels[n]}",
+            problem=lambda n: f"{rule}, got {labels[n]}{remedy}",
         )
 
 

@@ -5,6 +5,7 @@ are known to be right (training.ranges).
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from animal3dbox.geometry.arrays import norm
 from animal3dbox.training.packed import Floats, Packed
@@ -75,7 +76,18 @@ def _gaps(packed: Packed) -> dict[str, Floats]:
         cut_high = (boxes[:, 2:] > packed.frame - EDGE_TOLERANCE_PX) | (high > packed.frame)
         known = known & ~np.concatenate((cut_low, cut_high), 1)
     gaps = np.where(known, gaps, np.nan)
-    return {f"gap at the {edge}": gaps[:, k] for k, edge in enumerate(EDGES)}
+    return {
+        **{f"gap at the {edge}": gaps[:, k] for k, edge in enumerate(EDGES)},
+        "box beyond its cuboid": _beyond(packed, with_area),
+    }
+
+
+def _beyond(packed: Packed, with_area: NDArray[np.bool_]) -> Floats:
+    """By how many pixels a 2D box sticks out of its projected cuboid; negative if it lies in it."""
+    low, high = packed.outline or (np.zeros((packed.count, 2)),) * 2
+    boxes = packed.floats["boxes"]
+    beyond = np.concatenate((low - boxes[:, :2], boxes[:, 2:] - high), 1).max(1)
+    return np.where(np.asarray(packed.all_in_front) & with_area, beyond, np.nan)
 
 
 def _cameras(packed: Packed) -> dict[str, Floats]:
@@ -141,6 +153,14 @@ FIELD_OF = {
     "keypoints in the box": "keypoints",
     "keypoints off their places": "keypoints",
     "keypoints better exchanged": "keypoints",
+    **dict.fromkeys(("box beyond its cuboid", "box growth", "box shift"), "boxes"),
+    "box edge beyond its place": "boxes",
+    "boxes better as x, y, w, h": "boxes",
+    "boxes better as cx, cy, w, h": "boxes",
+    "boxes better mirrored": "boxes",
+    "K better with cx and cy exchanged": "K",
+    "center better as the bottom's": "center",
+    "rotation better transposed": "rotation",
 }
 """Each measure, and the field that is named when it is out of its range."""
 RATIOS = frozenset(
@@ -148,3 +168,10 @@ RATIOS = frozenset(
      "fx per image width")
 )  # fmt: skip
 """The measures whose ranges are widened by a factor, not by a difference."""
+SIZES = ("length", "width", "height", "length per width", "length per height")
+"""The measures that belong to a class of animals."""
+INTRINSICS = ("fy per fx", "fx per image width", "principal point across", "principal point down")
+"""The measures of cameras, which are often one number exactly."""
+MISFITS = frozenset(name for name in FIELD_OF if name.startswith("box ") or " better " in name)
+"""The measures of which only large values are unusual: of boxes, K, centers and rotations, and of
+keypoints' names."""

@@ -83,6 +83,8 @@ def target_of(
         "K_source": labels[0].quality.K_source,
         "sightings": [one.known for one in sightings or [NO_SIGHTING] * len(labels)],
     }
+    if "keypoints" in target and vocabulary is not None:
+        target["meta"]["keypoint_sides"] = _sides(vocabulary)
     return target
 
 
@@ -215,3 +217,9 @@ def _field_order(count: int) -> NDArray[np.int64]:
 def _mirror(flip: tuple[int, ...]) -> NDArray[np.int64]:
     """Each keypoint's counterpart on the other side, (J,)."""
     return np.array(flip, dtype=np.int64)
+
+
+@lru_cache(maxsize=16)
+def _sides(vocabulary: Vocabulary) -> tuple[str | None, ...]:
+    """The side of each keypoint, "left", "right" or None, (J,)."""
+    return vocabulary.sides

@@ -162,7 +162,21 @@ def test_a_principal_point_outside_the_image_is_a_warning_only() -> None:
     assert "warning: 1 x principal_point" in str(report)
 
 
-def test_an_animal_that_left_the_picture_is_a_warning_only() -> None:
+def test_an_animal_whose_cuboid_left_the_picture_with_it_is_counted_and_no_warning() -> None:
+    target = {"rotation": torch.eye(3).repeat(2, 1, 1), "size": torch.full((2, 3), 4.0)}
+    batch = [target]
+    target["K"] = torch.tensor([[100.0, 0, 160], [0, 100, 120], [0, 0, 1]])
+    target["center"] = torch.tensor([[30.0, 0, 10], [0, 0, 10]])  # at x = 460 px, and in view
+    target["boxes"] = torch.tensor([[319.5, 100, 319.5, 140], [140, 100, 180, 140]])
+    report = check_targets(batch, images_of(batch))
+    assert (report.faults, report.warnings, report.left_picture) == (0, {}, 1)
+    assert "1 animals left the picture" in str(report)
+    target["boxes"][1] = torch.tensor([319.5, 100, 319.5, 140])  # while its cuboid is in view
+    report = check_targets(batch, images_of(batch), on_fault="count")
+    assert report.warnings == {"empty_box": 1}
+
+
+def test_an_empty_box_without_a_cuboid_is_a_warning_only() -> None:
     batch = [
         {
             "boxes": torch.tensor([[-0.5, 10, -0.5, 20], [30, 239.5, 60, 239.5], [5, 5, 9, 9]]),

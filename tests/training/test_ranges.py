@@ -7,7 +7,7 @@ import torch
 from scenes import training_target
 from training_batches import HW, good_batch, images_of
 
-from animal3dbox.errors import ConfigError
+from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry.cuboid import corners_of
 from animal3dbox.training import TargetRanges, audit, check_targets, learn_ranges
 
@@ -114,3 +114,36 @@ def test_an_audit_counts_over_a_dataset_and_leaves_out_what_is_no_sample() -> No
     assert (low, high) == pytest.approx((float(depths.min()), float(depths.max())))
     with pytest.raises(ConfigError, match="at_once"):
         audit(samples, at_once=0)
+
+
+def test_sizes_of_a_class_are_held_against_those_of_its_own() -> None:
+    learned = [training_target(2, HW, n) for n in range(60)]
+    for target in learned:  # animals of class 1 are ten times as large
+        for name in ("size", "center", "corners_3d"):
+            target[name][1] *= 10
+    ranges = learn_ranges(learned, [HW] * 60)
+    small, large = ranges.learned_by_class[0]["length"], ranges.learned_by_class[1]["length"]
+    assert large[0] == pytest.approx(10 * small[0], rel=0.5)
+    batch = bare_batch()
+    batch[2]["size"] = batch[2]["size"] * torch.tensor([[1.0], [10.0]])
+    of_class_1 = TargetRanges(learned_by_class={1: {"length": large}})
+    report = check_targets(
+        [{"size": t["size"], "labels": t["labels"]} for t in batch], ranges=of_class_1
+    )
+    assert report.warnings == {"unusual": 3}
+    assert "length of class 1" in str(report)
+    stated = TargetRanges(stated_by_class={0: {"depth": (1e3, 2e3)}})
+    assert check_targets(batch[:2], ranges=stated, on_fault="count").counts == {"range": 2}
+    with pytest.raises(ConfigError, match="no measure of a target is named 'legnth'"):
+        TargetRanges(stated_by_class={3: {"legnth": (0, 1)}})
+
+
+def test_labels_that_count_from_one_are_told_so() -> None:
+    batch = bare_batch()  # labels 0 and 1
+    for target in batch:
+        target["labels"] = target["labels"] + 1
+    with pytest.raises(SampleError, match="these labels are 1 to 2: if they count from 1"):
+        check_targets(batch, classes=2)
+    batch[0]["labels"] = torch.tensor([0, 2])
+    with pytest.raises(SampleError, match="got 2 \\[labels\\]"):
+        check_targets(batch, classes=2)
