@@ -1,6 +1,7 @@
 """The command `export`: labels, or cuboids in any format that is read, for other people's tools."""
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,15 +28,25 @@ from animal3dbox.errors import (
     DatasetNotFoundError,
     SampleError,
 )
+from animal3dbox.report.ecology.camtrap_observations import write_camtrap_dp
+from animal3dbox.report.ecology.wbia import write_wbia
+from animal3dbox.report.ecology.wildlife_datasets import write_wildlife_datasets
 from animal3dbox.report.label_cuboids import read_label_cuboids
 from animal3dbox.report.label_files import labels_file
 from animal3dbox.report.label_fits import read_label_fits
+from animal3dbox.report.label_reading import read_label_rows
 from animal3dbox.smal.files.model_files import load_model
 
 FILE_NAME = "annotations.json"
 """Name of the JSON of cuboids if --out is a folder."""
 FITS = ("animal3d", "quadruped")
-"""Formats of fitted bodies' parameters; the others are of cuboids."""
+"""Formats of fitted bodies' parameters; those of ROWS are of labels, the others of cuboids."""
+ROWS = {
+    "camtrap-dp": "observations.csv",
+    "wildlife-datasets": "metadata.csv",
+    "wbia": "annotations.json",
+}
+"""Formats of labels for ecologists -> name of the file if --out is a folder."""
 
 
 def run_export(job: ExportJob) -> ExitCode:
@@ -44,8 +55,12 @@ def run_export(job: ExportJob) -> ExitCode:
         raise ConfigError(
             "--metres-per-unit says the scale, --scale-free that there is none: give one of them"
         )
+    if job.datapackage is not None and job.to != "camtrap-dp":
+        raise ConfigError("--datapackage is for --to camtrap-dp")
     if job.to in FITS:
         return _export_fits(job)
+    if job.to in ROWS:
+        return _export_rows(job)
     if job.model is not None:
         raise ConfigError("--model is for --to animal3d, which poses the fits of a SMAL model")
     cuboids = _cuboids_of(job)
@@ -58,17 +73,12 @@ def run_export(job: ExportJob) -> ExitCode:
     exported = _written(
         cuboids if job.metres_per_unit is None else in_metres(cuboids, job.metres_per_unit), job
     )
-    faults = (*cuboids.faults, *exported.faults)
     print(
         f"{exported.boxes} boxes in {exported.images} images written as {job.to}:"
         f" {', '.join(map(str, exported.files))}; an export to be joined with this one goes on with"
         f" --first-id {exported.next_id}"
     )
-    for note in exported.notes:
-        print(f"warning: {note}", file=sys.stderr)
-    for fault in faults:
-        print(f"  faulty: {fault}", file=sys.stderr)
-    return ExitCode.FAULTY if faults else ExitCode.OK
+    return _told(exported, cuboids.faults)
 
 
 def _cuboids_of(job: ExportJob) -> CuboidSet:
@@ -92,8 +102,43 @@ def _picture(record: CuboidRecord, images: Path | None) -> Path | None:
         return None
 
 
-def _export_fits(job: ExportJob) -> ExitCode:
-    """Write the parameters of fitted bodies, and say what has none."""
+def _export_rows(job: ExportJob) -> ExitCode:
+    """Write labels for an ecologist's tools, and say what could not be written."""
+    _refuse_options_of_cuboids(job, "labels are written in the scale that they have")
+    if job.model is not None:
+        raise ConfigError("--model is for --to animal3d, which poses the fits of a SMAL model")
+    if not is_labels(job.path):
+        raise ConfigError(f"--to {job.to} writes labels, and {job.path} is none")
+    if job.to == "camtrap-dp" and job.datapackage is None:
+        raise ConfigError(
+            "--to camtrap-dp needs --datapackage, the folder of your datapackage.json: observations"
+            " copy the IDs and times of its media"
+        )
+    file, faults = read_label_rows(labels_file(job.path))
+    name = ROWS[job.to]
+    is_file = job.out.suffix.lower() == Path(name).suffix and not job.out.is_dir()
+    path = job.out if is_file else job.out / name
+    if job.datapackage is not None:
+        exported = write_camtrap_dp(file.animals, job.datapackage, path)
+    elif job.to == "wbia":
+        exported = write_wbia(file.animals, path)
+    else:
+        exported = write_wildlife_datasets(file.animals, path)
+    print(f"{exported.boxes} animals in {exported.images} images written as {job.to}: {path}")
+    return _told(exported, faults)
+
+
+def _told(exported: ExportSummary, faults: Sequence[SampleError]) -> ExitCode:
+    """Print what was lost, and what a careful person should know."""
+    for note in exported.notes:
+        print(f"warning: {note}", file=sys.stderr)
+    for fault in (*faults, *exported.faults):
+        print(f"  faulty: {fault}", file=sys.stderr)
+    return ExitCode.FAULTY if faults or exported.faults else ExitCode.OK
+
+
+def _refuse_options_of_cuboids(job: ExportJob, why: str) -> None:
+    """Raise a ConfigError for an option that only cuboids have a use for."""
     _refuse_options(job)
     for name, value in (
         ("--images", job.images),
@@ -101,7 +146,12 @@ def _export_fits(job: ExportJob) -> ExitCode:
         ("--scale-free", job.scale_free or None),
     ):
         if value is not None:
-            raise ConfigError(f"{name} is for cuboids: fits are written in their body's unit")
+            raise ConfigError(f"{name} is for cuboids: {why}")
+
+
+def _export_fits(job: ExportJob) -> ExitCode:
+    """Write the parameters of fitted bodies, and say what has none."""
+    _refuse_options_of_cuboids(job, "fits are written in their body's unit")
     if not is_labels(job.path):
         raise ConfigError(f"--to {job.to} writes the fits of labels, and {job.path} is none")
     if job.to == "quadruped" and job.model is not None:
@@ -120,11 +170,8 @@ def _export_fits(job: ExportJob) -> ExitCode:
         f" {exported.files[0]}"
     )
     notes = [f"{without} animals have labels of other bodies, which are not written"]
-    for note in (*exported.notes, *(notes if without else ())):
-        print(f"warning: {note}", file=sys.stderr)
-    for fault in (*faults, *exported.faults):
-        print(f"  faulty: {fault}", file=sys.stderr)
-    return ExitCode.FAULTY if faults or exported.faults else ExitCode.OK
+    exported = replace(exported, notes=(*exported.notes, *(notes if without else ())))
+    return _told(exported, faults)
 
 
 def read_cuboids(path: Path, options: CuboidOptions) -> CuboidSet:

@@ -149,16 +149,29 @@ class ExportJob:
     """Write cuboids for other tools: Omni3D json, COCO keypoints, KITTI text files, 2D prompts.
 
     Or the parameters of fitted bodies: Animal3D json of a SMAL model's, our own of the quadruped's.
+    Or labels for ecologists: Camtrap DP observations, wildlife-datasets' table, WBIA's COCO.
 
     Example: animal3dbox export labels --to omni3d --out omni3d.json
     """
 
     path: Annotated[Positional[Path], arg(metavar="PATH")]
     """labels.json, the folder that label wrote, an Omni3D JSON, or a folder of KITTI's"""
-    to: Literal["omni3d", "coco", "kitti", "oracle2d", "animal3d", "quadruped"]
+    to: Literal[
+        "omni3d",
+        "coco",
+        "kitti",
+        "oracle2d",
+        "animal3d",
+        "quadruped",
+        "camtrap-dp",
+        "wildlife-datasets",
+        "wbia",
+    ]
     """the format to write"""
     out: Path
-    """folder, or but for kitti a .json file"""
+    """folder, or but for kitti a file (.json; .csv for camtrap-dp and wildlife-datasets)"""
+    datapackage: Path | None = None
+    """of camtrap-dp: the folder of the datapackage.json whose media.csv the images are in"""
     model: Path | None = None
     """for animal3d: the SMAL model that was fitted (.pkl, .safetensors)"""
     images: Path | None = None

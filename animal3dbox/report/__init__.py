@@ -29,6 +29,11 @@ from typing import TYPE_CHECKING
 from animal3dbox.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
+    from animal3dbox.report.ecology.camtrap_observations import write_camtrap_dp as write_camtrap_dp
+    from animal3dbox.report.ecology.wbia import write_wbia as write_wbia
+    from animal3dbox.report.ecology.wildlife_datasets import (
+        write_wildlife_datasets as write_wildlife_datasets,
+    )
     from animal3dbox.report.gallery import Card as Card
     from animal3dbox.report.gallery import write_gallery as write_gallery
     from animal3dbox.report.label_cuboids import read_label_cuboids as read_label_cuboids
@@ -55,6 +60,9 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
+        "ecology.camtrap_observations": ("write_camtrap_dp",),
+        "ecology.wbia": ("write_wbia",),
+        "ecology.wildlife_datasets": ("write_wildlife_datasets",),
         "gallery": ("Card", "write_gallery"),
         "label_cuboids": ("read_label_cuboids",),
         "label_files": (

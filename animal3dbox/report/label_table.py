@@ -66,7 +66,7 @@ def _cells(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int]:
         "flank_confidence": _cell(row.flank_confidence, 3),
         "flags": ";".join(_flags(row, raised)),
         "distance_m": "" if row.scale_m_per_unit is None else _cell(row.distance, 3),
-        "distance_source": _distance_source(row),
+        "distance_source": distance_source(row),
         **{name: _cell(px, 1) for name, px in zip(("x0", "y0", "x1", "y1"), row.box, strict=True)},
         **{f"share_{name}": _cell(share, 4) for name, share in shares.items()},
         **{f"surface_{name}": _cell(share, 4) for name, share in surface.items()},
@@ -93,7 +93,7 @@ def _flags(row: AnimalRow, raised: Sequence[str]) -> list[str]:
     return list(dict.fromkeys((*raised, *(own if isinstance(own, list) else ()))))
 
 
-def _distance_source(row: AnimalRow) -> str:
+def distance_source(row: AnimalRow) -> str:
     """What tells the scale, "unknown" if nothing does, and whether the focal length is unsure."""
     if row.scale_m_per_unit is None:
         return "unknown"
