@@ -42,11 +42,9 @@ def write_wbia(animals: Sequence[AnimalRow], path: Path) -> ExportSummary:
         ['annotations', 'categories', 'images', 'info']
     """
     images: dict[str, dict[str, Any]] = {}
-    categories: dict[str, int] = {}
     annotations: list[dict[str, Any]] = []
     faults: list[SampleError] = []
-    for name in sorted({row.category for row in animals}):
-        categories[name] = len(categories) + 1
+    categories = {name: id_ for id_, name in enumerate(sorted({a.category for a in animals}), 1)}
     for row in animals:
         try:
             box = edge_box(row)
