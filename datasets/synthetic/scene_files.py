@@ -6,14 +6,12 @@ writing was killed can be read, and be completed. When all scenes are there, PAR
 tells how many processes there were, or how often they began.
 """
 
-import os
 import shutil
-import threading
 from collections.abc import Generator
 from contextlib import closing
 from dataclasses import asdict
 from functools import partial
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -158,25 +156,14 @@ def _each(files: SceneFiles, indices: list[int], workers: int) -> Generator[Scen
     if workers == 1 or len(indices) < 2:
         yield from map(partial(_write_part, files), indices)
         return
-    with get_context("spawn").Pool(workers, initializer=_begin_worker) as pool:
+    with get_context("spawn").Pool(workers, initializer=_one_thread) as pool:
         yield from pool.imap_unordered(partial(_write_part, files), indices)
 
 
-def _begin_worker() -> None:
-    """Keep a worker to one thread, since others work beside it, and let it end with its parent.
-
-    A worker of a parent that was killed would wait for its next scene for ever.
-    """
+def _one_thread() -> None:
+    """Keep a worker to one thread: the problems are small, and others work beside it."""
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _write_part(files: SceneFiles, index: int) -> SceneRows:
