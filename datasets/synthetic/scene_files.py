@@ -119,7 +119,7 @@ def can_resume(root: Path) -> bool:
 def _begun(files: SceneFiles, *, resume: bool) -> dict[int, SceneRows]:
     """The scenes that are there already; the folder of parts is made where it is not."""
     parts = files.root / PARTS
-    name = msgspec.json.encode(_name(files))
+    name = msgspec.json.encode({"format": type(files).__name__, **content_of(files.synthetic_set)})
     if not resume or not can_resume(files.root):
         write_whole(parts / "dataset.json", name)
         return {}
@@ -137,11 +137,9 @@ def _begun(files: SceneFiles, *, resume: bool) -> dict[int, SceneRows]:
     return {scene.index: scene for scene in scenes}
 
 
-def _name(files: SceneFiles) -> dict[str, Any]:
-    """What all bytes of a dataset depend on."""
-    made = files.synthetic_set
+def content_of(made: SyntheticSet) -> dict[str, Any]:
+    """What all of a synthetic dataset depends on, as plain values: its dials and the code."""
     return {
-        "format": type(files).__name__,
         "seed": made.seed,
         "images": made.images,
         "hidden": made.hidden,
