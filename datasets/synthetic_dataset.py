@@ -1,5 +1,6 @@
 """The synthetic world as a torch Dataset."""
 
+from pathlib import Path
 from typing import Unpack
 
 from animal3dbox.datasets.label_dataset import LabelDataset
@@ -23,6 +24,9 @@ class SyntheticDataset(LabelDataset):
         seed: another seed gives another world.
         image_hw: height and width of the pictures.
         faults: what is wrong with the annotations; None: nothing.
+        store: a folder in which every scene is kept when it has been drawn once, for all runs and
+            workers; None: scenes are drawn whenever they are asked for. Labels have a cache of
+            their own.
         **options: LabelDataset's.
 
     Example:
@@ -39,6 +43,7 @@ class SyntheticDataset(LabelDataset):
         seed: int | None = None,
         image_hw: tuple[int, int] | None = None,
         faults: FaultConfig | None = None,
+        store: Path | str | None = None,
         **options: Unpack[Options],
     ) -> None:
         options.setdefault("stored_cameras", "exact")
@@ -59,4 +64,4 @@ class SyntheticDataset(LabelDataset):
                 check_image_hw("image_hw", image_hw)
                 world = WorldConfig(image_hw=(int(image_hw[0]), int(image_hw[1])))
             scenes = SyntheticSet(seed or 0, images, world, faults or FaultConfig())
-        super().__init__(SyntheticSource(scenes), **options)
+        super().__init__(SyntheticSource(scenes, store), **options)

@@ -116,6 +116,10 @@ class SynthJob:
     """of the images, px"""
     mark_hidden: bool = False
     """mark keypoints in the frame that something hides, too"""
+    workers: int = 1
+    """processes that draw; the files are the same"""
+    resume: bool = False
+    """go on where the same command was broken off"""
     annotation: FaultOptions
 
 

@@ -7,6 +7,7 @@ import torch
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import SynthJob
 from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
+from animal3dbox.datasets.synthetic.scene_files import can_resume
 from animal3dbox.datasets.synthetic.stanfordextra_writer import write_stanfordextra
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet, animal3d_world
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
@@ -17,11 +18,7 @@ from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 def run_synth(job: SynthJob) -> ExitCode:
     """Write a synthetic dataset, and print how it is labelled."""
     faults = job.annotation.config()
-    if job.out.exists() and (not job.out.is_dir() or any(job.out.iterdir())):
-        raise ConfigError(
-            f"--out {job.out} must be a new or an empty folder: files of another dataset would stay"
-            " among its own"
-        )
+    _check_folder(job)
     if job.format != "animal3d" and job.model is not None:
         raise ConfigError(f"--model is for the parameters of animal3d, and {job.format} has none")
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
@@ -37,11 +34,31 @@ def run_synth(job: SynthJob) -> ExitCode:
     )
     if is_animal3d:
         model = job.model or job.out.parent / f"{job.out.name}-model.pkl"
-        count = write_animal3d(pictures, job.out, model, progress=True)
+        count = write_animal3d(
+            pictures, job.out, model, progress=True, workers=job.workers, resume=job.resume
+        )
         print(f"{job.n} images, {count} animals in {job.out}; their model is {model}")
         print(f"label them: animal3dbox label {job.out} --model {model} --out {job.out}-labels")
     else:
-        count = write_stanfordextra(pictures, job.out, progress=True)
+        count = write_stanfordextra(
+            pictures, job.out, progress=True, workers=job.workers, resume=job.resume
+        )
         print(f"{job.n} images, {count} animals in {job.out}")
         print(f"label them: animal3dbox label {job.out} --body dog --out {job.out}-labels")
     return ExitCode.OK
+
+
+def _check_folder(job: SynthJob) -> None:
+    """Raise a ConfigError unless the folder can take a dataset, or the rest of one."""
+    if job.workers < 1:
+        raise ConfigError(f"--workers must be at least 1, got {job.workers}")
+    is_used = job.out.exists() and (not job.out.is_dir() or any(job.out.iterdir()))
+    if not is_used or (job.resume and can_resume(job.out)):
+        return
+    if can_resume(job.out):
+        raise ConfigError(f"--out {job.out} holds the beginning of a dataset: add --resume")
+    whole = ", such as a whole dataset, to which --resume adds nothing" if job.resume else ""
+    raise ConfigError(
+        f"--out {job.out} must be a new or an empty folder{whole}: files of another dataset would"
+        " stay among its own"
+    )

@@ -95,6 +95,8 @@ def dataset_calibration(
     """
     if calibration != "auto":
         given = calibration_of(calibration)
+        if given is None:
+            return None, ()  # before anything is read, or drawn
         samples = [source.sample(place) for place in range(min(len(source), FIRST_LOOKED_AT))]
         bodies = next((sample.bodies for sample in samples if sample.bodies is not None), None)
         words = [entry.vocabulary for sample in samples for entry in sample.animals]

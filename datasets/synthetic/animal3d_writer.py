@@ -1,6 +1,7 @@
 """The writer of a synthetic dataset as an Animal3D folder, with all of the format's keys."""
 
 import io
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,15 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
-from tqdm import tqdm
 
 from animal3dbox.datasets.readers.animal3d.entries import SHAPE
 from animal3dbox.datasets.synthetic.annotation import Annotation
+from animal3dbox.datasets.synthetic.scene_files import (
+    SceneRows,
+    can_resume,
+    raw,
+    write_scenes,
+)
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSample, SyntheticSet
 from animal3dbox.datasets.synthetic.truth_file import truth_of, write_truth
 from animal3dbox.errors import ConfigError
@@ -47,7 +53,13 @@ QUALITY = 92
 
 
 def write_animal3d(
-    synthetic_set: SyntheticSet, root: Path, model: Path, progress: bool = False
+    synthetic_set: SyntheticSet,
+    root: Path,
+    model: Path,
+    progress: bool = False,
+    *,
+    workers: int = 1,
+    resume: bool = False,
 ) -> int:
     """Write a synthetic dataset in Animal3D's format, with the model of its parameters.
 
@@ -59,13 +71,15 @@ def write_animal3d(
         root: the folder.
         model: the SMAL pickle that is written; as users have it, not inside root.
         progress: show a bar.
+        workers: processes that draw; the files are the same for any number.
+        resume: go on where an earlier run into the same folder was broken off.
 
     Returns:
         Number of animals.
 
     Raises:
-        ConfigError: the format has no place for the cameras, or the model lies inside root or is
-            there already.
+        ConfigError: the format has no place for the cameras, the model lies inside root or is
+            there already, or what was begun is another dataset.
 
     Example:
         >>> import tempfile
@@ -77,32 +91,58 @@ def write_animal3d(
         2
 
     """
-    _check_writable(synthetic_set, root, model)
-    entries: dict[str, list[dict[str, Any]]] = {"train": [], "test": []}
-    truths = []
-    focal = synthetic_set.config.focal_px[0] * synthetic_set.faults.focal_factor
-    for sample in tqdm(
-        synthetic_set.samples(), desc="animals", unit="animal", disable=None if progress else True
-    ):
-        split = "test" if sample.scene.plan.index % TEST_EVERY == TEST_EVERY - 1 else "train"
-        entry = _entry(sample, split, focal)
-        _write_pictures(root, sample, entry, focal)
-        count = sum(
-            other["img_path"] == entry["img_path"]
-            for other in entries[split][-synthetic_set.config.animals[1] :]
-        )
-        entries[split].append(entry)
-        truths.append(
-            truth_of(sample, entry["img_path"] + (f"#{count}" if count else ""), entry["img_path"])
-        )
-    for split, data in entries.items():
-        write_whole(root / f"{split}.json", msgspec.json.encode({"data": data, **_keys(focal)}))
-    write_truth(root / "truth.json", synthetic_set, truths)
-    write_smal_pickle(load_quadruped(), model)
-    return len(truths)
+    is_begun = resume and can_resume(root)
+    _check_writable(synthetic_set, root, model, is_begun=is_begun)
+    if not is_begun or not model.exists():
+        write_smal_pickle(load_quadruped(), model)
+    files = Animal3DFiles(synthetic_set, root)
+    return write_scenes(files, workers=workers, resume=resume, progress=progress)
 
 
-def _check_writable(synthetic_set: SyntheticSet, root: Path, model: Path) -> None:
+@dataclass(frozen=True)
+class Animal3DFiles:
+    """The files of Animal3D's format, see scene_files.SceneFiles.
+
+    Attributes:
+        synthetic_set: the dataset.
+        root: the folder.
+    """
+
+    synthetic_set: SyntheticSet
+    root: Path
+
+    @property
+    def focal_px(self) -> float:
+        """The focal length that the files tell."""
+        return self.synthetic_set.config.focal_px[0] * self.synthetic_set.faults.focal_factor
+
+    def write_scene(self, index: int) -> SceneRows:
+        """Write the pictures of a scene, and give its rows."""
+        split = "test" if index % TEST_EVERY == TEST_EVERY - 1 else "train"
+        entries, truths = list[msgspec.Raw](), list[msgspec.Raw]()
+        for sample in self.synthetic_set.samples_of(index):
+            entry = _entry(sample, split, self.focal_px)
+            _write_pictures(self.root, sample, entry, self.focal_px)
+            name = entry["img_path"]
+            truths.append(
+                raw(truth_of(sample, name + (f"#{len(entries)}" if entries else ""), name))
+            )
+            entries.append(raw(entry))
+        return SceneRows(index, split, entries, truths)
+
+    def write_index(self, scenes: list[SceneRows]) -> None:
+        """Write train.json, test.json and truth.json of some scenes."""
+        for split in ("train", "test"):
+            data = [entry for scene in scenes if scene.split == split for entry in scene.entries]
+            content = msgspec.json.encode({"data": data, **_keys(self.focal_px)})
+            write_whole(self.root / f"{split}.json", content)
+        truths = [truth for scene in scenes for truth in scene.truths]
+        write_truth(self.root / "truth.json", self.synthetic_set, truths)
+
+
+def _check_writable(
+    synthetic_set: SyntheticSet, root: Path, model: Path, *, is_begun: bool
+) -> None:
     """Raise a ConfigError unless a dataset can be written in this format and to these paths."""
     if (
         synthetic_set.config.vocabulary.keypoints != ANIMAL3D_26
@@ -118,7 +158,7 @@ def _check_writable(synthetic_set: SyntheticSet, root: Path, model: Path) -> Non
             f"the model {model} must lie beside {root}, not in it, as SMAL does not come with the"
             " dataset"
         )
-    if model.exists():
+    if model.exists() and not is_begun:
         raise ConfigError(
             f"the model {model} is there already and may be a real one: it is written, so give"
             " another path or remove it"

@@ -1,13 +1,14 @@
 """The writer of a synthetic dataset as a StanfordExtra json with its images."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from tqdm import tqdm
 
 from animal3dbox.datasets.images.rle import encode_mask
 from animal3dbox.datasets.synthetic.animal3d_writer import write_picture
+from animal3dbox.datasets.synthetic.scene_files import SceneRows, raw, write_scenes
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSample, SyntheticSet
 from animal3dbox.datasets.synthetic.truth_file import truth_of, write_truth
 from animal3dbox.errors import ConfigError
@@ -18,7 +19,14 @@ ANNOTATIONS = "annotations.json"
 """Name of the annotation file."""
 
 
-def write_stanfordextra(synthetic_set: SyntheticSet, root: Path, progress: bool = False) -> int:
+def write_stanfordextra(
+    synthetic_set: SyntheticSet,
+    root: Path,
+    progress: bool = False,
+    *,
+    workers: int = 1,
+    resume: bool = False,
+) -> int:
     """Write a synthetic dataset in StanfordExtra's format: images, annotations.json, truth.json.
 
     Cameras and bodies have no place in this format.
@@ -27,12 +35,14 @@ def write_stanfordextra(synthetic_set: SyntheticSet, root: Path, progress: bool 
         synthetic_set: a dataset with StanfordExtra's keypoints.
         root: the folder.
         progress: show a bar.
+        workers: processes that draw; the files are the same for any number.
+        resume: go on where an earlier run into the same folder was broken off.
 
     Returns:
         Number of animals.
 
     Raises:
-        ConfigError: the dataset has other keypoints.
+        ConfigError: the dataset has other keypoints, or what was begun is another dataset.
 
     Example:
         >>> import tempfile
@@ -49,25 +59,42 @@ def write_stanfordextra(synthetic_set: SyntheticSet, root: Path, progress: bool 
             "StanfordExtra has the keypoints of stanfordextra24, got a world with"
             f" {synthetic_set.config.vocabulary.name}"
         )
-    entries: list[dict[str, Any]] = []
-    truths = []
-    for sample in tqdm(
-        synthetic_set.samples(), desc="animals", unit="animal", disable=None if progress else True
-    ):
-        entry = _entry(sample)
-        count = sum(
-            other["img_path"] == entry["img_path"]
-            for other in entries[-synthetic_set.config.animals[1] :]
-        )
-        if count == 0:
-            write_picture(root / "images" / entry["img_path"], sample.scene.image.numpy())
-        entries.append(entry)
-        truths.append(
-            truth_of(sample, entry["img_path"] + (f"#{count}" if count else ""), entry["img_path"])
-        )
-    write_whole(root / ANNOTATIONS, msgspec.json.encode(entries))
-    write_truth(root / "truth.json", synthetic_set, truths)
-    return len(truths)
+    files = StanfordExtraFiles(synthetic_set, root)
+    return write_scenes(files, workers=workers, resume=resume, progress=progress)
+
+
+@dataclass(frozen=True)
+class StanfordExtraFiles:
+    """The files of StanfordExtra's format, see scene_files.SceneFiles.
+
+    Attributes:
+        synthetic_set: the dataset.
+        root: the folder.
+    """
+
+    synthetic_set: SyntheticSet
+    root: Path
+
+    def write_scene(self, index: int) -> SceneRows:
+        """Write the picture of a scene, and give its rows."""
+        entries, truths = list[msgspec.Raw](), list[msgspec.Raw]()
+        for sample in self.synthetic_set.samples_of(index):
+            entry = _entry(sample)
+            name = entry["img_path"]
+            if not entries:
+                write_picture(self.root / "images" / name, sample.scene.image.numpy())
+            truths.append(
+                raw(truth_of(sample, name + (f"#{len(entries)}" if entries else ""), name))
+            )
+            entries.append(raw(entry))
+        return SceneRows(index, "train", entries, truths)
+
+    def write_index(self, scenes: list[SceneRows]) -> None:
+        """Write annotations.json and truth.json of some scenes."""
+        entries = [entry for scene in scenes for entry in scene.entries]
+        write_whole(self.root / ANNOTATIONS, msgspec.json.encode(entries))
+        truths = [truth for scene in scenes for truth in scene.truths]
+        write_truth(self.root / "truth.json", self.synthetic_set, truths)
 
 
 def _entry(sample: SyntheticSample) -> dict[str, Any]:

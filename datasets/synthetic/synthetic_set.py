@@ -72,6 +72,8 @@ class SyntheticSet:
     hidden: Hidden = "unmarked"
 
     def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ConfigError(f"seed must not be negative, got {self.seed}")
         if self.images < 1:
             raise ConfigError(
                 f"a synthetic dataset must have at least one image, got {self.images}"
@@ -83,11 +85,17 @@ class SyntheticSet:
     def samples(self) -> Iterator[SyntheticSample]:
         """Every animal, scene by scene; a scene is not kept when the next one is drawn."""
         for index in range(self.images):
-            scene = synthetic_scene(self.seed, index, self.config)
-            for animal in scene.animals:
-                yield SyntheticSample(
-                    scene, animal, faulty(annotate(animal, self.hidden), self.faults, self.seed)
-                )
+            yield from self.samples_of(index)
+
+    def samples_of(self, index: int) -> tuple[SyntheticSample, ...]:
+        """The animals of one scene."""
+        scene = synthetic_scene(self.seed, index, self.config)
+        return tuple(
+            SyntheticSample(
+                scene, animal, faulty(annotate(animal, self.hidden), self.faults, self.seed)
+            )
+            for animal in scene.animals
+        )
 
     @cached_property
     def _annotated(self) -> tuple[tuple[AnimalRecord, Annotation], ...]:

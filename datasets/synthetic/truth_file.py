@@ -1,5 +1,6 @@
 """truth.json: everything that is true of a synthetic dataset, beside its annotations."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -61,13 +62,15 @@ def truth_of(sample: SyntheticSample, sample_id: str, image: str) -> dict[str, A
     }
 
 
-def write_truth(path: Path, synthetic_set: SyntheticSet, animals: list[dict[str, Any]]) -> None:
+def write_truth(
+    path: Path, synthetic_set: SyntheticSet, animals: Sequence[dict[str, Any] | msgspec.Raw]
+) -> None:
     """Write the truths of all animals of a dataset, with the world that they are from.
 
     Args:
         path: the JSON file; one that is there is replaced.
         synthetic_set: the dataset.
-        animals: a truth_of each.
+        animals: a truth_of each, or its JSON.
 
     """
     config = {**asdict(synthetic_set.config), "vocabulary": synthetic_set.config.vocabulary.name}
