@@ -13,7 +13,7 @@ import pytest
 from bench_folders import made, tiny_plan, write_result
 from commands import ran
 
-from animal3dbox.bench import run_baseline, score_result
+from animal3dbox.bench import read_manifest, run_baseline, score_result
 from animal3dbox.datasets import CuboidRecord, read_omni3d
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
 
@@ -250,6 +250,15 @@ def test_the_nearest_neighbour_knows_what_it_was_taught(bench: Path, tmp_path: P
 def test_our_labeller_sees_the_right_flank_from_keypoints(bench: Path, tmp_path: Path) -> None:
     head = run_baseline(bench, "labels-preset", tmp_path / "result", splits=["train", "test-id"])
     assert head.track == "keypoints"
+    without = [int(count) for count in re.findall(r"(\d+) animals of", head.note)]
+    found = [
+        box
+        for name in head.splits
+        for image in json.loads((tmp_path / "result" / f"{name}.json").read_text())
+        for box in image["instances"]
+    ]
+    animals = sum(read_manifest(bench).splits[name].animals for name in head.splits)
+    assert len(found) == animals - sum(without)
     assert set(head.splits) == {"train", "test-id"}
     metrics = scores(bench, tmp_path / "result")
     assert metrics["heading_count"] > 3
