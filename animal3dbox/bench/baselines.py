@@ -4,9 +4,9 @@
 `labels-fit` and `labels-preset` are told the keypoints, K and categories of the track keypoints.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 from animal3dbox.evaluate.comparison_metrics import metric_fields
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.training.detector_targets.baselines import (
     ConstantBaseline,
     NearestNeighbourBaseline,
@@ -50,8 +50,29 @@ TRAIN = "train"
 AT_ONCE = 16
 """Animals that are labelled together, which share the cost of posing."""
 
-Detector = Callable[[str], list[CuboidRecord]]
-"""From the name of a split to the boxes that are found in it."""
+
+@dataclass(frozen=True)
+class Answers:
+    """What a baseline says of a split.
+
+    Attributes:
+        records: the boxes.
+        left_out: how many animals have none, by the reason.
+    """
+
+    records: list[CuboidRecord]
+    left_out: Counter[str] = field(default_factory=Counter)
+
+    def note(self, split: str) -> tuple[str, ...]:
+        """A sentence on the animals without a box, if there are any."""
+        if not self.left_out:
+            return ()
+        reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.most_common())
+        return (f"{self.left_out.total()} animals of {split} have no box ({reasons})",)
+
+
+Detector = Callable[[str], Answers]
+"""From the name of a split to what is said of it."""
 
 
 def run_baseline(
@@ -66,7 +87,7 @@ def run_baseline(
         splits: names of whole splits.
 
     Returns:
-        The content of about.json; its note counts the animals without a label.
+        The content of about.json; its note counts the animals without a box by the reason.
 
     Raises:
         ConfigError: a split is not whole.
@@ -90,13 +111,12 @@ def run_baseline(
     manifest = read_manifest(root)
     names = whole_splits(root, manifest, splits)
     detector = _detector(root, manifest, baseline)
-    notes = []
+    notes: list[str] = []
     for name in names:
         truth = truth_file(root, manifest, name)
-        records = detector(name)
-        write_detections(records, truth, folder / f"{name}.json")
-        if lacking := manifest.splits[name].animals - len(records):
-            notes.append(f"{lacking} animals of {name} have no box")
+        answers = detector(name)
+        write_detections(answers.records, truth, folder / f"{name}.json")
+        notes += answers.note(name)
     head = ResultHead(
         version=manifest.version,
         edition=manifest.edition,
@@ -150,7 +170,7 @@ def _box(record: CuboidRecord) -> Floats:
 
 def _without_pixels(
     learned: ConstantBaseline | NearestNeighbourBaseline, truth: CuboidSet
-) -> list[CuboidRecord]:
+) -> Answers:
     """What a baseline says of the 2D boxes of a split."""
     found = []
     for records, target in _targets(truth):
@@ -166,7 +186,7 @@ def _without_pixels(
             )
             for number, record in enumerate(records)
         ]
-    return found
+    return Answers(found)
 
 
 class _ImageWithK(msgspec.Struct):
@@ -180,25 +200,26 @@ class _FileWithK(msgspec.Struct):
     images: list[_ImageWithK]
 
 
-def _labelled(keypoints: Path, root: Path, body: str) -> list[CuboidRecord]:
+def _labelled(keypoints: Path, root: Path, body: str) -> Answers:
     """The labels that are made of a split's keypoints; an animal without a label has no box."""
+    answers = Answers([])
     file: _FileWithK = decode_json(keypoints, _FileWithK)
     K_of = {image.file_name: COCO.K_in(np.array(image.K)) for image in file.images}
     bodies, config = body_source(body), LabelConfig(surface_share=False, mask_iou=False)
     animals = [
         replace(record, K=K_of[record.image_id]) for record in read_coco(keypoints, root).records
     ]
-    found = []
     for start in range(0, len(animals), AT_ONCE):
         some = animals[start : start + AT_ONCE]
         requests = [request_of_record(record, bodies) for record in some]
         outcomes = label_records(requests, config, misplaced="flag")
-        found += [
-            _record(record, label, K_of[record.image_id])
-            for record, label in zip(some, outcomes, strict=True)
-            if isinstance(label, CuboidLabel)
-        ]
-    return found
+        for record, outcome in zip(some, outcomes, strict=True):
+            if isinstance(outcome, CuboidLabel):
+                answers.records.append(_record(record, outcome, K_of[record.image_id]))
+            else:
+                reason = outcome.reason if isinstance(outcome, Rejection) else outcome.field
+                answers.left_out[reason] += 1
+    return answers
 
 
 def _record(animal: AnimalRecord, label: CuboidLabel, K: Floats) -> CuboidRecord:

@@ -13,7 +13,7 @@ import pytest
 from bench_folders import made, tiny_plan, write_result
 from commands import ran
 
-from animal3dbox.bench import run_baseline, score_result
+from animal3dbox.bench import read_manifest, run_baseline, score_result
 from animal3dbox.datasets import CuboidRecord, read_omni3d
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
 
@@ -69,8 +69,11 @@ def test_head_for_tail_has_an_ap_of_1_and_an_ap_with_heading_of_0(
 def test_categories_do_not_count(
     bench: Path, truth: tuple[CuboidRecord, ...], tmp_path: Path
 ) -> None:
-    cats = [replace(one, category="lion") for one in truth]
-    assert scores(bench, write_result(tmp_path / "cats", bench, "test-id", cats))["ap_3d"] == 1.0
+    """Not even where the animals of one image are said to be of two species."""
+    assert len({one.image_id for one in truth}) < len(truth)
+    called = [replace(one, category=("lion", "cat")[n % 2]) for n, one in enumerate(truth)]
+    result = write_result(tmp_path / "called", bench, "test-id", called)
+    assert scores(bench, result)["ap_3d"] == 1.0
 
 
 def test_a_box_at_another_depth_keeps_its_pair_and_so_its_heading(
@@ -247,11 +250,21 @@ def test_the_nearest_neighbour_knows_what_it_was_taught(bench: Path, tmp_path: P
 def test_our_labeller_sees_the_right_flank_from_keypoints(bench: Path, tmp_path: Path) -> None:
     head = run_baseline(bench, "labels-preset", tmp_path / "result", splits=["train", "test-id"])
     assert head.track == "keypoints"
+    without = [int(count) for count in re.findall(r"(\d+) animals of", head.note)]
+    found = [
+        box
+        for name in head.splits
+        for image in json.loads((tmp_path / "result" / f"{name}.json").read_text())
+        for box in image["instances"]
+    ]
+    animals = sum(read_manifest(bench).splits[name].animals for name in head.splits)
+    assert len(found) == animals - sum(without)
     assert set(head.splits) == {"train", "test-id"}
     metrics = scores(bench, tmp_path / "result")
     assert metrics["heading_count"] > 3
     assert metrics["flank_accuracy"] == 1.0
     assert metrics["heading_error_deg"] < 25
+    assert metrics["distance_error"] < 0.3  # K is known: three times the focal length would be 2
 
 
 def test_the_commands_score_and_say_why_not(bench: Path, result: Path, tmp_path: Path) -> None:
