@@ -7,6 +7,9 @@ CPU time against kornia as it is and against albumentations.
 One thread, 640 x 480 to 512 x 512, side by side in one run: every round times ten calls in a row of
 each library, as a worker makes them, on the same image with the same drawn values, and the medians
 are compared. Each library starts from the decoded uint8 image and ends with what training takes.
+A Dataset of ours gives the decoder's memory as a view (3, H, W), albumentations takes it as (H, W,
+3), and kornia is given planes, which suit it best. Times are those of the process's own CPU.
+
 kornia and albumentations move points in pixels only; animal3dbox is timed with the same work
 (keypoints only) and with all it does (camera, cuboids, faces, shares, truncation, boxes,
 keypoints). albumentations is compared where it is installed (pip install albumentations==2.0.8 into
@@ -16,8 +19,10 @@ a copy of the environment).
 import argparse
 import importlib
 import importlib.util
+import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -181,6 +186,15 @@ def medians(runs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]
     return {name: float(np.median(values)) for name, values in times.items()}
 
 
+def machine() -> str:
+    """The processor's name, if the system tells it, its cores, and how busy they are."""
+    cpuinfo = Path("/proc/cpuinfo")
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
+    return f"{names[0] if names else 'unknown processor'}, {os.cpu_count()} cores, load {load}"
+
+
 def main() -> None:
     """Print a table of both pipelines."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -190,8 +204,9 @@ def main() -> None:
     cv2.setNumThreads(1)
     smooth = cv2.GaussianBlur(np.random.default_rng(0).random((*HW, 3)) * 255, (0, 0), 3)
     array = cv2.normalize(smooth, smooth, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
-    image = torch.from_numpy(array).permute(2, 0, 1).contiguous()
+    image = torch.from_numpy(array).permute(2, 0, 1)
     target = target_of(2)
+    print(machine())
     print(
         f"OpenCV {cv2.__version__}, torch {torch.__version__}, one thread, 640x480 -> 512x512,"
         " target with 2 boxes and 52 keypoints"
@@ -205,7 +220,7 @@ def main() -> None:
             "all targets": ours(colour, image, target),
             "keypoints only": ours(colour, image, points),
         }
-        runs["kornia"] = with_kornia(colour, image, target)
+        runs["kornia"] = with_kornia(colour, image.contiguous(), target)
         if importlib.util.find_spec("albumentations"):
             runs["albumentations"] = with_albumentations(colour, array, target)
         result = medians(runs, rounds)

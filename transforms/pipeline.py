@@ -126,7 +126,7 @@ def run_batch_pipeline(
         plan = draw_plan(draw, fields, form.image_hw, seed=options.seed, key=key)
         check_colours(image, plan.steps, fields.sample_id)
         plans.append(plan)
-        mapped_targets.append(_closed(fields, target, plan, options))
+        mapped_targets.append(_closed(fields, target, plan, plan.stages(), options=options))
     if not forms:
         return [], []
     batch = run_batch(
@@ -221,25 +221,21 @@ def returning_animals(steps: Sequence[Step], before: DrawContext) -> tuple[Keep,
 
 
 def _closed(
-    fields: Fields, target: Mapping[str, Any], plan: Plan, options: PipelineOptions
+    fields: Fields,
+    target: Mapping[str, Any],
+    plan: Plan,
+    stages: Sequence[Pass | Local],
+    *,
+    options: PipelineOptions,
 ) -> dict[str, Any]:
-    """The target after a plan, in the form in which it came."""
+    """The target after a plan and its stages, in the form in which it came."""
+    sizes = [stage.image_hw for stage in stages if isinstance(stage, Pass)]
     return close_target(
-        mapped_fields(fields, plan, plan.stages(), options),
+        mapped_fields(fields, plan, stages, options),
         target,
-        image_hw=_final_hw(plan),
+        image_hw=sizes[-1] if sizes else plan.image_hw,
         origin=options.pixel_origin,
     )
-
-
-def _final_hw(plan: Plan) -> tuple[int, int]:
-    """The size of the image after a plan."""
-    sizes = [
-        stage.image_hw
-        for stage in plan.stages()
-        if isinstance(stage, Pass) and stage.H_out_in is not None
-    ]
-    return sizes[-1] if sizes else plan.image_hw
 
 
 def rendered(
@@ -258,7 +254,7 @@ def rendered(
     image, target = sample
     stages = plan.stages()
     check_colours(image, plan.steps, fields.sample_id)
-    target = _closed(fields, target, plan, options)
+    target = _closed(fields, target, plan, stages, options=options)
     if isinstance(image, Tensor) and (image.requires_grad or image.device.type != "cpu"):
         batch = run_batch(
             [image_to_bchw(image, form)[0]],

@@ -191,7 +191,11 @@ def face_visibility(
 
 
 def projected_faces(
-    corners_cam: AnyArray, K: AnyArray, distortion: AnyArray | None = None
+    corners_cam: AnyArray,
+    K: AnyArray,
+    distortion: AnyArray | None = None,
+    *,
+    corners_px: AnyArray | None = None,
 ) -> AnyArray:
     """The faces of boxes in the picture, clipped at the near plane.
 
@@ -200,6 +204,7 @@ def projected_faces(
         K: (..., 3, 3) in pixels.
         distortion: coefficients of OpenCV's lens (edges stay straight between the bent corners);
             None for a pinhole.
+        corners_px: (..., 8, 2) the projected corners, if somebody has computed them already.
 
     Returns:
         (..., 6, P, 2) px, P = 4 if every corner lies in front of its near plane, else 5.
@@ -207,7 +212,9 @@ def projected_faces(
     """
     near = near_depth_of_corners(corners_cam)
     if bool((corners_cam[..., 2] > near[..., None]).all()):
-        return rows_at(project(K, corners_cam, distortion)[0], QUADS)
+        if corners_px is None:
+            corners_px = project(K, corners_cam, distortion)[0]
+        return rows_at(corners_px, QUADS)
     quads = rows_at(corners_cam, QUADS)
     if isinstance(quads, Tensor):
         clipped = clip_to_near(quads, near[..., None, None])
@@ -225,6 +232,7 @@ def corners_visibility(
     visible: AnyArray,
     *,
     distortion: AnyArray | None = None,
+    corners_px: AnyArray | None = None,
 ) -> FaceVisibility[AnyArray]:
     """The areas and shares of boxes' faces, where it is known already which of them are visible.
 
@@ -236,6 +244,7 @@ def corners_visibility(
         image_hw: height and width of the image.
         visible: (..., 6) bool, see visible_faces.
         distortion: coefficients of OpenCV's lens; None for a pinhole.
+        corners_px: (..., 8, 2) the projected corners, if somebody has computed them already.
 
     Returns:
         Booleans, areas and shares of the faces (section 2.3), and the truncation.
@@ -243,7 +252,7 @@ def corners_visibility(
     """
     check_shape("K", K, "... 3 3")
     check_image_hw("image_hw", image_hw)
-    quads_px = projected_faces(corners_cam, K, distortion)
+    quads_px = projected_faces(corners_cam, K, distortion, corners_px=corners_px)
     # (..., 6): each face by itself, whatever else is in the batch
     inside: Any = in_frame(quads_px, image_hw).all(-1)
     area = area_in_image = polygon_area(quads_px)

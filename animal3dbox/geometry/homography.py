@@ -6,8 +6,12 @@ at x through K [R | t] is seen at H x through K' [Q R | Q t]. det Q = sign det H
 is the picture of the mirrored scene.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic
+
+import numpy as np
 
 from animal3dbox.errors import ShapeError
 from animal3dbox.geometry.arrays import AnyArray, at_least, cross, namespace, norm
@@ -74,6 +78,8 @@ def rq(A: AnyArray) -> tuple[AnyArray, AnyArray]:
 
     """
     check_shape("A", A, "... 3 3")
+    if isinstance(A, np.ndarray) and A.ndim == 2:
+        return _rq_of_one(A)
     xp = namespace(A)
     row_0, row_1, row_2 = A[..., 0, :], A[..., 1, :], A[..., 2, :]
     q_2 = row_2 / norm(row_2)[..., None]
@@ -86,11 +92,64 @@ def rq(A: AnyArray) -> tuple[AnyArray, AnyArray]:
     return xp.triu(A @ Q.mT), Q
 
 
+def _rq_of_one(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The steps of rq in plain numbers, for one array (3, 3).
+
+    A worker updates the camera twice a sample, which takes NumPy's small calls ten times as long
+    (benchmarks/augment.py, all targets).
+    """
+    row_0, row_1, row_2 = A.tolist()
+    q_2 = _scaled(row_2, 1 / math.sqrt(_dot(row_2, row_2)))
+    rest_1 = _without(_without(row_1, q_2), q_2)
+    q_1 = _scaled(rest_1, 1 / math.sqrt(_dot(rest_1, rest_1)))
+    normal = _cross(q_1, q_2)
+    q_0 = _scaled(normal, math.copysign(1, _dot(row_0, normal)))
+    U = (
+        (_dot(row_0, q_0), _dot(row_0, q_1), _dot(row_0, q_2)),
+        (0, _dot(row_1, q_1), _dot(row_1, q_2)),
+        (0, 0, _dot(row_2, q_2)),
+    )
+    return np.array(U, dtype=A.dtype), np.array((q_0, q_1, q_2), dtype=A.dtype)
+
+
+Vector = Sequence[float]
+"""Three plain numbers."""
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    """The product a . b of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    """The cross product a x b of two vectors."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def _scaled(a: Vector, factor: float) -> Vector:
+    """A vector times a number."""
+    return (a[0] * factor, a[1] * factor, a[2] * factor)
+
+
+def _without(a: Vector, unit: Vector) -> Vector:
+    """The part of a vector that is at right angles to a unit vector."""
+    along = _dot(a, unit)
+    return (a[0] - along * unit[0], a[1] - along * unit[1], a[2] - along * unit[2])
+
+
 def handedness(A: AnyArray) -> AnyArray:
     """The determinants (...,) of matrices (..., 3, 3) as triple products of their rows.
 
     Good enough for a sign, and without LAPACK.
     """
+    if isinstance(A, np.ndarray) and A.ndim == 2:  # in plain numbers, like _rq_of_one
+        row_0, row_1, row_2 = A.tolist()
+        product: AnyArray = A.dtype.type(_dot(row_0, _cross(row_1, row_2)))
+        return product
     triple: AnyArray = (A[..., 0, :] * cross(A[..., 1, :], A[..., 2, :])).sum(-1)
     return triple
 

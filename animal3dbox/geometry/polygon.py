@@ -4,10 +4,11 @@ Polygons travel in batches of one length. One with fewer corners repeats its las
 all one point. Both have the right area, so no lengths need to be carried along.
 """
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from animal3dbox.geometry.arrays import AnyArray, at_least, clip, like, namespace
+from animal3dbox.geometry.arrays import AnyArray, at_least, clip, like, namespace, rows_at
 from animal3dbox.geometry.checks import check_shape
 from animal3dbox.geometry.frame import frame_box
 
@@ -124,11 +125,12 @@ def area_in_box(polygons: AnyArray, box: AnyArray) -> AnyArray:
     check_shape("polygons", polygons, "... P 2")
     xp = namespace(polygons)
     low, high = box[..., None, :2], box[..., None, 2:]
-    along = polygons[..., [*range(1, polygons.shape[-2]), 0], :] - polygons
+    along = rows_at(polygons, np.arange(1, polygons.shape[-2] + 1) % polygons.shape[-2]) - polygons
     divisor = along + (along == 0)
     past_low, past_high = (low - polygons) / divisor, (high - polygons) / divisor
-    first, last = xp.minimum(past_low, past_high), xp.maximum(past_low, past_high)
-    enters, leaves = clip(first[..., 1], 0, 1), clip(last[..., 1], 0, 1)
+    first = clip(xp.minimum(past_low, past_high), 0, 1)
+    last = clip(xp.maximum(past_low, past_high), 0, 1)
+    enters, leaves = first[..., 1], last[..., 1]
     turn_low = xp.minimum(xp.maximum(first[..., 0], enters), leaves)
     turn_high = xp.minimum(xp.maximum(last[..., 0], enters), leaves)
     steps = xp.stack((enters, turn_low, turn_high, leaves))  # along an edge, in order
@@ -136,7 +138,7 @@ def area_in_box(polygons: AnyArray, box: AnyArray) -> AnyArray:
     clamped = xp.minimum(at_least(clamped, 0), high[..., 0] - low[..., 0])
     # integral of x dy = sum over the pieces of an edge of (x_i + x_(i+1)) / 2 (y_(i+1) - y_i)
     pieces = (clamped[1:] + clamped[:-1]) * (steps[1:] - steps[:-1]) * along[..., 1]
-    area = 0.5 * abs(pieces.sum(0).sum(-1))
-    reach = (abs(polygons).sum(-1).sum(-1) + 1) * (box[..., 2:] - box[..., :2]).sum(-1)
+    area = 0.5 * abs(pieces.sum((0, -1)))
+    reach = (abs(polygons).sum((-2, -1)) + 1) * (box[..., 2:] - box[..., :2]).sum(-1)
     certain: AnyArray = area * (area > ROUNDING * reach)
     return certain

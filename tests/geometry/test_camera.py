@@ -19,7 +19,13 @@ from animal3dbox.geometry.camera import (
     project_in_front,
 )
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.geometry.homography import apply_homography, oriented_homography, rq, update_camera
+from animal3dbox.geometry.homography import (
+    apply_homography,
+    handedness,
+    oriented_homography,
+    rq,
+    update_camera,
+)
 from animal3dbox.geometry.rigid_transforms import (
     axis_angle_from_rotation,
     invert_rigid,
@@ -191,6 +197,16 @@ def test_rq_gives_back_its_matrix_from_a_triangle_and_a_rotation(values: Tensor)
     assert float(U.diagonal().amin()) > 0
     assert float(torch.tril(U, -1).abs().amax()) == 0
     assert float(torch.linalg.det(Q)) * float(torch.linalg.det(A)) > 0
+
+
+@thorough(1000)
+@given(vector(-2, 2, 9).filter(lambda v: abs(float(torch.linalg.det(v.reshape(3, 3)))) > 1e-3))
+def test_one_matrix_is_decomposed_in_plain_numbers_as_in_a_batch(values: Tensor) -> None:
+    A = values.reshape(3, 3).numpy()
+    for one, batch in zip(rq(A), rq(A[None]), strict=True):
+        assert one.dtype == batch.dtype
+        assert_close(torch.from_numpy(one), torch.from_numpy(batch[0]), atol=1e-11, rtol=0)
+    assert abs(float(handedness(A)) - float(handedness(A[None])[0])) <= 1e-14
 
 
 @thorough(1000)

@@ -15,6 +15,7 @@ from animal3dbox.errors import ShapeError
 from animal3dbox.transforms import (
     CenterCrop,
     Compose,
+    Normalize,
     PadTo,
     RandomErasing,
     RandomGaussianBlur,
@@ -121,3 +122,26 @@ def test_floats_outside_their_range_are_treated_alike_by_both_executors() -> Non
     batched, _ = compose.batch((image[None], [{}]), keys=[(0,)])
     assert_close(batched[0], one, atol=1e-5, rtol=0)
     assert float(one.min()) < 0
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "float32"])
+def test_images_with_channels_last_in_memory_are_read_like_others(dtype: str) -> None:
+    # As datasets give them: (3, H, W), a view of the decoder's (H, W, 3)
+    planes = picture() if dtype == "uint8" else picture().float() / 255
+    channels_last = planes.permute(1, 2, 0).contiguous().permute(2, 0, 1)
+    assert channels_last.stride(0) == 1 != planes.stride(0)
+    augment = Compose([RandomRotation((7, 7)), Resize((60, 70)), Normalize()])
+    for chain in (augment, Compose([RandomHorizontalFlip(1)]), Compose([])):
+        before = channels_last.clone()
+        out, _ = chain(channels_last, {}, key=(0,))
+        assert_close(out, chain(planes, {}, key=(0,))[0], atol=0, rtol=0)
+        out.zero_()  # nothing of the result is the caller's memory
+        assert_close(channels_last, before, atol=0, rtol=0)
+
+
+def test_every_grey_level_is_standardised_by_its_formula() -> None:
+    levels = torch.arange(256, dtype=torch.uint8).reshape(1, 16, 16).repeat(3, 1, 1)
+    out, _ = Normalize((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))(levels, {})
+    for channel, (mean, std) in enumerate(((0.1, 0.4), (0.2, 0.5), (0.3, 0.6))):
+        expected = (levels[channel].double() / 255 - mean) / std
+        assert_close(out[channel].double(), expected, atol=3e-7, rtol=0)

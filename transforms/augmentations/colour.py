@@ -17,6 +17,8 @@ LUMA = np.array([0.299, 0.587, 0.114])
 """Weights of red, green and blue in brightness (Rec. 601)."""
 CHROMA = np.array([LUMA, [0.595716, -0.274453, -0.321263], [0.211456, -0.522591, 0.311135]])
 """From RGB to brightness and the two chroma axes of YIQ."""
+RGB_OF_CHROMA = np.linalg.inv(CHROMA)
+"""From there back to RGB."""
 
 Range = float | tuple[float, float]
 
@@ -140,6 +142,6 @@ def saturation_and_hue(saturation: float, hue: float) -> np.ndarray:
         [[1, 0, 0], [0, math.cos(angle), -math.sin(angle)], [0, math.sin(angle), math.cos(angle)]]
     )
     matrix: np.ndarray = (
-        np.linalg.inv(CHROMA) @ (turn * np.array([[1.0], [saturation], [saturation]])) @ CHROMA
+        RGB_OF_CHROMA @ (turn * np.array([[1.0], [saturation], [saturation]])) @ CHROMA
     )
     return matrix

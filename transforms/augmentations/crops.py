@@ -1,6 +1,7 @@
 """Random crops that know where the animals are."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from animal3dbox.transforms.randomness import check_probability, check_range
 from animal3dbox.transforms.steps import Step, Warp
 from animal3dbox.transforms.transform import Transform
 
+Box = tuple[float, float, float, float]
+"""x least, y least, x greatest, y greatest, px."""
 TRIALS = 10
 """Crops that are drawn at once, of which the first that shows enough of an animal is taken."""
 
@@ -67,36 +70,59 @@ class RandomResizedCrop(Transform):
 
     def steps(self, rng: np.random.Generator, context: DrawContext) -> tuple[Step, ...]:
         """Draw TRIALS crops, take one by what it shows, and say which animals stay."""
-        boxes = self._draw(rng, context.image_hw, random=rng.random() < self.random_p)
-        depends = context.alive and (self.keep_part > 0 or self.min_visible is not None)
-        parts = context.visible_parts(boxes) if depends else None
-        best = 0
-        if parts is not None:
+        random = rng.random() < self.random_p
+        draws = rng.random((4, TRIALS)).T.tolist()
+        greatest = _placed(self.size[1] / self.size[0], 1.0, (0.5, 0.5), context.image_hw)
+        boxes = [self._box(draw, context.image_hw) for draw in draws] if random else [greatest]
+        box, parts = self._choice(boxes, context)
+        warp = Warp(cropping(box, self.size), self.size)
+        return (warp, *keep_visible(context, parts, self.min_visible))
+
+    def _choice(self, boxes: list[Box], context: DrawContext) -> tuple[Box, np.ndarray | None]:
+        """The crop that is taken, and the part that it shows of each animal.
+
+        The part is None where nothing depends on it. The first crop is looked at alone, since it
+        mostly shows enough.
+        """
+        if not context.alive or (self.keep_part == 0 and self.min_visible is None):
+            return boxes[0], None
+        best, shown = 0, None
+        for candidates in (boxes[:1], boxes):
+            parts = context.visible_parts(np.array(candidates))
+            if parts is None:
+                break
             most = np.where(np.isnan(parts), 0, parts).max(axis=1)
             enough = np.flatnonzero(most >= self.keep_part)
             best = int(enough[0]) if len(enough) else int(most.argmax())
-        box = boxes[best]
-        warp = Warp(cropping((box[0], box[1], box[2], box[3]), self.size), self.size)
-        return (
-            warp,
-            *keep_visible(context, None if parts is None else parts[best], self.min_visible),
-        )
+            shown = parts[best]
+            if len(enough):
+                break
+        return boxes[best], shown
 
-    def _draw(
-        self, rng: np.random.Generator, image_hw: tuple[int, int], *, random: bool
-    ) -> np.ndarray:
-        """Boxes (TRIALS, 4) inside the picture, from edge to edge."""
-        area, across, down, stretch = rng.random((4, TRIALS))
+    def _box(self, draw: Sequence[float], image_hw: tuple[int, int]) -> Box:
+        """A crop from four draws in [0, 1): its area, its place across and down, its stretch."""
+        area, across, down, stretch = draw
         low, high = self.scale
-        area = low + (high - low) * area if random else np.ones(1)
-        aspect = np.full(TRIALS, self.size[1] / self.size[0])
-        if self.ratio is not None and random:
-            aspect = aspect * np.exp(
-                math.log(self.ratio[0]) + math.log(self.ratio[1] / self.ratio[0]) * stretch
-            )
-        height, width = image_hw
-        crop_width = np.minimum(width, height * aspect) * np.sqrt(area)
-        crop_height = np.minimum(height, width / aspect) * np.sqrt(area)
-        left = (width - crop_width) * (across if random else 0.5) - 0.5
-        top = (height - crop_height) * (down if random else 0.5) - 0.5
-        return np.stack((left, top, left + crop_width, top + crop_height), axis=1)
+        aspect = self.size[1] / self.size[0]
+        if self.ratio is not None:
+            aspect *= self.ratio[0] * (self.ratio[1] / self.ratio[0]) ** stretch
+        return _placed(aspect, low + (high - low) * area, (across, down), image_hw)
+
+
+def _placed(
+    aspect: float, area: float, place: tuple[float, float], image_hw: tuple[int, int]
+) -> Box:
+    """A crop inside a picture, from edge to edge.
+
+    Args:
+        aspect: its width over its height.
+        area: its part of the greatest area of its aspect that fits into the picture.
+        place: across and down, 0 at the picture's first pixels and 1 at its last.
+        image_hw: of the picture.
+    """
+    height, width = image_hw
+    crop_width = min(width, height * aspect) * math.sqrt(area)
+    crop_height = min(height, width / aspect) * math.sqrt(area)
+    left = (width - crop_width) * place[0] - 0.5
+    top = (height - crop_height) * place[1] - 0.5
+    return left, top, left + crop_width, top + crop_height

@@ -10,7 +10,13 @@ import numpy as np
 from animal3dbox.errors import ConfigError
 from animal3dbox.transforms.augmentations.affine import Range
 from animal3dbox.transforms.augmentations.resizing import fitting
-from animal3dbox.transforms.camera_law.maps import Size, camera_rotation, center_of, check_size
+from animal3dbox.transforms.camera_law.maps import (
+    Size,
+    camera_rotation,
+    center_of,
+    check_size,
+    inverse_map,
+)
 from animal3dbox.transforms.draw_context import DrawContext
 from animal3dbox.transforms.randomness import check_probability, check_range
 from animal3dbox.transforms.steps import Keep, Step, Warp
@@ -77,7 +83,7 @@ class RandomVirtualCamera(Transform):
         )
         K_new = K.copy()
         K_new[:2, :2] *= math.exp(rng.uniform(math.log(self.zoom[0]), math.log(self.zoom[1])))
-        return (Warp(K_new @ R @ np.linalg.inv(K), context.image_hw),)
+        return (Warp(K_new @ R @ inverse_map(K), context.image_hw),)
 
 
 class PerspectiveCrop(Transform):
@@ -144,7 +150,7 @@ class PerspectiveCrop(Transform):
         corners = context.corners_cam[row]
         R = camera_rotation(yaw, pitch, 0) @ look_along(corners.mean(axis=0))
         K_new = focused(corners @ R.T, self.size, margin)
-        warp = Warp(K_new @ R @ np.linalg.inv(K), self.size)
+        warp = Warp(K_new @ R @ inverse_map(K), self.size)
         return (warp, *self._keep_visible(context.after(warp), row))
 
     def _keep_visible(self, context: DrawContext, subject: int) -> tuple[Keep, ...]:

@@ -6,6 +6,9 @@ from torch import Tensor
 
 from animal3dbox.geometry.arrays import AnyArray, like, namespace
 
+CORNERS = np.array([[0, 1], [2, 1], [2, 3], [0, 3]])
+"""The coordinates (x, y) of a box's four corners."""
+
 
 def mapped_boxes(
     boxes: AnyArray,
@@ -31,17 +34,16 @@ def mapped_boxes(
 
     """
     xp = namespace(boxes)
-    around = boxes[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
+    around = boxes[:, CORNERS]
     w = around @ H_out_in[2, :2] + H_out_in[2, 2]
     height, width = image_hw
     low, high = like(boxes, [-0.5, -0.5]), like(boxes, [width - 0.5, height - 0.5])
     px = (around @ H_out_in[:2, :2].mT + H_out_in[:2, 2]) / xp.where(w > 0, w, xp.ones_like(w))[
         ..., None
     ]
-    x, y = px[..., 0], px[..., 1]
     if px.shape[0] == 0:
         return boxes
-    start, end = xp.stack((least(x), least(y)), -1), xp.stack((-least(-x), -least(-y)), -1)
+    start, end = extent(px)
     # A box across the map's horizon is bounded by nothing; one beyond it has no area.
     bounded, beyond = (w > 0).all(-1)[:, None], ~(w > 0).any(-1)[:, None]
     start = xp.where(bounded, start, low)
@@ -59,12 +61,11 @@ def mapped_boxes(
     return clipped
 
 
-def least(values: AnyArray) -> AnyArray:
-    """The least value along the last dimension (..., D), (...)."""
-    if isinstance(values, Tensor):
-        return values.amin(-1)
-    smallest: np.ndarray = values.min(-1)
-    return smallest
+def extent(points: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """The least and the greatest coordinates (..., D) of points (..., N, D)."""
+    if isinstance(points, Tensor):
+        return points.amin(-2), points.amax(-2)
+    return points.min(-2), points.max(-2)
 
 
 def keeps_axes(H: Tensor | np.ndarray) -> bool:

@@ -7,7 +7,7 @@ derived from it.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -42,8 +42,7 @@ class Declared:
     per_image: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class FieldForm:
+class FieldForm(NamedTuple):
     """How a field came, so that it can leave the same way.
 
     Attributes:
@@ -53,6 +52,13 @@ class FieldForm:
 
     tensor: bool
     dtype: torch.dtype | np.dtype[np.generic]
+
+    @property
+    def floating(self) -> bool:
+        """Whether the field came in floating point."""
+        if isinstance(self.dtype, torch.dtype):
+            return self.dtype.is_floating_point
+        return self.dtype.kind == "f"
 
 
 @dataclass(frozen=True)

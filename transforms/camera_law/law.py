@@ -30,7 +30,7 @@ from animal3dbox.geometry.homography import (
     update_camera,
 )
 from animal3dbox.target_schema import names_of
-from animal3dbox.transforms.camera_law.boxes import keeps_axes, least, mapped_boxes
+from animal3dbox.transforms.camera_law.boxes import extent, keeps_axes, mapped_boxes
 from animal3dbox.transforms.camera_law.fields import Fields
 from animal3dbox.transforms.camera_law.relabel import Relabelling
 
@@ -221,8 +221,9 @@ def _projected(
     projected: dict[str, Any] = {}
     if "distortion" in out:
         check_field_of_view(out["distortion"], corners)
+    corners_px = project(out["K"], corners, out.get("distortion"))[0]
     if "corners_2d" in values:
-        projected["corners_2d"] = project(out["K"], corners, out.get("distortion"))[0]
+        projected["corners_2d"] = corners_px
     in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]
     if "corner_in_front" in values:
         projected["corner_in_front"] = _typed(in_front, values["corner_in_front"])
@@ -235,7 +236,12 @@ def _projected(
             else visible_faces(corners, corners[:, 0] * 0)
         )
         visibility = corners_visibility(
-            corners, out["K"], image_hw, visible, distortion=out.get("distortion")
+            corners,
+            out["K"],
+            image_hw,
+            visible,
+            distortion=out.get("distortion"),
+            corners_px=corners_px,
         )
         projected |= {
             name: getattr(visibility, attribute)
@@ -260,9 +266,10 @@ def mapped_keypoints(keypoints: Any, H: Any, image_hw: tuple[int, int]) -> Any:
     Visibility becomes 0 outside the new frame and beyond the map's horizon (w <= 0).
     """
     xp = namespace(keypoints)
-    w = keypoints[..., :2] @ H[2, :2] + H[2, 2]
+    mapped = keypoints[..., :2] @ H[:, :2].mT + H[:, 2]
+    w = mapped[..., 2]
     safe = xp.where(abs(w) < 1e-12, xp.full_like(w, 1e-12), w)
-    px = (keypoints[..., :2] @ H[:2, :2].mT + H[:2, 2]) / safe[..., None]
+    px = mapped[..., :2] / safe[..., None]
     visibility = keypoints[..., 2] * ((w > 0) & in_frame(px, image_hw))
     return xp.concatenate((px, visibility[..., None]), -1)
 
@@ -298,5 +305,4 @@ def _projected_outline(out: dict[str, Any], corners: Any) -> tuple[Any, Any]:
         else project(out["K"], corners, out.get("distortion"))[0]
     )
     in_front = corners[..., 2] > near_depth_of_corners(corners)[..., None]
-    x, y = px[..., 0], px[..., 1]
-    return namespace(px).stack((least(x), least(y), -least(-x), -least(-y)), -1), in_front.all(-1)
+    return namespace(px).concatenate(extent(px), -1), in_front.all(-1)

@@ -30,6 +30,8 @@ from animal3dbox.transforms.camera_law.fields import (
 )
 from animal3dbox.transforms.camera_law.other_fields import belonging, checked_meta
 
+PIXELS = ("masks", "depth")
+"""Fields of pixels: OpenCV reads them as they are, and copying them costs."""
 UNREADABLE = ("float16", "bfloat16", "uint32", "uint64", "complex64", "complex128")
 """Types of masks and depth that OpenCV cannot read."""
 
@@ -59,15 +61,11 @@ def read_target(
     """
     declared = Declared() if declared is None else declared
     sample_id = str(target["image_id"]) if "image_id" in target else None
-    values: dict[str, Any] = {}
-    forms: dict[str, FieldForm] = {}
-    others: dict[str, object] = {}
-    for name, value in target.items():
-        if name in KNOWN:
-            values[name], forms[name] = _opened(value, sample_id, name)
-        else:
-            others[name] = value
-    values = _in_one_library(values)
+    known: dict[str, Any] = {name: value for name, value in target.items() if name in KNOWN}
+    others = {name: value for name, value in target.items() if name not in KNOWN}
+    forms = {name: _checked_form(name, value, sample_id) for name, value in known.items()}
+    opened = _as_tensor if any(map(_needs_torch, known.values())) else _as_array
+    values = {name: opened(name, value, forms[name]) for name, value in known.items()}
     _check_finite(values, sample_id)
     count = _checked_count(values, image_hw, sample_id)
     owners = {
@@ -88,21 +86,28 @@ def read_target(
     )
 
 
-def _in_one_library(values: dict[str, Any]) -> dict[str, Any]:
-    """All values as tensors if one of them needs torch, else all as arrays."""
-    if any(
-        isinstance(value, Tensor) and (value.requires_grad or value.device.type != "cpu")
-        for value in values.values()
-    ):
-        return {
-            name: (
-                torch.from_numpy(np.ascontiguousarray(value))
-                if isinstance(value, np.ndarray)
-                else value
-            )
-            for name, value in values.items()
-        }
-    return {name: as_numpy(value) for name, value in values.items()}
+def _needs_torch(value: Tensor | np.ndarray) -> bool:
+    """Whether a field has gradients or a device that NumPy does not know."""
+    return isinstance(value, Tensor) and (value.requires_grad or value.device.type != "cpu")
+
+
+def _as_array(name: str, value: Tensor | np.ndarray, form: FieldForm) -> np.ndarray:
+    """A field as an array; a copy, so that nothing of the result is the caller's memory."""
+    if form.dtype == torch.bfloat16 and isinstance(value, Tensor):  # NumPy has no such type
+        value = value.float()
+    array = as_numpy(value)
+    if name in PIXELS:
+        return array
+    return array.astype(np.float64 if form.floating else array.dtype)
+
+
+def _as_tensor(name: str, value: Tensor | np.ndarray, form: FieldForm) -> Tensor:
+    """A field as a tensor, likewise; differentiable."""
+    if not isinstance(value, Tensor):
+        return torch.from_numpy(np.ascontiguousarray(_as_array(name, value, form)))
+    if name in PIXELS:
+        return value
+    return value.to(torch.float64 if form.floating else value.dtype, copy=True)
 
 
 def _checked_count(values: dict[str, Any], image_hw: tuple[int, int], sample_id: str | None) -> int:
@@ -144,7 +149,7 @@ def _check_shapes(values: dict[str, Any]) -> None:
 
 def _check_pixels(values: dict[str, Any], image_hw: tuple[int, int], sample_id: str | None) -> None:
     """Raise a SampleError unless masks and depth cover the image."""
-    for name in ("masks", "depth"):
+    for name in PIXELS:
         if name in values and tuple(values[name].shape[-2:]) != tuple(image_hw):
             field_hw = tuple(values[name].shape[-2:])
             raise SampleError(
@@ -155,31 +160,22 @@ def _check_pixels(values: dict[str, Any], image_hw: tuple[int, int], sample_id: 
             )
 
 
-def _opened(
-    value: object, sample_id: str | None, name: str
-) -> tuple[Tensor | np.ndarray, FieldForm]:
-    """A field in the type that is worked on, and how it came."""
+def _checked_form(name: str, value: object, sample_id: str | None) -> FieldForm:
+    """How a field came; a SampleError if it is of no type that can be worked on."""
     if not isinstance(value, Tensor | np.ndarray):
         raise SampleError(
             sample_id, name, f"must be a tensor or an array, got {type(value).__name__}"
         )
     form = FieldForm(isinstance(value, Tensor), value.dtype)
-    floating = _is_float(value.dtype)
-    if not floating and name not in WHOLE:
+    if not form.floating and name not in WHOLE:
         raise SampleError(sample_id, name, f"must be floating point, got {value.dtype}")
-    if name in ("masks", "depth"):  # OpenCV reads them as they are, and copying costs
-        if str(value.dtype).removeprefix("torch.") in UNREADABLE:
-            raise SampleError(
-                sample_id,
-                name,
-                f"has dtype {value.dtype}, which OpenCV cannot read; convert it to uint8 or"
-                " float32",
-            )
-        return value, form
-    # Copies, so that nothing of the result is the caller's memory.
-    if isinstance(value, Tensor):
-        return value.to(torch.float64 if floating else value.dtype, copy=True), form
-    return value.astype(np.float64 if floating else value.dtype), form
+    if name in PIXELS and str(value.dtype).removeprefix("torch.") in UNREADABLE:
+        raise SampleError(
+            sample_id,
+            name,
+            f"has dtype {value.dtype}, which OpenCV cannot read; convert it to uint8 or float32",
+        )
+    return form
 
 
 def _check_finite(values: dict[str, Any], sample_id: str | None) -> None:
@@ -212,22 +208,19 @@ def write_target(fields: Fields) -> dict[str, object]:
 def _default_form(forms: dict[str, FieldForm]) -> FieldForm:
     if "K" in forms:
         return forms["K"]
-    floating = (form for form in forms.values() if _is_float(form.dtype))
+    floating = (form for form in forms.values() if form.floating)
     first = next(iter(forms.values()), FieldForm(True, torch.float32))
     float32 = torch.float32 if first.tensor else np.dtype(np.float32)
     return next(floating, FieldForm(first.tensor, float32))
 
 
-def _is_float(dtype: Any) -> bool:
-    if isinstance(dtype, torch.dtype):
-        return dtype.is_floating_point
-    return np.issubdtype(dtype, np.floating)
-
-
 def _in_form(value: Tensor | np.ndarray, form: FieldForm) -> Tensor | np.ndarray:
     """A value as a tensor or an array of the type that its field had."""
-    if isinstance(form.dtype, torch.dtype):
-        if isinstance(value, np.ndarray):
-            value = torch.from_numpy(np.ascontiguousarray(value))
-        return value.to(form.dtype)
-    return as_numpy(value).astype(form.dtype, copy=False)
+    if not isinstance(form.dtype, torch.dtype):
+        return as_numpy(value).astype(form.dtype, copy=False)
+    if isinstance(value, np.ndarray):
+        # NumPy rounds the few numbers of a field in less than torch's time for a call
+        # (benchmarks/augment.py, all targets).
+        rounded = value.astype(np.float32) if form.dtype == torch.float32 else value
+        value = torch.from_numpy(np.ascontiguousarray(rounded))
+    return value.to(form.dtype)

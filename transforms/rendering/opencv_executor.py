@@ -41,19 +41,9 @@ def run_stages(
         The image in the form in which it came; float after a standardisation.
 
     """
-    spare = (
-        form.channels == 3
-        and bool(stages)
-        and isinstance(stages[0], Pass)
-        and stages[0].H_out_in is not None
-    )
-    array = image_to_hwc(image, form, spare=spare)
-    for index, stage in enumerate(stages):
-        if index and array.shape[2] != form.channels:
-            array = cv2.cvtColor(array, cv2.COLOR_RGBA2RGB)
-        array = run_stage(
-            array, stage, interpolation=interpolation, fill=fill, channels=form.channels
-        )
+    array = image_to_hwc(image, form)
+    for stage in stages:
+        array = run_stage(array, stage, interpolation=interpolation, fill=fill)
     last = stages[-1] if stages else None  # a standardisation is always the last thing done
     standardise = last.standardise if isinstance(last, Pass) else None
     if standardise is not None and len(standardise.mean) != form.channels:
@@ -64,21 +54,15 @@ def run_stages(
 
 
 def run_stage(
-    image: np.ndarray,
-    stage: Pass | Local,
-    *,
-    interpolation: str,
-    fill: tuple[float, ...],
-    channels: int,
+    image: np.ndarray, stage: Pass | Local, *, interpolation: str, fill: tuple[float, ...]
 ) -> np.ndarray:
     """The image after one stage of a plan, but for its standardisation.
 
     Args:
-        image: (H, W, C) uint8, or float in [0, 1], perhaps with a spare channel.
+        image: (H, W, C) uint8, or float in [0, 1].
         stage: of a plan.
         interpolation: see sampling.INTERPOLATIONS.
         fill: grey levels 0 to 255, one or one a channel.
-        channels: of the picture, without a spare one.
     """
     if isinstance(stage, Pass):
         if stage.H_out_in is not None:
@@ -90,7 +74,7 @@ def run_stage(
                 interpolation=interpolation,
                 fill=tuple(level * unit for level in fill),
             )
-        return image if stage.colour is None else recolour(image, stage.colour, channels)
+        return image if stage.colour is None else recolour(image, stage.colour)
     if isinstance(stage, Blur):
         kernel = gaussian_kernel(stage.sigma_px, (image.shape[0], image.shape[1]))
         return _with_channels(
@@ -129,7 +113,10 @@ def warp(
     reading = plan_reading(H_out_in, (image.shape[0], image.shape[1]), image_hw, interpolation)
     source = _shrunken(image, reading.shrink_xy, fill)
     three = source.shape[2:] == (3,)
-    if three:  # four channels are read twice as fast as three
+    if three:
+        # OpenCV reads four channels twice as fast as three. The copy also brings the picture into
+        # the processor's cache, past which cv2.merge writes: without it the warp takes almost three
+        # times as long (benchmarks/augment.py, flip + affine + crop).
         source = cv2.cvtColor(source, cv2.COLOR_RGB2RGBA)
     flags = FLAGS[interpolation] | cv2.WARP_INVERSE_MAP
     border = _four(fill)
@@ -203,12 +190,12 @@ def _shrunken(image: np.ndarray, shrink_xy: tuple[int, int], fill: tuple[float, 
     return _with_channels(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
-def recolour(image: np.ndarray, matrix: np.ndarray, channels: int) -> np.ndarray:
-    """Colours under a (3, 4) map, clipped; a spare channel is dropped."""
-    if channels != 3:
-        raise ShapeError(f"image must have 3 channels (RGB) for colour transforms, got {channels}")
-    if image.shape[2] == 4:  # OpenCV's colour maps are fast for three channels only
-        image = cv2.cvtColor(image, cv2.COLOR_RGBA2RGB)
+def recolour(image: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Colours under a (3, 4) map, clipped."""
+    if image.shape[2] != 3:
+        raise ShapeError(
+            f"image must have 3 channels (RGB) for colour transforms, got {image.shape[2]}"
+        )
     if image.dtype == np.uint8:
         return cv2.transform(image, matrix * np.array([1, 1, 1, 255.0]))
     return np.clip(cv2.transform(image, matrix), 0, 1)

@@ -11,6 +11,7 @@ from animal3dbox.geometry.arrays import as_numpy, namespace
 from animal3dbox.transforms.camera_law.boxes import boxes_of_masks
 from animal3dbox.transforms.camera_law.fields import Fields
 from animal3dbox.transforms.camera_law.law import map_fields
+from animal3dbox.transforms.camera_law.maps import inverse_map
 from animal3dbox.transforms.rendering.opencv_executor import warp
 
 SAME_BOX_PX = 1.0
@@ -100,7 +101,7 @@ def depth_factor(H_out_in: np.ndarray, K: np.ndarray, image_hw: tuple[int, int])
     (1, 1) for an affine map, which has one factor for all pixels. k is the norm of row 3 of H K.
     """
     k = np.linalg.norm(H_out_in[2] @ K)
-    a, b, c = np.linalg.inv(H_out_in)[2]
+    a, b, c = inverse_map(H_out_in)[2]
     if a == 0 and b == 0:
         return np.full((1, 1), 1 / (c * k))
     height, width = image_hw

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from animal3dbox.errors import ConfigError, ShapeError
-from animal3dbox.transforms.camera_law.maps import scaling, shifting
+from animal3dbox.transforms.camera_law.maps import inverse_map, scaling, shifting
 from animal3dbox.transforms.steps import Erase
 
 INTERPOLATIONS = ("nearest", "bilinear", "bicubic")
@@ -62,7 +62,7 @@ def plan_reading(
         interpolation: one of INTERPOLATIONS; "nearest" is never shrunk first.
 
     """
-    H_in_out = np.linalg.inv(H_out_in)
+    H_in_out = inverse_map(H_out_in)
     affine = not H_in_out[2, :2].any()
     horizon, shrink = False, (1, 1)
     if not affine:
