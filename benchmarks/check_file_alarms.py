@@ -48,7 +48,7 @@ def annotated(folder: Path, images: int) -> Iterator[tuple[str, Any]]:
     write_meshes(folder / "cameras", world_samples(35, images, "animal3d26"), known=True)
     write_meshes(folder / "keypoints", world_samples(36, images, "animal3d26"), known=False)
     model = folder / "animals-model.pkl"
-    for name, options in {
+    settings: dict[str, dict[str, Any]] = {
         "animals": {"model": model},
         "animals ": {"model": model, "stored_cameras": "exact"},
         "dogs": {"body": "preset"},
@@ -56,7 +56,8 @@ def annotated(folder: Path, images: int) -> Iterator[tuple[str, Any]]:
         "deeplabcut": {"body": "preset"},
         "cameras": {},
         "keypoints": {},
-    }.items():
+    }
+    for name, options in settings.items():
         yield (
             f"{name.strip()} {options.get('stored_cameras', '')}".strip(),
             AnnotatedDataset(folder / name.strip(), on_bad="skip", **options),

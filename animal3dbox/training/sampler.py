@@ -37,7 +37,7 @@ class EpochSampler(Sampler[Any]):
         >>> again = EpochSampler(range(4), seed=0)
         >>> again.load_state_dict(sampler.state_dict(done=3))
         >>> list(again)
-        [(3, 0)]
+        [(3, 3)]
     """
 
     def __init__(
