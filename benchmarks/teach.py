@@ -142,7 +142,10 @@ def study_detector(bench: Path, work: Path, options: argparse.Namespace) -> None
     counts = sorted({n for n in options.curve if n < available} | {available})
     settings = [(available, ALL)]
     settings += [(n, ALL) for n in counts[:-1]]
-    settings += [(counts[options.ablate_at], views) for views in list(AUGMENTATIONS)[1:]]
+    settings += [
+        (counts[min(options.ablate_at, len(counts) - 1)], views)
+        for views in list(AUGMENTATIONS)[1:]
+    ]
     for kind, baseline in baselines.items():
         name = {"study": "detector", "setting": kind, "images": available, "seed": 0}
         runs.add(name, lambda kind=baseline: of_baseline(kind, crops, read))  # type: ignore[misc]
@@ -272,14 +275,14 @@ def main() -> None:
     parser.add_argument("--epochs", type=int, default=None)
     parser.add_argument("--most-epochs", type=int, default=40, help="of fewer images")
     parser.add_argument("--curve", type=int, nargs="*", default=[1250, 2500, 5000, 10000])
-    parser.add_argument("--ablate-at", type=int, default=-1, help="which of the curve's numbers")
+    parser.add_argument("--ablate-at", type=int, default=1, help="place in the curve")
     parser.add_argument("--val", action="store_true", help="judge on val, to tune")
     options = parser.parse_args()
     torch.set_num_threads(1)
     if options.study == "table":
         print_tables(options.work)
     elif options.study == "detector":
-        options.seeds, options.epochs = options.seeds or 3, options.epochs or 12
+        options.seeds, options.epochs = options.seeds or 3, options.epochs or 10
         study_detector(options.folder, options.work, options)
     else:
         options.seeds, options.epochs = options.seeds or 5, options.epochs or 40
