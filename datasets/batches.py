@@ -114,7 +114,8 @@ def collate_stacked(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple
         samples: of a LabelDataset.
 
     Returns:
-        images: (B, C, H, W); (0,) if every sample was skipped.
+        images: (B, C, H, W), in the memory format torch.channels_last if all images are so; (0,) if
+            every sample was skipped.
         targets: see collate.
 
     Raises:
@@ -137,7 +138,14 @@ def collate_stacked(samples: Sequence[tuple[Tensor, Target] | Skipped]) -> tuple
             if get_worker_info() is not None:
                 error.note_for_parent()
             raise error
-    return (torch.stack(images) if images else torch.zeros(0)), targets
+    return (_stacked(images) if images else torch.zeros(0)), targets
+
+
+def _stacked(images: Sequence[Tensor]) -> Tensor:
+    """Images (C, H, W) as (B, C, H, W); of images with channels last that stays so."""
+    if all(image.ndim == 3 and image.permute(1, 2, 0).is_contiguous() for image in images):
+        return torch.stack([image.permute(1, 2, 0) for image in images]).permute(0, 3, 1, 2)
+    return torch.stack(list(images))
 
 
 def _serialise(

@@ -37,6 +37,7 @@ FUSED_OPTIONS = (
     "seed",
     "check",
     "pixel_origin",
+    "channels_last",
 )
 """The options that a Compose inside a Compose would lose, since it is fused with the outer one."""
 
@@ -67,6 +68,9 @@ class Compose(Transform):
             numbers and the picture covers [-0.5, W - 0.5]. "edge", as torchvision and
             albumentations have it: it covers [0, W], and boxes, keypoints, corners_2d, K and
             H_out_in are all larger by half a pixel.
+        channels_last: whether (C, H, W) tensors leave with the colours of a pixel side by side in
+            memory, as torch.channels_last has them and as Datasets give them; shape and values are
+            the same.
 
     Example:
         >>> from animal3dbox.transforms import RandomHorizontalFlip, Resize
@@ -92,6 +96,7 @@ class Compose(Transform):
         per_animal: Sequence[str] = (),
         per_image: Sequence[str] = (),
         pixel_origin: PixelOrigin = "center",
+        channels_last: bool = False,
     ) -> None:
         super().__init__()
         if mirror not in ("relabel", "forbid"):
@@ -112,6 +117,7 @@ class Compose(Transform):
             check=check,
             declared=Declared(tuple(per_animal), tuple(per_image)),
             pixel_origin=pixel_origin,
+            channels_last=channels_last,
         )
         for member in members:
             if isinstance(member, Compose):
@@ -210,7 +216,12 @@ class Compose(Transform):
         if not augmented:
             return images if isinstance(images, Tensor) else list(images), []
         same_size = len({tuple(image.shape) for image in augmented}) == 1
-        return torch.stack(augmented) if same_size else augmented, mapped_targets
+        if not same_size:
+            return augmented, mapped_targets
+        stacked = torch.stack(augmented)
+        if self.options.channels_last and stacked.ndim == 4:
+            stacked = stacked.contiguous(memory_format=torch.channels_last)
+        return stacked, mapped_targets
 
     def __repr__(self) -> str:
         default = PipelineOptions()

@@ -56,6 +56,7 @@ class PipelineOptions:
         check: whether a target's fields are compared with each other first.
         declared: the user's own fields.
         pixel_origin: where targets count pixels from, "center" or "edge".
+        channels_last: whether (C, H, W) tensors leave with a pixel's colours side by side.
     """
 
     seed: int = 0
@@ -66,6 +67,12 @@ class PipelineOptions:
     check: bool = True
     declared: Declared = field(default_factory=Declared)
     pixel_origin: PixelOrigin = "center"
+    channels_last: bool = False
+
+    def form(self, image: AnyImage) -> ImageForm:
+        """The form in which an image comes, and its result leaves."""
+        form = image_form(image)
+        return replace(form, channels_last=True) if self.channels_last else form
 
     @cached_property
     def permutation(self) -> np.ndarray | None:
@@ -82,7 +89,7 @@ def run_pipeline(
     key: SampleKey | None,
 ) -> tuple[AnyImage, dict[str, Any]]:
     """One image and its target after what is drawn for them; see Transform.__call__."""
-    form = image_form(image)
+    form = options.form(image)
     fields = checked_fields(target, form.image_hw, options)
     plan = draw_plan(draw, fields, form.image_hw, seed=options.seed, key=key)
     return rendered((image, target), fields, plan, form=form, options=options)
@@ -92,7 +99,7 @@ def replay_plan(
     image: AnyImage, target: Mapping[str, Any], plan: Plan, options: PipelineOptions
 ) -> tuple[AnyImage, dict[str, Any]]:
     """Another image and target after a plan that was drawn before; see Compose.apply."""
-    form = image_form(image)
+    form = options.form(image)
     if form.image_hw != tuple(plan.image_hw):
         raise ConfigError(
             f"the plan was drawn for an image of {tuple(plan.image_hw)} (height, width), this"
@@ -117,7 +124,7 @@ def run_batch_pipeline(
     keys: Sequence[SampleKey | None],
 ) -> tuple[list[Tensor], list[dict[str, Any]]]:
     """The images and targets of a batch, rendered together where they can; see Compose.batch."""
-    forms = [image_form(image) for image in images]
+    forms = [options.form(image) for image in images]
     _check_alike(forms)
     plans: list[Plan] = []
     mapped_targets = []

@@ -39,6 +39,8 @@ class ImageForm:
         dtype: of the array that came.
         image_hw: height and width.
         channels: 1, 3 or 4.
+        channels_last: whether a (C, H, W) tensor leaves with the colours of a pixel side by side in
+            memory; else colour after colour.
     """
 
     tensor: bool
@@ -46,6 +48,12 @@ class ImageForm:
     dtype: torch.dtype | np.dtype[np.generic]
     image_hw: tuple[int, int]
     channels: int
+    channels_last: bool = False
+
+    @property
+    def is_permuted(self) -> bool:
+        """Whether the result is a view of (H, W, C) as (C, H, W)."""
+        return self.channels_last and self.tensor and self.layout == "chw"
 
     @property
     def is_uint8(self) -> bool:
@@ -131,18 +139,21 @@ def image_from_hwc(
         form: of the image.
         standardise: the standardisation of the colours, if any; the result is float32 then.
     """
-    if form.layout == "chw" or standardise is not None:
+    is_planar = form.layout == "chw" and not form.is_permuted
+    if is_planar or standardise is not None:
         planes = _planes(array)
         if standardise is not None:
             planes = _standardised(planes, standardise)
-        array = planes if form.layout == "chw" else cv2.merge(list(planes))
+        array = planes if is_planar else cv2.merge(list(planes))
     if form.layout == "hw":
         array = array.reshape(array.shape[:2])
-    elif form.layout == "hwc":
+    elif not is_planar:
         array = array.reshape(*array.shape[:2], form.channels)
     if array.dtype == np.float32 and form.dtype in (torch.float64, np.dtype(np.float64)):
         array = array.astype(np.float64)
     array = np.ascontiguousarray(array)
+    if form.is_permuted:
+        return torch.from_numpy(array).permute(2, 0, 1)
     return torch.from_numpy(array) if form.tensor else array
 
 
@@ -214,4 +225,6 @@ def image_from_bchw(batch: Tensor, form: ImageForm, *, normalised: bool) -> Any:
         tensor = tensor.permute(1, 2, 0).contiguous()
     elif form.layout == "hw":
         tensor = tensor[0]
+    elif form.is_permuted:
+        tensor = tensor[None].contiguous(memory_format=torch.channels_last)[0]
     return tensor if form.tensor else tensor.detach().cpu().numpy()
