@@ -4,6 +4,7 @@ All of it took 207 s of processor time on two cores with ten processes waiting f
 """
 
 import json
+import shutil
 from itertools import combinations
 from pathlib import Path
 
@@ -44,6 +45,18 @@ def test_it_verifies_and_has_300_images(bench: Path) -> None:
     code, words = ran("bench", "verify", bench)
     assert code == 0
     assert "36 files and 300 images: 0 faults" in words
+
+
+def test_the_command_names_what_is_wrong_and_exits_with_4(bench: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    (copy / "images" / "val" / "000007.png").unlink()
+    code, words = ran("bench", "verify", copy, "--split", "val")
+    assert code == 4
+    assert "images/val/000007.png: image: cannot be read" in words
+    assert "6 files and 30 images: 1 faults" in words
+    code, words = ran("bench", "make", copy, "--edition", "small", "--split", "val")
+    assert code == 0
+    assert ran("bench", "verify", copy, "--split", "val")[0] == 0
 
 
 @pytest.mark.parametrize(("one", "other"), list(combinations(SPLITS, 2)))

@@ -50,8 +50,10 @@ def written(path: Path) -> dict[str, Any]:
 
 
 def test_omni3d_holds_the_faces_that_a_dataset_gives_if_they_are_asked_for(tmp_path: Path) -> None:
-    given = random_set(in_view=True)
-    boxes = replace(given, records=tuple(replace(one, heading_known=True) for one in given.records))
+    whole = random_set(in_view=True).records
+    cut = replace(simple_record(), center=np.array([8.0, 0.5, 10.0]), image_id="cut.jpg")
+    records = tuple(replace(one, heading_known=True) for one in (*whole, cut))
+    boxes = CuboidSet("labels", records, ())
     write_omni3d(boxes, tmp_path / "plain.json")
     write_omni3d(boxes, tmp_path / "faces.json", faces=True)
     plain, faces = (written(tmp_path / name) for name in ("plain.json", "faces.json"))
