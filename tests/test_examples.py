@@ -13,7 +13,9 @@ import torch
 from photo_dataset import add_photo, toy_scene, view_of, write_annotations
 
 from animal3dbox.datasets import SyntheticDataset
+from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.training.detector_targets import CropViews, StoredCrops
+from animal3dbox.training.metrics import BoxMetrics
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -143,6 +145,32 @@ def test_a_detector_that_was_paused_ends_with_the_same_bytes(tmp_path: Path) -> 
     resumed = example["train"](crops, tmp_path / "b.pt", views, seed=1, epochs=3).state_dict()
     for name, weight in weights.items():
         assert weight.numpy().tobytes() == resumed[name].numpy().tobytes(), name
+
+
+def test_errors_of_the_teaching_study_are_those_of_the_metrics() -> None:
+    errors_of = runpy.run_path(str(ROOT / "benchmarks" / "teach.py"))["errors_of"]
+    rng = torch.Generator().manual_seed(0)
+    turns = 3 * torch.rand(2, 40, 3, generator=rng)
+    true, said = rotation_from_axis_angle(turns)
+    center = torch.rand(40, 3, generator=rng) + torch.tensor([-0.5, -0.5, 5])
+    crops = StoredCrops(
+        pixels=torch.zeros(40, 3, 1, 1, dtype=torch.uint8),
+        K=torch.eye(3).expand(40, 3, 3),
+        center=center,
+        rotation=true,
+        size=torch.ones(40, 3),
+        boxes=torch.tensor([[0.0, 0, 9, 9]]).expand(40, 4),
+        image=torch.arange(40),
+        weight=torch.ones(40),
+    )
+    boxes = {"center": center + 0.1, "rotation": said, "size": crops.size}
+    errors = {name: torch.tensor(values) for name, values in errors_of(boxes, crops).items()}
+    metrics = BoxMetrics(pair_by="boxes", class_agnostic=True, relative=False, resamples=0)
+    metrics.update(*crops.by_image({**boxes, "scores": torch.ones(40)}))
+    result = metrics.compute()
+    assert result["heading_error_deg"] == pytest.approx(float(errors["heading"].mean()), abs=1e-3)
+    assert result["flank_accuracy"] == pytest.approx(float(errors["flank"].nanmean()), abs=1e-6)
+    assert result["flank_count"] == int((~errors["flank"].isnan()).sum()) < 40
 
 
 def test_the_lightning_module_trains_and_logs_the_metrics(tmp_path: Path) -> None:
