@@ -48,20 +48,16 @@ def annotated(folder: Path, images: int) -> Iterator[tuple[str, Any]]:
     write_meshes(folder / "cameras", world_samples(35, images, "animal3d26"), known=True)
     write_meshes(folder / "keypoints", world_samples(36, images, "animal3d26"), known=False)
     model = folder / "animals-model.pkl"
-    settings: dict[str, dict[str, Any]] = {
-        "animals": {"model": model},
-        "animals ": {"model": model, "stored_cameras": "exact"},
-        "dogs": {"body": "preset"},
-        "coco": {"body": "preset"},
-        "deeplabcut": {"body": "preset"},
-        "cameras": {},
-        "keypoints": {},
-    }
-    for name, options in settings.items():
-        yield (
-            f"{name.strip()} {options.get('stored_cameras', '')}".strip(),
-            AnnotatedDataset(folder / name.strip(), on_bad="skip", **options),
-        )
+    sets: list[tuple[str, dict[str, Any]]] = [
+        ("animals", {"model": model}),
+        ("animals", {"model": model, "stored_cameras": "exact"}),
+        *((name, {"body": "preset"}) for name in ("dogs", "coco", "deeplabcut")),
+        ("cameras", {}),
+        ("keypoints", {}),
+    ]
+    for name, options in sets:
+        words = f"{name} {options.get('stored_cameras', '')}".strip()
+        yield words, AnnotatedDataset(folder / name, on_bad="skip", **options)
 
 
 def boxes(folder: Path, records: list[CuboidRecord]) -> Iterator[tuple[str, Any]]:

@@ -33,6 +33,8 @@ TAIL_FACTOR_OF_MISFITS = 1.0
 """The same of MISFITS, whose tails are thin."""
 FEWEST_IN_TAIL = 5
 """So many values are passed at least, whatever part of the targets they are."""
+OF_SPAN_OF_CLASS = 0.5
+"""The range of a class, of which fewer were seen, is widened by this part of it at least."""
 LEAST_WIDENING, OF_INTRINSICS = 0.01, 3e-4
 """By how much a range is widened at least; of intrinsics, which are often one number exactly."""
 FEWEST_LEARNED = 30
@@ -167,8 +169,17 @@ def _learned_by_class(columns: Mapping[str, Floats], labels: Labels) -> dict[int
             if name in columns and len(columns[name]) == len(labels)
         }
         if ranges := _learned(sizes):
-            learned[int(label)] = ranges
+            learned[int(label)] = {
+                name: _with_wide_ends(ends, sizes[name]) for name, ends in ranges.items()
+            }
     return learned
+
+
+def _with_wide_ends(ends: Range, values: Floats) -> Range:
+    """A range of SIZES that reaches beyond its values (N,) by a part of their span, as a factor."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    factor = (high / low) ** OF_SPAN_OF_CLASS
+    return min(ends[0], low / factor), max(ends[1], high * factor)
 
 
 def range_findings(packed: Packed, ranges: TargetRanges) -> list[Finding]:

@@ -154,14 +154,14 @@ class BoxMetrics:
         """Each metric, and its interval."""
         values: Metrics = {}
         intervals: Metrics = {}
-        resamples = self.options.resamples if images > 1 else 0
-        draws = resampled(images, resamples, self.options.seed) if resamples else None
+        once, resamples = np.ones((1, images), np.int64), self.options.resamples
+        # One image says nothing of others: its intervals are unknown
+        draws = resampled(images, resamples, self.options.seed) if images > 1 else once
         for statistic in statistics:
-            for name, value in statistic(np.ones((1, images), np.int64)).items():
-                values[name] = _or_none(value[0])
-            if draws is not None:
+            values |= {name: _or_none(value[0]) for name, value in statistic(once).items()}
+            if resamples:
                 for name, sample in statistic(draws).items():
-                    intervals |= _interval(name, sample)
+                    intervals |= _interval(name, sample if images > 1 else sample[:0])
         return {**values, **intervals}
 
     def _candidates(self) -> Candidates:

@@ -103,6 +103,8 @@ class Evaluation:
         for percent in SINGLE_PERCENT:
             values[f"ap_3d_{percent}"] = by_level[:, IOU_PERCENT.index(percent)]
         if not self.options.class_agnostic:
+            for name in self.options.classes or ():  # unknown, unless a truth of it is there
+                values[f"ap_3d_class_{name}"] = np.full(len(weights), np.nan)
             for column, label in enumerate(precision.labels.tolist()):
                 values[f"ap_3d_class_{self._class_name(label)}"] = by_class[:, column].mean(1)
         return values

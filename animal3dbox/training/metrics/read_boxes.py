@@ -177,6 +177,8 @@ def _table(
     face_score[~(usable & heading_known)] = np.nan
     face_share[~(usable & heading_known)] = np.nan
     box, flank = source.array("boxes", (4,), count), source.array("flank", (), count)
+    if box is None and count and options.pair_by == "boxes":
+        raise source.error("boxes", "is missing, and pair_by='boxes' pairs boxes in the picture")
     return BoxTable(
         score=score,
         label=_labels(source, count, options),

@@ -134,9 +134,19 @@ def test_the_interval_of_a_mean_is_that_of_its_standard_error() -> None:
     assert middle / 2 == pytest.approx(np.abs(errors).mean(), abs=0.2 * half)
 
 
-def test_intervals_are_left_out_if_none_are_asked_for_or_there_is_one_image() -> None:
+def test_intervals_are_left_out_if_none_are_asked_for_and_unknown_of_one_image() -> None:
     assert not any(name.endswith("_low") for name in fed(noisy_images(3), resamples=0).compute())
-    assert not any(name.endswith("_low") for name in fed(noisy_images(1)).compute())
+    one_image = fed(noisy_images(1)).compute()
+    assert one_image["ap_3d"] is not None
+    assert one_image["ap_3d_low"] is one_image["ap_3d_high"] is None
+    assert all(f"{name}_high" in one_image for name in one_image if f"{name}_low" in one_image)
+
+
+def test_named_classes_have_their_keys_whether_or_not_a_truth_is_there() -> None:
+    names = ("cat", "dog", "okapi")
+    result = fed(noisy_images(3), classes=names).compute()
+    assert [f"ap_3d_class_{name}" in result for name in names] == [True] * 3
+    assert result["ap_3d_class_okapi"] is result["ap_3d_class_okapi_low"] is None
 
 
 def test_a_dataset_of_boxes_without_a_front_has_no_headings_to_be_measured(tmp_path: Path) -> None:

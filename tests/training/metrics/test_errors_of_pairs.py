@@ -9,6 +9,7 @@ import torch
 from detections import F64, HEAD_FOR_TAIL, animals, detected, turned
 from scenes import scene
 
+from animal3dbox.errors import SampleError
 from animal3dbox.training.metrics import BoxMetrics
 from animal3dbox.training.metrics.weighted_statistics import Median
 
@@ -243,7 +244,8 @@ def test_pairs_by_boxes_measure_headings_where_no_cuboid_overlaps() -> None:
     assert (result["ap_3d"], result["pairs"]) == (0.0, 1)
     assert measured(far, target, pair_by="boxes", pair_iou=0.8)["pairs"] == 0
     no_boxes = {name: value for name, value in far.items() if name != "boxes"}
-    assert measured(no_boxes, target, pair_by="boxes")["pairs"] == 0
+    with pytest.raises(SampleError, match="prediction boxes: is missing, and pair_by='boxes'"):
+        measured(no_boxes, target, pair_by="boxes")
 
 
 @pytest.mark.parametrize(
