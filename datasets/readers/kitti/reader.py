@@ -36,6 +36,7 @@ from animal3dbox.datasets.readers.kitti.layout import INDEX, KittiLayout, kitti_
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError, ShapeError
+from animal3dbox.files import user_path
 from animal3dbox.geometry.checks import check_intrinsics
 
 FORMAT = "kitti"
@@ -68,8 +69,8 @@ class _Reading:
 
 
 def read_kitti(
-    folder: Path,
-    images: Path | None = None,
+    folder: Path | str,
+    images: Path | str | None = None,
     *,
     heading_known: bool | None = None,
     metric: Metric = "info",
@@ -120,6 +121,7 @@ def read_kitti(
 
     """
     check_metric(metric)
+    folder, images = user_path(folder), None if images is None else user_path(images)
     if not folder.is_dir():
         raise DatasetNotFoundError(f"there is no folder {folder}")
     layout = kitti_layout(folder)

@@ -47,6 +47,7 @@ from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.datasets.sightings import NO_SIGHTING
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
+from animal3dbox.files import user_path
 
 _OF_FAULTY_IMAGES = "annotations belong to faulty images and were left out"
 _WITHOUT_3D = "annotations say that they have no 3D box (valid3D false) and were left out"
@@ -57,8 +58,8 @@ _IGNORED_BY_TRAINER = (
 
 
 def read_omni3d(
-    path: Path,
-    images: Path | None = None,
+    path: Path | str,
+    images: Path | str | None = None,
     *,
     convention: Convention | None = None,
     heading_known: bool | None = None,
@@ -112,6 +113,7 @@ def read_omni3d(
 
     """
     check_metric(metric)
+    path, images = user_path(path), None if images is None else user_path(images)
     file: RawOmni3DFile = decode_json(path, RawOmni3DFile)
     head = stated_head(file.info)
     convention = convention or head.convention()

@@ -29,17 +29,18 @@ from animal3dbox.datasets.readers.predictions.world_files import (
 )
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.files import user_path
 
 
 def read_predictions(
-    path: Path,
-    truth: Path,
+    path: Path | str,
+    truth: Path | str,
     *,
     layout: str | None = None,
-    cameras: Cameras = None,
+    cameras: Cameras | str = None,
     category_ids: CategoryIds | None = None,
     heading_known: bool | None = None,
-    images: Path | None = None,
+    images: Path | str | None = None,
     metric: Metric = "info",
 ) -> CuboidSet:
     """The boxes that a detector found, in our frames and corner order.
@@ -98,13 +99,18 @@ def read_predictions(
 
     """
     check_metric(metric)
+    path, truth = user_path(path), user_path(truth)
+    images = None if images is None else user_path(images)
+    poses: Cameras = "camera" if cameras == "camera" else None
+    if cameras is not None and cameras != "camera":
+        poses = user_path(cameras)
     kind = recognised_layout(path, layout)
     known = read_truth(truth, images, metric=metric)
     reading = DetectionReading(known, kind)
     if kind.name == "kitti":
         records = _kitti_records(path, reading, heading_known=heading_known)
     else:
-        _read(path, reading, kind, cameras=cameras, category_ids=category_ids)
+        _read(path, reading, kind, cameras=poses, category_ids=category_ids)
         records = detection_records(reading, heading_known=heading_known)
     return CuboidSet(
         name=kind.name,

@@ -30,6 +30,8 @@ from detector_files import (
 )
 
 from animal3dbox.datasets.exchange.kitti_writer import write_kitti
+from animal3dbox.datasets.readers.kitti.reader import read_kitti
+from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.readers.predictions.layouts import LAYOUTS
 from animal3dbox.datasets.readers.predictions.reader import read_predictions
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
@@ -76,6 +78,24 @@ def test_every_layout_gives_the_boxes_that_were_written(
     assert {one.score for one in found.records} == {None if layout == "tracks" else SCORE}
     assert {one.heading_known for one in found.records} == {LAYOUTS[layout].heading_known}
     assert len({one.sample_id for one in found.records}) == len(BOXES.records)
+
+
+@pytest.mark.parametrize("layout", ["detect3d", "boxer"])
+def test_paths_may_be_words_and_begin_at_home(
+    layout: str, tmp_path: Path, truth: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = WRITERS[layout](tmp_path, truth)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    found = read_predictions(
+        f"~/{path.relative_to(tmp_path)}",
+        f"~/{truth.name}",
+        cameras="~/camera_poses.csv" if layout == "boxer" else None,
+    )
+    check_all_found(found)
+    boxes = read_omni3d(f"~/{truth.name}")
+    assert len(boxes.records) == len(BOXES.records)
+    write_kitti(BOXES, tmp_path / "kitti", scale_free=True)
+    assert len(read_kitti("~/kitti").records) == len(BOXES.records)
 
 
 def test_2d_boxes_come_in_our_pixels(tmp_path: Path, truth: Path) -> None:
