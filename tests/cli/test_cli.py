@@ -551,11 +551,17 @@ def test_the_options_name_exactly_the_choices_of_the_code_that_takes_them() -> N
     assert get_args(Swap) == get_args(faults.Swap)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_the_help_of_a_command_shows_an_example_that_it_parses(command: str) -> None:
-    (example,) = re.findall(r"Example: animal3dbox (.*)$", ran(command, "--help").stdout, re.M)
-    words = example.split()
-    assert words[0] == command
+BENCH_COMMANDS = ("make", "verify", "score", "baseline")
+
+
+@pytest.mark.parametrize(
+    "called", [*((name,) for name in COMMANDS), *(("bench", name) for name in BENCH_COMMANDS)]
+)
+def test_the_help_of_a_command_shows_an_example_that_it_parses(called: tuple[str, ...]) -> None:
+    shown = ran(*called, "--help").stdout
+    (example,) = re.findall(r"^Example: animal3dbox (.*(?:\n\S.*)*)$", shown, re.M)
+    words, command = example.split(), called[0]
+    assert tuple(words[: len(called)]) == called
     job = tyro.cli(COMMANDS[command], args=words[1:], config=(tyro.conf.OmitArgPrefixes,))
     assert isinstance(job, COMMANDS[command])  # type: ignore[arg-type]
 
