@@ -116,6 +116,8 @@ def _export_rows(job: ExportJob) -> ExitCode:
         )
     file, faults = read_label_rows(labels_file(job.path))
     name = ROWS[job.to]
+    if job.out.suffix and job.out.suffix.lower() != Path(name).suffix and not job.out.is_dir():
+        raise ConfigError(f"--out {job.out}: --to {job.to} writes a {Path(name).suffix} file")
     is_file = job.out.suffix.lower() == Path(name).suffix and not job.out.is_dir()
     path = job.out if is_file else job.out / name
     if job.datapackage is not None:

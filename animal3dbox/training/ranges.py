@@ -79,6 +79,12 @@ class TargetRanges:
     learned_by_class: Mapping[int, Mapping[str, Range]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for label in (*self.stated_by_class, *self.learned_by_class):
+            if not isinstance(label, int) or isinstance(label, bool) or label < 0:
+                raise ConfigError(
+                    "ranges by class go by the class's number in a target's labels, 0 or more (its"
+                    f" place in dataset.classes), got {label!r}"
+                )
         by_class = (*self.stated_by_class.values(), *self.learned_by_class.values())
         for ranges in (self.learned, self.stated, *by_class):
             for name, (low, high) in ranges.items():

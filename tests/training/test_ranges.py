@@ -136,6 +136,9 @@ def test_sizes_of_a_class_are_held_against_those_of_its_own() -> None:
     assert check_targets(batch[:2], ranges=stated, on_fault="count").counts == {"range": 2}
     with pytest.raises(ConfigError, match="no measure of a target is named 'legnth'"):
         TargetRanges(stated_by_class={3: {"legnth": (0, 1)}})
+    for label in ("cat", True, -1, 0.5):
+        with pytest.raises(ConfigError, match="go by the class's number in a target's labels"):
+            TargetRanges(stated_by_class={label: {"length": (0, 1)}})  # type: ignore[dict-item]
 
 
 def test_labels_that_count_from_one_are_told_so() -> None:

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -50,9 +51,18 @@ class Field:
             return f"must be one of {', '.join(self.words)}, got {cell!r}"
         if self.low is not None and not self.low <= float(cell) <= self.high:
             return f"must lie within {self.low} and {self.high}, got {cell}"
-        if self.pattern is not None and not self.pattern.fullmatch(cell):
+        if self.pattern is not None and not (self.pattern.fullmatch(cell) and _is_time(cell)):
             return f"must be a time with its zone, as 2024-05-01T06:10:00+02:00, got {cell!r}"
         return None
+
+
+def _is_time(cell: str) -> bool:
+    """Whether a text is a time that a calendar has."""
+    try:
+        datetime.fromisoformat(cell)
+    except ValueError:
+        return False
+    return True
 
 
 FIELDS: Mapping[str, Field] = {

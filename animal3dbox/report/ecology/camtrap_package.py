@@ -139,18 +139,22 @@ def _read_media(path: Path) -> dict[str, Mapping[str, str]]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file)
-            rows = list(reader)
+            rows, columns = list(reader), reader.fieldnames or ()
     except (UnicodeDecodeError, csv.Error) as error:
         raise DatasetFormatError(f"{path} is no CSV in UTF-8: {error}") from error
-    missing = [name for name in NEEDED if name not in (reader.fieldnames or ())]
+    missing = [name for name in NEEDED if name not in columns]
     if missing:
         raise DatasetFormatError(f"{path} lacks the columns {', '.join(missing)} of Camtrap DP")
     media: dict[str, Mapping[str, str]] = {}
+    seen: set[str] = set()
     for number, row in enumerate(rows, 2):
-        if row["filePath"] in media:
-            raise DatasetFormatError(
-                f"{path}, line {number}: filePath {row['filePath']!r} is that of an earlier line:"
-                " images could not be told apart"
-            )
+        own = {"filePath": row["filePath"] in media, "mediaID": row["mediaID"] in seen}
+        for name, is_known in own.items():
+            if is_known and row[name]:
+                raise DatasetFormatError(
+                    f"{path}, line {number}: {name} {row[name]!r} is that of an earlier line:"
+                    " media could not be told apart"
+                )
+        seen.add(row["mediaID"])
         media[row["filePath"]] = row
     return media

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError
@@ -29,6 +30,14 @@ ROTATION_TOLERANCE = 1e-2
 mended, and anything else is no rotation."""
 NAMED_FACES = tuple(field.name for field in FIELDS if field.named_faces)
 """Fields that a target has only if its boxes' fronts are known."""
+SHARE_TOLERANCE = 1e-2
+"""What half precision rounds of parts and of their sum."""
+MEANING = {
+    "boxes": "x0, y0, x1, y1 with x0 <= x1 and y0 <= y1 (not a width and a height)",
+    "flank": "0 undecided, 1 left or 2 right",
+    "face_share": "parts of the visible area, from 0 to 1, whose sum is 1 at most",
+}
+"""What the fields that only some detectors say must be; NaN is what is not known."""
 MOST = 1e30
 """Lengths and coordinates from here on, and sizes below its inverse, are no box's: their volumes
 would overflow."""
@@ -176,7 +185,7 @@ def _table(
     face_score, face_share = _faces(source, camera, (center, rotation, size))
     face_score[~(usable & heading_known)] = np.nan
     face_share[~(usable & heading_known)] = np.nan
-    box, flank = source.array("boxes", (4,), count), source.array("flank", (), count)
+    box, flank = _said_boxes(source, count), _said_flanks(source, count)
     if box is None and count and options.pair_by == "boxes":
         raise source.error("boxes", "is missing, and pair_by='boxes' pairs boxes in the picture")
     return BoxTable(
@@ -207,11 +216,50 @@ def _front_is_known(target: Fields, options: MetricOptions) -> bool:
     return "corner_in_front" not in target or any(name in target for name in NAMED_FACES)
 
 
+def _refuse_wrong(source: BoxSource, name: str, values: Floats, right: Flags) -> None:
+    """Raise a SampleError for the first of the boxes (N,) whose field is not right."""
+    for animal in np.flatnonzero(~right):
+        problem = f"must be {MEANING[name]}, got {values[animal].tolist()}"
+        raise source.error(name, problem, int(animal))
+
+
+def _said_boxes(source: BoxSource, count: int) -> Floats | None:
+    """The 2D boxes (N, 4) that are said; NaN of those that are not known."""
+    box = source.array("boxes", (4,), count)
+    if box is not None and count:
+        in_order: Flags = np.asarray((box[:, 2:] >= box[:, :2]).all(1) & np.isfinite(box).all(1))
+        _refuse_wrong(source, "boxes", box, in_order | np.isnan(box).any(1))
+    return box
+
+
+def _said_flanks(source: BoxSource, count: int) -> Floats | None:
+    """The flanks (N,) that are said; NaN of those that are not known."""
+    flank = source.array("flank", (), count)
+    if flank is not None:
+        right: Flags = np.asarray(np.isnan(flank) | np.isin(flank, (0, 1, 2)))
+        _refuse_wrong(source, "flank", flank, right)
+    return flank
+
+
+def _said_shares(source: BoxSource, count: int) -> Floats | None:
+    """The faces' parts of the visible area (N, 6) that are said; NaN of those not known."""
+    share = source.array("face_share", (6,), count)
+    if share is not None and count:
+        total = share.sum(1)
+        inside = ((share >= -SHARE_TOLERANCE) & (share <= 1 + SHARE_TOLERANCE)).all(1)
+        right: Flags = np.asarray(np.isnan(share).any(1) | inside & (total <= 1 + SHARE_TOLERANCE))
+        _refuse_wrong(source, "face_share", share, right)
+    return share
+
+
 def _labels(source: BoxSource, count: int, options: MetricOptions) -> Whole:
     """The classes (N,) of boxes: 0 if they have none, or if classes do not matter."""
     labels = None if options.class_agnostic else source.array("labels", (), count)
     if labels is None:
         return np.zeros(count, np.int64)
+    said = source.fields["labels"]
+    if said.dtype == torch.bool if isinstance(said, Tensor) else np.asarray(said).dtype == bool:
+        raise source.error("labels", "must be the classes' numbers, got flags")
     for animal in np.flatnonzero(~(np.mod(labels, 1) == 0)):
         raise source.error("labels", f"must be whole, got {labels[animal]}", int(animal))
     return labels.astype(np.int64)
@@ -248,7 +296,7 @@ def _faces(
     center, _, _ = placed
     count = len(center)
     score = source.array("face_visible", (6,), count)
-    share = source.array("face_share", (6,), count)
+    share = _said_shares(source, count)
     if score is not None and not ((score >= 0) & (score <= 1)).all():
         wrong = int(np.flatnonzero(~((score >= 0) & (score <= 1)).all(1))[0])
         problem = "must be flags or probabilities in 0 to 1 (of logits: torch.sigmoid), got"

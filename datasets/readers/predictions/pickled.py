@@ -8,6 +8,7 @@ other (torch before), or one pickle (pickle.dump).
 
 import io
 import pickletools
+import struct
 import zipfile
 import zlib
 from pathlib import Path
@@ -88,7 +89,10 @@ def _from_archive(data: bytes, path: Path) -> bytes:
             if inside[0].file_size > LIMITS.file_bytes:
                 raise DatasetFormatError(f"{path}: its data.pkl has {inside[0].file_size} bytes")
             return archive.read(inside[0])
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError) as error:
+    except (
+        *(zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError),
+        *(UnicodeDecodeError, NotImplementedError, struct.error),
+    ) as error:
         raise DatasetFormatError(
             f"{path} is a damaged archive ({error}): copy it again, in binary mode"
         ) from error

@@ -26,6 +26,7 @@ MEDIA = (
     "m3,d2,2024-05-01T06:10:01+02:00,media/lake/b.jpg,b.jpg",
     "m4,,2024-05-01T06:10:01+02:00,media/c.jpg,c.jpg",
     "m5,d2,2024-05-01 06:10:01,media/e.jpg,e.jpg",
+    "m6,d2,2024-13-41T00:00:00Z,media/f.jpg,f.jpg",
 )
 
 
@@ -105,6 +106,7 @@ def test_distance_and_angle_stand_where_the_scale_is_known_with_its_source(
         ("b.jpg", "image", "2 media files are called so"),
         ("c.jpg", "deploymentID", "is empty, and the standard requires it"),
         ("e.jpg", "eventStart", "must be a time with its zone"),
+        ("f.jpg", "eventStart", "must be a time with its zone"),
     ],
 )
 def test_a_label_whose_observation_the_standard_would_refuse_is_a_fault(
@@ -136,9 +138,17 @@ def test_a_package_that_is_no_camtrap_dp_of_version_1_is_refused(tmp_path: Path)
     (bare / "media.csv").write_text("mediaID,filePath\nm1,a.jpg\n")
     with pytest.raises(DatasetFormatError, match="lacks the columns deploymentID, timestamp"):
         read_camtrap_package(bare)
+    empty = written_package(tmp_path / "empty")
+    (empty / "media.csv").write_text("")
+    with pytest.raises(DatasetFormatError, match="lacks the columns mediaID"):
+        read_camtrap_package(empty)
+    same = written_package(tmp_path / "same")
+    (same / "media.csv").write_text("\n".join((*MEDIA, MEDIA[1].replace("a.jpg", "z.jpg"))))
+    with pytest.raises(DatasetFormatError, match="line 8: mediaID 'm1'"):
+        read_camtrap_package(same)
     twice = written_package(tmp_path / "twice")
     (twice / "media.csv").write_text("\n".join((*MEDIA, MEDIA[1])))
-    with pytest.raises(DatasetFormatError, match="line 7: filePath"):
+    with pytest.raises(DatasetFormatError, match="line 8: filePath"):
         read_camtrap_package(twice)
 
 
@@ -220,3 +230,6 @@ def test_options_of_other_formats_are_refused(
     assert code == 2
     assert words in output
     assert not (tmp_path / "w.json").exists()
+    code, output = ran("export", labels, "--to", "wbia", "--out", tmp_path / "w.csv")
+    assert code == 2
+    assert "writes a .json file" in output

@@ -188,6 +188,31 @@ WRONG: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
         {"size": torch.tensor([[2.0, 1, 1], [2, 0, 1]])},
         "a.jpg#1: target center, rotation or size: is no box",
     ),
+    "x, y, w, h": (
+        {"boxes": torch.tensor([[0.0, 0, 9, 9], [50, 60, 20, 30]])},
+        {},
+        "a.jpg#1: prediction boxes: must be x0, y0, x1, y1 .*not a width and a height",
+    ),
+    "true x, y, w, h": (
+        {},
+        {"boxes": torch.tensor([[50.0, 60, 20, 30], [0, 0, 9, 9]])},
+        "a.jpg#0: target boxes: must be x0, y0, x1, y1",
+    ),
+    "areas for shares": (
+        {"face_share": torch.tensor([[1.0, 0, 0, 0, 0, 0], [1] * 6])},
+        {},
+        "a.jpg#1: prediction face_share: must be parts of the visible area",
+    ),
+    "a third flank": (
+        {"flank": torch.tensor([1, 5])},
+        {},
+        "a.jpg#1: prediction flank: must be 0 undecided, 1 left or 2 right",
+    ),
+    "flags for classes": (
+        {"labels": torch.tensor([True, False])},
+        {},
+        "prediction labels: must be the classes' numbers, got flags",
+    ),
     "a camera of a lens": ({"K": torch.zeros(1, 3, 3)}, {}, r"camera K: must have shape \(3, 3\)"),
     "a target without boxes": ({}, {"rotation": None}, "a.jpg: target rotation: is missing"),
 }
