@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.utils.data import get_worker_info
 
 from animal3dbox.datasets.labelling.skipped import Skipped, Target
-from animal3dbox.errors import SampleError
+from animal3dbox.errors import ConfigError, SampleError
 
 BY_VALUE_BYTES = 1 << 16
 """Tensors up to this size travel from a worker inside the message.
@@ -47,7 +47,7 @@ class Targets(list[Target]):
 
     def to(
         self,
-        device: torch.device | str | None = None,
+        device: torch.device | str | int | torch.dtype | None = None,
         dtype: torch.dtype | None = None,
         *,
         non_blocking: bool = False,
@@ -55,7 +55,8 @@ class Targets(list[Target]):
         """The same targets with every tensor on a device; all that is no tensor stays as it is.
 
         Args:
-            device: where to; None: where each tensor is.
+            device: where to; None: where each tensor is. A type alone may stand here, as in
+                torch's ``to(torch.float16)``.
             dtype: of the tensors of floating point, such as torch.float64; whole numbers, flags and
                 masks keep theirs. None: as they are.
             non_blocking: see torch.Tensor.to; it helps from pinned memory.
@@ -63,12 +64,25 @@ class Targets(list[Target]):
         Returns:
             A new batch; this one is left as it is. A tensor that is there already is shared.
 
+        Raises:
+            ConfigError: dtype is given twice, or is no type of floating point.
+
         """
+        if isinstance(device, torch.dtype):
+            if dtype is not None:
+                raise ConfigError(f"dtype is given twice, as {device} and {dtype}: give one")
+            device, dtype = None, device
+        if dtype is not None and not dtype.is_floating_point:
+            raise ConfigError(
+                f"dtype must be of floating point, as torch.float16, got {dtype}: lengths, cameras"
+                " and rotations would be cut to whole numbers"
+            )
+        to_device = device
 
         def moved(value: Any) -> Any:
             if isinstance(value, Tensor):
                 kind = dtype if value.is_floating_point() else None
-                return value.to(device=device, dtype=kind, non_blocking=non_blocking)
+                return value.to(device=to_device, dtype=kind, non_blocking=non_blocking)
             if isinstance(value, dict):
                 return {name: moved(one) for name, one in value.items()}
             return [moved(one) for one in value] if type(value) is list else value

@@ -38,8 +38,9 @@ class JoinedDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         collate_fn: what a DataLoader needs, see LabelDataset.
 
     Raises:
-        ConfigError: no Dataset, a name in ``same`` that no Dataset has, or a merged class that
-            ``classes`` lacks.
+        ConfigError: no Dataset, or one that is no LabelDataset, such as a Subset; a name in
+            ``same`` that no Dataset has, or one that is renamed and another's new name too; or a
+            merged class that ``classes`` lacks.
 
     Example:
         >>> from animal3dbox.datasets import SyntheticDataset
@@ -63,6 +64,12 @@ class JoinedDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                 "datasets must be Datasets by the names of their sources, {'zoo': dataset, ...},"
                 f" got {datasets!r}"
             )
+        for name, one in datasets.items():
+            if not isinstance(one, LabelDataset):
+                raise ConfigError(
+                    f"{name} is a {type(one).__name__}, but only LabelDatasets can be joined: for"
+                    " a part of one, join the whole and take torch's Subset of the result"
+                )
         self.names, self.datasets = tuple(datasets), tuple(datasets.values())
         self.classes, self._numbers = _merged(self.datasets, same or {}, classes)
         self._ends = [*accumulate(map(len, self.datasets))]
@@ -213,6 +220,12 @@ def _merged(
     unknown = [name for name in same if name not in every]
     if unknown:
         raise ConfigError(f"same names {unknown}, which no Dataset has: they have {[*every]}")
+    chained = [name for name, new in same.items() if new != name and same.get(new, new) != new]
+    if chained:
+        raise ConfigError(
+            f"same calls {chained[0]!r} {same[chained[0]]!r}, which it calls"
+            f" {same[same[chained[0]]]!r}: give each name the one that it shall have at the end"
+        )
     met = dict.fromkeys(same.get(name, name) for name in every)
     merged = tuple(met if classes is None else classes)
     numbers = {name: number for number, name in enumerate(merged)}

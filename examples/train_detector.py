@@ -13,7 +13,6 @@ from typing import Any
 import cv2
 import torch
 from torch import Tensor, nn
-from torch.nn import functional as fn
 from torch.optim.lr_scheduler import OneCycleLR
 
 from animal3dbox.datasets import LabelDataset, Omni3DDataset, SyntheticDataset
@@ -24,8 +23,7 @@ from animal3dbox.training.metrics import BoxMetrics
 
 Fields = dict[str, Tensor]
 CODER, BINS = BoxCoder(virtual_focal_px=1000.0), DirectionBins(count=64)
-BATCH, RATE = 64, 2e-3
-SHOWN = ("heading_median_deg", "flank_accuracy", "flank_count")
+BATCH, RATE, SHOWN = 64, 2e-3, ("heading_median_deg", "flank_accuracy", "flank_count")
 
 
 class Detector(nn.Module):
@@ -59,7 +57,7 @@ def loss_of(out: Fields, target: Fields) -> Tensor:
     """The loss of a batch, to which each crop counts by its `weight` (N,)."""
     true = CODER.encode(target)
     likely, place = BINS.likelihoods(true["rotation_6d"]), BINS.nearest(true["rotation_6d"])
-    loss = fn.cross_entropy(out["direction"], likely, reduction="none")
+    loss = nn.functional.cross_entropy(out["direction"], likely, reduction="none")
     out = {**out, "rotation_6d": out["rotation_6d"][torch.arange(len(place)), place]}
     for name in ("rotation_6d", "center_offset", "log_depth", "log_size"):
         loss = loss + (out[name] - true[name]).abs().view(len(place), -1).mean(1)
@@ -84,27 +82,29 @@ def train(
     crops: StoredCrops, path: Path, views: CropViews, *, seed: int, epochs: int, pause: int = 0
 ) -> nn.Module:
     """Train from where the checkpoint is: the weights are the same as without a pause."""
+    run: Any = {"epochs": epochs, "seed": seed, "views": repr(views), "crops": crops.digest}
+    first, kept, *states = torch.load(path) if path.exists() else [0, run]
+    if epochs < 1 or kept != run:
+        raise SystemExit(f"{path} must be of {run}, epochs >= 1: take another --out, or delete it")
     torch.manual_seed(seed)
     detector = Detector()
     optimizer = torch.optim.AdamW(detector.parameters(), RATE, weight_decay=0.05)
     sampler = EpochSampler(crops, seed=seed)
     rate = OneCycleLR(optimizer, RATE, epochs * -(-len(crops) // BATCH), pct_start=0.2)
     parts: list[Any] = [detector, optimizer, rate]
-    first, *states = torch.load(path) if path.exists() else [0]
     for part, state in zip(parts, states, strict=False):
         part.load_state_dict(state)
     for epoch in range(first, pause or epochs):
         sampler.set_epoch(epoch)
         rng = torch.Generator().manual_seed(1000 * seed + epoch)
         order = torch.tensor([number for _, number in sampler])
-        for step in range(0, len(order), BATCH):
-            some = crops.at(order[step : step + BATCH])
+        for some in map(crops.at, order.split(BATCH)):  # type: ignore[no-untyped-call]
             pixels, target = views.drawn(some.pixels, some.truth, rng)
             optimizer.zero_grad()
             loss_of(detector(pixels), target).backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             rate.step()
-        torch.save([epoch + 1, *(part.state_dict() for part in parts)], f"{path}.part")
+        torch.save([epoch + 1, run, *(part.state_dict() for part in parts)], f"{path}.part")
         Path(f"{path}.part").replace(path)
     return detector.eval()
 

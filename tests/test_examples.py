@@ -145,6 +145,17 @@ def test_a_detector_that_was_paused_ends_with_the_same_bytes(tmp_path: Path) -> 
     resumed = example["train"](crops, tmp_path / "b.pt", views, seed=1, epochs=3).state_dict()
     for name, weight in weights.items():
         assert weight.numpy().tobytes() == resumed[name].numpy().tobytes(), name
+    others: list[tuple[StoredCrops, CropViews, int, int]] = [
+        (crops, views, 1, 4),
+        (crops, views, 2, 3),
+        (crops, CropViews(mirror=False), 1, 3),
+        (crops.at(torch.arange(len(crops)).flip(0)), views, 1, 3),
+    ]
+    for some, other_views, seed, epochs in others:
+        with pytest.raises(SystemExit, match="take another --out, or delete it"):
+            example["train"](some, tmp_path / "b.pt", other_views, seed=seed, epochs=epochs)
+    with pytest.raises(SystemExit, match="epochs >= 1"):
+        example["train"](crops, tmp_path / "new.pt", views, seed=1, epochs=0)
 
 
 def test_errors_of_the_teaching_study_are_those_of_the_metrics() -> None:

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import SampleError
-from animal3dbox.geometry.arrays import like
+from animal3dbox.geometry.arrays import as_numpy, like
 from animal3dbox.transforms.camera_law.fields import Declared, Fields
 from animal3dbox.transforms.camera_law.target_dict import read_target, write_target
 from animal3dbox.transforms.rendering.images import Image
@@ -36,11 +36,13 @@ def open_target(
     """A target opened and checked, its pixel coordinates counted from pixel centres.
 
     Raises:
-        SampleError: see read_target; or a box's far side lies at exactly W or H and none farther
-            out though pixels are counted from centres, as in a target that counts from edges.
+        SampleError: see read_target; or a box ends before it begins; or a box's far side lies at
+            exactly W or H and none farther out though pixels are counted from centres, as in a
+            target that counts from edges.
     """
     _check_box_format(target)
     fields = read_target(target, image_hw, declared)
+    _check_box_order(fields)
     if origin == "edge":
         return _moved(fields, -HALF)
     _check_far_sides(fields, image_hw)
@@ -83,6 +85,27 @@ def _moved(fields: Fields, by: float) -> Fields:
         H = values["H_out_in"]
         moved["H_out_in"] = like(H, shift) @ H @ like(H, back)
     return fields.updated(**moved)
+
+
+def _check_box_order(fields: Fields) -> None:
+    """Raise a SampleError if a box ends before it begins, as one given as x, y, w, h may.
+
+    Its corners would be put in order by the next map, as those of a box that nobody marked. An
+    empty box, whose sides meet, is one.
+    """
+    boxes = fields.values.get("boxes")
+    if boxes is None or boxes.shape[0] == 0:
+        return
+    turned = as_numpy((boxes[:, 2:] < boxes[:, :2]).any(-1))
+    if turned.any():
+        worst = int(turned.argmax())
+        raise SampleError(
+            fields.sample_id,
+            "boxes",
+            f"must be xyxy with x1 <= x2 and y1 <= y2, but animal {worst}'s is"
+            f" {[round(float(side), 3) for side in boxes[worst]]}: if it is x, y, width, height,"
+            " convert it to x, y, x + width, y + height",
+        )
 
 
 def _check_far_sides(fields: Fields, image_hw: tuple[int, int]) -> None:

@@ -116,6 +116,12 @@ def _check_camera_and_points(K: AnyArray, points_cam: AnyArray) -> None:
 
     Of three points the shapes do not tell: they are taken for a K if only they are one.
     """
+    for name, value in (("K", K), ("points_cam", points_cam)):
+        if not hasattr(value, "shape"):
+            raise ShapeError(
+                f"{name} must be a tensor or an array, got a {type(value).__name__}: make one of it"
+                " with torch.tensor or numpy.array"
+            )
     if K.shape[-2:] == (3, 3) and points_cam.shape[-1:] == (3,) and points_cam.ndim > 1:
         if points_cam.shape[-2] != 3 or _may_be_intrinsics(K) or not _may_be_intrinsics(points_cam):
             return

@@ -76,9 +76,10 @@ class EpochSampler(Sampler[Any]):
                 not those that workers have loaded ahead.
 
         Raises:
-            ConfigError: out of range.
+            ConfigError: out of range, or no whole number.
 
         """
+        _check_whole(epoch=epoch, start=start)
         if epoch < 0 or not 0 <= start <= self.samples:
             raise ConfigError(
                 f"epoch must not be negative and start lie in 0 to {self.samples}, got epoch"
@@ -99,7 +100,7 @@ class EpochSampler(Sampler[Any]):
             Plain numbers.
 
         Raises:
-            ConfigError: out of range, or left out while an epoch is under way.
+            ConfigError: out of range, no whole number, or left out while an epoch is under way.
 
         """
         if done is None and self._is_under_way:
@@ -108,6 +109,7 @@ class EpochSampler(Sampler[Any]):
                 " state_dict(done=batches_done * batch_size), since workers load ahead"
             )
         start = self.start if done is None else done
+        _check_whole(done=start)
         if not 0 <= start <= self.samples:
             raise ConfigError(f"done must lie in 0 to {self.samples}, got {start}")
         return {"epoch": self.epoch, "start": start, **self._order()}
@@ -117,7 +119,7 @@ class EpochSampler(Sampler[Any]):
 
         Raises:
             ConfigError: the state is of another order: of another seed or number of samples or
-                processes.
+                processes; or its epoch or start is missing, no whole number or out of range.
 
         """
         for name, value in self._order().items():
@@ -126,7 +128,7 @@ class EpochSampler(Sampler[Any]):
                     f"the state is of a sampler with {name} {state.get(name)!r}, this one has"
                     f" {value!r}: its samples would be others"
                 )
-        self.set_epoch(state["epoch"], state["start"])
+        self.set_epoch(state.get("epoch"), state.get("start"))  # type: ignore[arg-type]
 
     def _order(self) -> dict[str, Any]:
         """What the order of an epoch depends on, the rank aside."""
@@ -159,6 +161,13 @@ class EpochSampler(Sampler[Any]):
         whole = np.resize(order, self.samples * self.world_size) if self.size else order
         for index in whole[self.rank :: self.world_size][self.start :].tolist():
             yield index if self._is_wrapped else (self.epoch, index)
+
+
+def _check_whole(**numbers: Any) -> None:
+    """Raise a ConfigError that names the first of some numbers that is no whole one."""
+    for name, number in numbers.items():
+        if isinstance(number, bool) or not isinstance(number, int | np.integer):
+            raise ConfigError(f"{name} must be a whole number, got {number!r}")
 
 
 def _with_epochs(dataset: Any) -> Iterator[Any]:

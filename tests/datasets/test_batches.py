@@ -2,10 +2,12 @@
 
 import copy
 
+import pytest
 import torch
 
 from animal3dbox.datasets import Skipped
 from animal3dbox.datasets.batches import Targets
+from animal3dbox.errors import ConfigError
 
 
 def _batch() -> Targets:
@@ -51,3 +53,18 @@ def test_what_is_there_already_is_not_copied() -> None:
     assert moved[0]["size"] is batch[0]["size"]
     assert moved[0] is not batch[0]
     assert copy.deepcopy(moved)[0]["image_id"] == "a.jpg"
+
+
+def test_a_type_may_stand_first_and_must_be_of_floating_point() -> None:
+    batch = _batch()
+    for moved in (batch.to(torch.float16), batch.to("cpu", torch.float16)):
+        kinds = {one.dtype for one in moved[0].values() if isinstance(one, torch.Tensor)}
+        assert torch.float16 in kinds
+        assert torch.float32 not in kinds
+    for wrong in (torch.int32, torch.bool, torch.complex64):
+        with pytest.raises(ConfigError, match=f"floating point, .* got {wrong}"):
+            batch.to(dtype=wrong)
+        with pytest.raises(ConfigError, match="floating point"):
+            batch.to(wrong)
+    with pytest.raises(ConfigError, match="dtype is given twice"):
+        batch.to(torch.float16, torch.float32)

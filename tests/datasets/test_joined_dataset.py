@@ -167,3 +167,20 @@ def test_it_is_exported_with_names_that_differ(animals: Path, tmp_path: Path) ->
         assert torch.equal(torch.from_numpy(record.center).float(), target["center"][0])
     with pytest.raises(ConfigError, match="zoo has a transform"):
         JoinedDataset({"zoo": augmented(animals)}).cuboids()
+
+
+def test_a_class_that_is_renamed_is_no_other_s_new_name(animals: Path) -> None:
+    with pytest.raises(ConfigError, match="'lion' 'cat', which it calls 'horse'"):
+        joined(animals, same={"lion": "cat", "cat": "horse"})
+    with pytest.raises(ConfigError, match="give each name the one"):
+        joined(animals, same={"lion": "cat", "cat": "lion"})
+    assert (
+        joined(animals, same={**SAME, "cat": "cat"}).classes == joined(animals, same=SAME).classes
+    )
+
+
+def test_a_subset_cannot_be_joined_but_taken_of_what_is_joined(animals: Path) -> None:
+    with pytest.raises(ConfigError, match=r"few is a Subset, .* Subset of the result"):
+        JoinedDataset({"few": Subset(drawn(), [0])})  # type: ignore[dict-item]
+    part = Subset(joined(animals), [1])
+    assert used(part[0])[1]["meta"]["source"] == "zoo"

@@ -283,3 +283,13 @@ def test_a_mirrored_world_is_seen_by_a_proper_camera(
         atol=1e-9,
         rtol=0,
     )
+
+
+def test_lists_are_no_points_and_no_camera() -> None:
+    K, points = torch.eye(3), torch.ones(2, 3)
+    calls: list[Any] = [project, project_in_front]
+    for call in calls:
+        with pytest.raises(ShapeError, match="points_cam must be a tensor or an array, got a list"):
+            call(K, points.tolist())
+        with pytest.raises(ShapeError, match="K must be a tensor or an array, got a list"):
+            call(K.tolist(), points)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from loading import augmented, in_bytes, one_by_one
 from torch.utils.data import ConcatDataset, DataLoader, Dataset, Subset, TensorDataset
@@ -142,3 +143,23 @@ def test_how_much_is_done_must_be_said_while_an_epoch_is_under_way() -> None:
 def test_the_state_of_another_order_is_refused(name: str, other: EpochSampler) -> None:
     with pytest.raises(ConfigError, match=f"with {name} .*samples would be others"):
         EpochSampler(range(5)).load_state_dict(other.state_dict())
+
+
+def test_places_in_an_epoch_are_whole_numbers() -> None:
+    sampler = EpochSampler(range(5))
+    for number in (2.5, None, "2", True):
+        with pytest.raises(ConfigError, match="start must be a whole number"):
+            sampler.set_epoch(0, start=number)  # type: ignore[arg-type]
+        with pytest.raises(ConfigError, match="epoch must be a whole number"):
+            sampler.set_epoch(number)  # type: ignore[arg-type]
+        for name in ("epoch", "start"):
+            with pytest.raises(ConfigError, match=f"{name} must be a whole number"):
+                sampler.load_state_dict({**sampler.state_dict(), name: number})
+        if number is not None:
+            with pytest.raises(ConfigError, match="done must be a whole number"):
+                sampler.state_dict(done=number)  # type: ignore[arg-type]
+    without_start = sampler.state_dict()
+    del without_start["start"]
+    with pytest.raises(ConfigError, match="start must be a whole number, got None"):
+        sampler.load_state_dict(without_start)
+    assert sampler.state_dict(done=np.int64(2))["start"] == 2  # type: ignore[arg-type]

@@ -278,3 +278,22 @@ def test_threads_that_share_a_pipeline_draw_what_one_alone_draws() -> None:
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(lambda index: compose(image, {}, key=(0, index))[0], range(40)))
     assert all(torch.equal(a, b) for a, b in zip(alone, together, strict=True))
+
+
+@pytest.mark.parametrize("in_torch", [True, False])
+def test_a_box_that_ends_before_it_begins_is_refused(in_torch: bool) -> None:
+    xywh = [[5.0, 5, 20, 20], [60.0, 10, 15, 30]]
+    boxes: Any = torch.tensor(xywh) if in_torch else np.array(xywh)
+    flip = Compose([RandomHorizontalFlip(1.0)])
+    image = np.zeros((60, 80, 3), np.uint8)
+    for transform in (flip, Compose([RandomHorizontalFlip(1.0)], pixel_origin="edge")):
+        with pytest.raises(SampleError, match=r"xyxy .* animal 1's is .* if it is x, y, width"):
+            transform(image, {"boxes": boxes, "image_id": "zoo.jpg"})
+    with pytest.raises(SampleError, match=r"zoo\.jpg"):
+        flip(image, {"boxes": boxes[1:], "image_id": "zoo.jpg"})
+    with pytest.raises(SampleError, match="xyxy"):
+        RandomHorizontalFlip(1.0)(image, {"boxes": boxes})
+    with pytest.raises(SampleError, match="xyxy"):
+        flip.batch((torch.zeros(1, 3, 60, 80), [{"boxes": boxes}]))
+    boxes[1] = boxes[1, [0, 1, 0, 3]]  # an empty one stays what it is
+    assert flip(image, {"boxes": boxes})[1]["boxes"][1].tolist() == [19, 10, 19, 30]

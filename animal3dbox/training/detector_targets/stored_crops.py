@@ -1,5 +1,6 @@
 """All animals of a dataset as crops in memory: decoded and cut out once, looked at many times."""
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -84,23 +85,61 @@ class StoredCrops:
     ) -> "StoredCrops":
         """The crops of a Dataset, read from a file if it is there, else cut out and kept there.
 
-        The file does not say of what it was made: take another path for another Dataset.
+        A file of another Dataset is refused: it keeps the Dataset's length and the names of its
+        images, and its first, middle and last crops must be cut out again as they are. A label
+        that was changed between those is not noticed: delete the file after such a change.
 
         Args:
-            dataset: with a length, and samples by number.
+            dataset: with a length, and samples by number that are the same each time.
             path: of the file; written at once as a whole.
             side: see `of`.
             margin: see `of`.
 
+        Raises:
+            ConfigError: the file is of another Dataset, side or margin, or of an older version.
+
         """
         if path.exists():
-            return cls(**torch.load(path))
+            kept = torch.load(path)
+            if kept.pop("names", None) != _names_digest(dataset):
+                raise _of_another(path, "length and image names differ")
+            crops = cls(**kept)
+            crops._check_cut_from(dataset, path, side=side, margin=margin)
+            return crops
         samples = (dataset[number] for number in range(len(dataset)))
         crops = cls.of(samples, side=side, margin=margin)
         part = path.with_name(path.name + ".part")
-        torch.save({one.name: getattr(crops, one.name) for one in fields(cls)}, part)
+        contents = {one.name: getattr(crops, one.name) for one in fields(cls)}
+        torch.save({**contents, "names": _names_digest(dataset)}, part)
         part.replace(path)
         return crops
+
+    def _check_cut_from(self, dataset: Any, path: Path, *, side: int, margin: float) -> None:
+        """Raise a ConfigError unless the first, middle and last image give these crops again."""
+        images = self.images
+        for number in sorted({images[0], images[len(images) // 2], images[-1]}):
+            stored = self.at(self.image == number)
+            try:
+                fresh = StoredCrops.of([dataset[number]], side=side, margin=margin)
+            except ConfigError:
+                raise _of_another(path, f"image {number} has no animal") from None
+            for one in fields(self):
+                old, new = getattr(stored, one.name).double(), getattr(fresh, one.name).double()
+                slack = 1.0 if one.name == "pixels" else 1e-4
+                is_same = one.name == "image" or (
+                    old.shape == new.shape and torch.allclose(old, new, rtol=1e-4, atol=slack)
+                )
+                if not is_same:
+                    raise _of_another(path, f"{one.name} of image {number} differ")
+
+    @property
+    def digest(self) -> str:
+        """A name of what is true of the crops, for checkpoints: pixels do not count."""
+        name = hashlib.sha256()
+        for one in fields(self):
+            if one.name != "pixels":
+                name.update(getattr(self, one.name).double().contiguous().numpy().tobytes())
+        return name.hexdigest()[:16]
 
     def at(self, rows: Tensor) -> "StoredCrops":
         """Some of the crops, by numbers or flags."""
@@ -144,3 +183,18 @@ class StoredCrops:
             for side in split
         )
         return predictions, targets
+
+
+def _names_digest(dataset: Any) -> str:
+    """Names the length of a Dataset and, if it has them, the names of its images."""
+    count = len(dataset)
+    name_of = getattr(dataset, "image_id", None)
+    names = [] if name_of is None else [str(name_of(number)) for number in range(count)]
+    return hashlib.sha256(repr((count, names)).encode()).hexdigest()
+
+
+def _of_another(path: Path, difference: str) -> ConfigError:
+    return ConfigError(
+        f"{path} keeps crops of another Dataset, side or margin, or is of an older version"
+        f" ({difference}): give another path, or delete it to have them cut out anew"
+    )

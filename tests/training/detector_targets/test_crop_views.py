@@ -1,9 +1,12 @@
 """Views of stored crops obey the camera law, and directions of noses mean what they say."""
 
+from pathlib import Path
+
 import pytest
 import torch
 from torch import Tensor
 
+from animal3dbox.datasets import SyntheticDataset
 from animal3dbox.errors import ConfigError, ShapeError
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
@@ -145,6 +148,33 @@ def test_stored_crops_go_back_to_their_images_and_skipped_samples_have_none() ->
         crops.by_image({"scores": torch.ones(2)})
     with pytest.raises(ConfigError, match="no animal"):
         StoredCrops.of(["skipped"])
+
+
+def test_kept_crops_are_those_of_the_dataset_that_asks_for_them(tmp_path: Path) -> None:
+    world, path = SyntheticDataset(4, seed=5, image_hw=(96, 128)), tmp_path / "crops"
+    first = StoredCrops.kept(world, path)
+    again = StoredCrops.kept(world, path)
+    assert torch.equal(first.pixels, again.pixels)
+    assert first.digest == again.digest != first.at(torch.arange(2)).digest
+    others = {
+        "image names": SyntheticDataset(4, seed=6, image_hw=(96, 128)),
+        "length": SyntheticDataset(3, seed=5, image_hw=(96, 128)),
+        "of image 0 differ": SyntheticDataset(4, seed=5, image_hw=(120, 160)),
+    }
+    for problem, other in others.items():
+        with pytest.raises(ConfigError, match=f"{problem}.*give another path, or delete it"):
+            StoredCrops.kept(other, path)
+    with pytest.raises(ConfigError, match="pixels of image 0 differ"):
+        StoredCrops.kept(world, path, side=48)
+    with pytest.raises(ConfigError, match="of image 0 differ"):
+        StoredCrops.kept(world, path, margin=0.3)
+    two = [sample(1, 0), sample(2, 3)]
+    StoredCrops.kept(two, tmp_path / "list")
+    with pytest.raises(ConfigError, match="image 0 has no animal"):
+        StoredCrops.kept(["skipped", sample(2, 3)], tmp_path / "list")
+    torch.save({name: getattr(first, name) for name in vars(first)}, path)
+    with pytest.raises(ConfigError, match="of an older version"):
+        StoredCrops.kept(world, path)
 
 
 def test_what_is_decoded_from_views_is_in_the_frame_of_the_image() -> None:
