@@ -153,7 +153,7 @@ def read_split(folder: Path, split: str, truth: Path) -> CuboidSet:
     """
     path = _file_of(folder, split)
     _check_images(path, truth)
-    boxes = read_predictions(path, truth, layout="cubercnn")
+    boxes = read_predictions(path, truth, layout="cubercnn", look_for_images=False)
     if boxes.faults:
         raise DatasetFormatError(
             f"{path}: {len(boxes.faults)} boxes cannot be used, so the result is not scored; the"
@@ -181,7 +181,7 @@ def _check_images(path: Path, truth: Path) -> None:
             " (Cube R-CNN's layout): an image without a box has an empty list"
         )
     times = Counter(element["image_id"] for element in content)
-    known = read_truth(truth).images
+    known = read_truth(truth, look_for_images=False).images
     missing = [key for key in known if key not in times]
     unknown = [key for key in times if key not in known]
     twice = [key for key, count in times.items() if count > 1]

@@ -59,7 +59,7 @@ class SplitScore:
 def score_result(
     root: Path, folder: Path, *, splits: Sequence[str] = (), resamples: int = 200
 ) -> tuple[ResultHead, list[SplitScore]]:
-    """Score a result against a benchmark's truth, or refuse it.
+    """Score a result against a benchmark's truth, or refuse it; pictures need not be there.
 
     Args:
         root: the benchmark's folder.
@@ -106,7 +106,7 @@ def score_result(
         boxes = read_split(folder, name, truth)
         stated = bool(boxes.records) and all(one.box is not None for one in boxes.records)
         paired_by: PairedBy = "bbox" if stated else "projection"
-        metrics = _metrics(read_omni3d(truth), boxes, paired_by, resamples)
+        metrics = _metrics(read_omni3d(truth, look_for_images=False), boxes, paired_by, resamples)
         scores.append(SplitScore(name, paired_by, metrics))
     return head, scores
 

@@ -230,6 +230,18 @@ def test_nothing_is_scored_against_a_changed_truth(
         scores(copy, result)
 
 
+@pytest.mark.parametrize("deleted", [1, 4])
+def test_pictures_that_were_deleted_do_not_shrink_the_test(
+    bench: Path, result: Path, tmp_path: Path, deleted: int
+) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    expected = scores(copy, result)
+    for path in sorted((copy / "images" / "test-id").glob("*.png"))[:deleted]:
+        path.unlink()
+    assert scores(copy, result) == expected
+    assert expected["images"] == 4
+
+
 @pytest.mark.parametrize("baseline", ["constant", "nearest"])
 def test_a_baseline_that_learns_answers_each_box_of_a_split(
     bench: Path, truth: tuple[CuboidRecord, ...], tmp_path: Path, baseline: Any
