@@ -15,8 +15,9 @@ import numpy as np
 import torch
 
 from animal3dbox.bench.editions import Baseline, Track
+from animal3dbox.bench.made_files import check_pictures, truth_file
 from animal3dbox.bench.manifest import Manifest, read_manifest
-from animal3dbox.bench.results import ResultHead, truth_file, write_head
+from animal3dbox.bench.results import ResultHead, write_head
 from animal3dbox.bench.split_files import split_paths
 from animal3dbox.bench.verify import whole_splits
 from animal3dbox.datasets.bodies.options import body_source
@@ -92,7 +93,7 @@ def run_baseline(
     Raises:
         ConfigError: a split is not whole.
         DatasetNotFoundError: a file is missing.
-        DatasetFormatError: the truth was changed.
+        DatasetFormatError: the truth was changed, or pictures are missing or have another size.
 
     Example:
         >>> import tempfile
@@ -114,6 +115,7 @@ def run_baseline(
     notes: list[str] = []
     for name in names:
         truth = truth_file(root, manifest, name)
+        check_pictures(root, truth)
         answers = detector(name)
         write_detections(answers.records, truth, folder / f"{name}.json")
         notes += answers.note(name)
@@ -133,8 +135,12 @@ def _detector(root: Path, manifest: Manifest, baseline: Baseline) -> Detector:
     """A baseline, which has learned from train if it learns."""
     if baseline in ("constant", "nearest"):
         whole_splits(root, manifest, [TRAIN])
-        learned = _learned(baseline, read_omni3d(truth_file(root, manifest, TRAIN)))
-        return lambda split: _without_pixels(learned, read_omni3d(root / split_paths(split)[0]))
+        learned = _learned(
+            baseline, read_omni3d(truth_file(root, manifest, TRAIN), look_for_images=False)
+        )
+        return lambda split: _without_pixels(
+            learned, read_omni3d(root / split_paths(split)[0], look_for_images=False)
+        )
     body = baseline.removeprefix("labels-")
     return lambda split: _labelled(root / split_paths(split)[-2], root, body)
 

@@ -13,8 +13,8 @@ from typing import Any
 import msgspec
 
 from animal3dbox.bench.editions import Track
-from animal3dbox.bench.manifest import Manifest, file_sha256
-from animal3dbox.bench.split_files import split_paths
+from animal3dbox.bench.made_files import NAMED
+from animal3dbox.bench.manifest import Manifest
 from animal3dbox.datasets.readers.predictions.layouts import PICKLES
 from animal3dbox.datasets.readers.predictions.pickled import read_pickled
 from animal3dbox.datasets.readers.predictions.plain_json import plain_json
@@ -28,8 +28,6 @@ from animal3dbox.files import write_whole
 ABOUT = "about.json"
 SUFFIXES = (".json", ".pth")
 """Suffixes of a split's file."""
-NAMED = 5
-"""Number of images that a message names."""
 
 
 class ResultHead(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
@@ -122,19 +120,6 @@ def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) 
     if not wanted:
         raise DatasetFormatError(f"{ABOUT}: splits is empty: there is nothing to score")
     return wanted
-
-
-def truth_file(root: Path, manifest: Manifest, split: str) -> Path:
-    """The truth of a split; raises DatasetFormatError if its bytes are not those that were made."""
-    path = split_paths(split)[0]
-    if not (root / path).is_file():
-        raise DatasetNotFoundError(f"{root} has no {path}: make the split again")
-    if file_sha256(root / path) != manifest.splits[split].files[path]:
-        raise DatasetFormatError(
-            f"{root / path} is not as it was made, so nothing is scored against it: see"
-            " `animal3dbox bench verify`"
-        )
-    return root / path
 
 
 def read_split(folder: Path, split: str, truth: Path) -> CuboidSet:

@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
+from animal3dbox.bench.made_files import truth_file
 from animal3dbox.bench.manifest import read_manifest
-from animal3dbox.bench.results import ResultHead, checked_splits, read_head, read_split, truth_file
+from animal3dbox.bench.results import ResultHead, checked_splits, read_head, read_split
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.readers.visible_boxes import visible_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from bench_folders import made, tiny_plan, write_result
 from commands import ran
+from PIL import Image
 
 from animal3dbox.bench import read_manifest, run_baseline, score_result
 from animal3dbox.datasets import CuboidRecord, read_omni3d
@@ -240,6 +241,37 @@ def test_pictures_that_were_deleted_do_not_shrink_the_test(
         path.unlink()
     assert scores(copy, result) == expected
     assert expected["images"] == 4
+
+
+def smaller(path: Path) -> None:
+    with Image.open(path) as image:
+        image.resize((128, 96)).save(path)
+
+
+@pytest.mark.parametrize("baseline", ["nearest", "labels-preset"])
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (Path.unlink, "is missing"),
+        (smaller, "is 128 x 96, not 256 x 192"),
+        (lambda path: path.write_bytes(b"no picture"), ": "),
+    ],
+)
+def test_a_baseline_refuses_pictures_that_are_missing_or_of_another_size(
+    bench: Path, tmp_path: Path, baseline: str, spoil: Callable[[Path], None], words: str
+) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    spoil(copy / "images" / "test-id" / "000002.png")
+    arguments = ("bench", "baseline", copy, baseline, "--split", "test-id")
+    code, said = ran(*arguments, "--out", tmp_path / "result")
+    assert code == 3
+    assert re.search(rf"1 of 4 pictures .*images/test-id/000002\.png.*({words})", flat(said))
+    assert not (tmp_path / "result").exists()
+
+
+def flat(text: str) -> str:
+    """A command's words on one line."""
+    return " ".join(text.split())
 
 
 @pytest.mark.parametrize("baseline", ["constant", "nearest"])
