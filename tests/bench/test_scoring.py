@@ -149,6 +149,12 @@ def with_a_box_that_is_none(result: Path) -> None:
     rewritten(result, content)
 
 
+def with_a_box_of_another_image(result: Path) -> None:
+    content = elements(result)
+    content[0]["instances"][0]["image_id"] = 2
+    rewritten(result, content)
+
+
 def about(result: Path, **changes: Any) -> None:
     rewritten(result, {**json.loads((result / "about.json").read_text()), **changes}, "about.json")
 
@@ -189,6 +195,10 @@ def of_a_split_that_is_not_there(result: Path) -> None:
         (with_an_unknown_image, r"1 images \(ids 99\) are not of this split"),
         (with_a_flat_list, "must be a list of images"),
         (with_a_box_that_is_none, "1 boxes cannot be used.*dimensions"),
+        (
+            with_a_box_of_another_image,
+            "image 1, instance 0: image_id: is 2, and its element's is 1",
+        ),
         (of_another_version, "the result is of bench-v0 small and the benchmark is bench-v1 small"),
         (of_another_edition, "the result is of bench-v1 full and the benchmark is bench-v1 small"),
         (of_other_pixels, "test-id was detected on other pixels: the result says 0000"),
