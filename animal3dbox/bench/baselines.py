@@ -16,7 +16,7 @@ import torch
 
 from animal3dbox.bench.editions import Baseline, Track
 from animal3dbox.bench.made_files import check_pictures, truth_file
-from animal3dbox.bench.manifest import Manifest, read_manifest
+from animal3dbox.bench.manifest import Manifest, usable_manifest
 from animal3dbox.bench.results import ResultHead, write_head
 from animal3dbox.bench.split_files import split_paths
 from animal3dbox.bench.verify import whole_splits
@@ -93,7 +93,8 @@ def run_baseline(
     Raises:
         ConfigError: a split is not whole.
         DatasetNotFoundError: a file is missing.
-        DatasetFormatError: the truth was changed, or pictures are missing or have another size.
+        DatasetFormatError: the truth or VERSION was changed, or pictures are missing or have
+            another size.
 
     Example:
         >>> import tempfile
@@ -109,7 +110,7 @@ def run_baseline(
         >>> head.track, scores[0].metrics["images"]
         ('keypoints', 2)
     """
-    manifest = read_manifest(root)
+    manifest = usable_manifest(root)
     names = whole_splits(root, manifest, splits)
     detector = _detector(root, manifest, baseline)
     notes: list[str] = []

@@ -9,12 +9,19 @@ import msgspec
 
 from animal3dbox.bench.plan import BenchPlan
 from animal3dbox.datasets.storage.json_files import decode_json
-from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.errors import (
+    ConfigError,
+    DatasetFormatError,
+    DatasetNotFoundError,
+    SampleError,
+)
 from animal3dbox.files import write_whole
 
 SCHEMA: Final = "animal3dbox.bench"
 MANIFEST, VERSION = "MANIFEST.json", "VERSION"
 """Names of the two files."""
+LONGEST = 120
+"""Bytes of a wrong VERSION that a message shows."""
 
 
 class SplitEntry(msgspec.Struct, kw_only=True, frozen=True):
@@ -103,6 +110,34 @@ def write_manifest(root: Path, manifest: Manifest) -> None:
 def version_text(plan: BenchPlan) -> str:
     """The content of VERSION: the benchmark, the edition and the plan's digest, on one line."""
     return f"{plan.version} {plan.edition} {plan.digest}\n"
+
+
+def version_fault(root: Path, manifest: Manifest) -> SampleError | None:
+    """What is wrong with VERSION, which must say what the manifest says, if anything is."""
+    expected = f"{manifest.version} {manifest.edition} {manifest.plan}\n".encode()
+    remedy = f"write this line into it, if the rest verifies: {expected.decode().strip()}"
+    try:
+        found = (root / VERSION).read_bytes()
+    except OSError as error:
+        return SampleError(VERSION, "file", f"cannot be read ({error.strerror}): {remedy}")
+    if found == expected:
+        return None
+    said = found[:LONGEST].decode(errors="replace").strip()
+    return SampleError(VERSION, "line", f"is {said!r}, not what {MANIFEST} says: {remedy}")
+
+
+def usable_manifest(root: Path) -> Manifest:
+    """The manifest of a benchmark whose VERSION says the same, for scores and baselines.
+
+    Raises:
+        DatasetNotFoundError: there is no manifest.
+        DatasetFormatError: the manifest is damaged, or VERSION is missing or says something else.
+
+    """
+    manifest = read_manifest(root)
+    if fault := version_fault(root, manifest):
+        raise DatasetFormatError(f"{root}: {fault}")
+    return manifest
 
 
 def claim_folder(plan: BenchPlan, root: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from animal3dbox.bench.made_files import truth_file
-from animal3dbox.bench.manifest import read_manifest
+from animal3dbox.bench.manifest import usable_manifest
 from animal3dbox.bench.results import ResultHead, checked_splits, read_head, read_split
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.readers.visible_boxes import visible_boxes
@@ -71,7 +71,8 @@ def score_result(
     Raises:
         DatasetNotFoundError: a file is missing.
         DatasetFormatError: the result is of another version, edition or pixels, is in another
-            layout, lacks an image, or has a box that cannot be used; or the truth was changed.
+            layout, lacks an image, or has a box that cannot be used; or the truth or VERSION was
+            changed.
 
     Example:
         >>> import tempfile
@@ -100,7 +101,7 @@ def score_result(
         >>> scores[0].metrics["ap_3d"], scores[0].metrics["flip_rate"]
         (1.0, 0.0)
     """
-    manifest, head = read_manifest(root), read_head(folder)
+    manifest, head = usable_manifest(root), read_head(folder)
     scores = []
     for name in checked_splits(head, manifest, splits):
         truth = truth_file(root, manifest, name)

@@ -15,6 +15,7 @@ from animal3dbox.bench.manifest import (
     file_sha256,
     pixels_digest,
     read_manifest,
+    version_fault,
 )
 from animal3dbox.bench.plan import BenchPlan, SplitPlan, bench_plan
 from animal3dbox.bench.split_files import ImageDigests, split_paths
@@ -29,7 +30,7 @@ class BenchFindings:
     """The result of verifying a benchmark.
 
     Attributes:
-        files: number of files that were hashed.
+        files: number of files that were compared, VERSION among them.
         images: number of images whose pixels were hashed.
         faults: one error for each file or image that is missing or not as it was made.
 
@@ -71,7 +72,7 @@ def verify_bench(
         ...     _ = make_bench(tiny, Path(folder))
         ...     findings = verify_bench(Path(folder), plan=tiny)
         >>> findings.files, findings.images, findings.faults
-        (6, 1, ())
+        (7, 1, ())
     """
     manifest = read_manifest(root)
     plan = plan or _plan_of(manifest)
@@ -86,11 +87,13 @@ def verify_bench(
     for name in wanted:
         files |= manifest.splits[name].files
     faults = [fault for path, sha in files.items() if (fault := _file_fault(root, path, sha))]
+    if fault := version_fault(root, manifest):
+        faults.insert(0, fault)
     images = 0
     for name in wanted:
         images += manifest.splits[name].images
         faults += _split_faults(root, plan.split(name), manifest.splits[name])
-    return BenchFindings(files=len(files), images=images, faults=tuple(faults))
+    return BenchFindings(files=len(files) + 1, images=images, faults=tuple(faults))
 
 
 def _plan_of(manifest: Manifest) -> BenchPlan:

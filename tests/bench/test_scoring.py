@@ -253,6 +253,29 @@ def test_pictures_that_were_deleted_do_not_shrink_the_test(
     assert expected["images"] == 4
 
 
+def without_version(bench: Path) -> None:
+    (bench / "VERSION").unlink()
+
+
+def with_another_version(bench: Path) -> None:
+    (bench / "VERSION").write_text("bench-v2\n")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [(without_version, "VERSION: file: cannot be read"), (with_another_version, "is 'bench-v2'")],
+)
+def test_score_and_baseline_refuse_a_version_that_is_not_the_manifest_s(
+    bench: Path, result: Path, tmp_path: Path, spoil: Callable[[Path], None], words: str
+) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    spoil(copy)
+    with pytest.raises(DatasetFormatError, match=words):
+        scores(copy, result)
+    with pytest.raises(DatasetFormatError, match=words):
+        run_baseline(copy, "constant", tmp_path / "other", splits=["test-id"])
+
+
 def smaller(path: Path) -> None:
     with Image.open(path) as image:
         image.resize((128, 96)).save(path)

@@ -37,7 +37,7 @@ def faults(bench: Path) -> list[tuple[str, str]]:
 
 def test_a_benchmark_as_it_was_made_has_no_fault(bench: Path) -> None:
     found = findings(bench)
-    assert (found.files, found.images, found.faults) == (11, 3, ())
+    assert (found.files, found.images, found.faults) == (12, 3, ())
 
 
 def test_one_changed_pixel_is_found(bench: Path) -> None:
@@ -67,11 +67,20 @@ def test_one_changed_number_of_the_truth_is_found(bench: Path) -> None:
 
 @pytest.mark.parametrize(
     "file",
-    ["images/val/000000.png", "truth/val.json", "keypoints/test-id.json", "README.md"],
+    ["images/val/000000.png", "truth/val.json", "keypoints/test-id.json", "README.md", "VERSION"],
 )
 def test_one_missing_file_is_found(bench: Path, file: str) -> None:
     (bench / file).unlink()
     assert [name for name, _ in faults(bench)] == [file]
+
+
+def test_a_changed_version_is_found(bench: Path) -> None:
+    (bench / "VERSION").write_text((bench / "VERSION").read_text().replace("v1", "v2"))
+    assert faults(bench) == [("VERSION", "line")]
+    (fault,) = findings(bench).faults
+    assert f"write this line into it, if the rest verifies: bench-v1 small {PLAN.digest}" in str(
+        fault
+    )
 
 
 def test_an_image_that_is_none_and_one_that_does_not_belong_are_found(bench: Path) -> None:
