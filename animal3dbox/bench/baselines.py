@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from animal3dbox.bench.editions import Baseline, Track
-from animal3dbox.bench.made_files import check_pictures, truth_file
+from animal3dbox.bench.made_files import check_pictures, keypoints_file, truth_file
 from animal3dbox.bench.manifest import Manifest, usable_manifest
 from animal3dbox.bench.results import ResultHead, write_head
 from animal3dbox.bench.split_files import split_paths
@@ -93,8 +93,8 @@ def run_baseline(
     Raises:
         ConfigError: a split is not whole.
         DatasetNotFoundError: a file is missing.
-        DatasetFormatError: the truth or VERSION was changed, or pictures are missing or have
-            another size.
+        DatasetFormatError: the truth, the keypoints or VERSION were changed, or pictures are
+            missing or have another size.
 
     Example:
         >>> import tempfile
@@ -143,7 +143,7 @@ def _detector(root: Path, manifest: Manifest, baseline: Baseline) -> Detector:
             learned, read_omni3d(root / split_paths(split)[0], look_for_images=False)
         )
     body = baseline.removeprefix("labels-")
-    return lambda split: _labelled(root / split_paths(split)[-2], root, body)
+    return lambda split: _labelled(keypoints_file(root, manifest, split), root, body)
 
 
 def _learned(baseline: Baseline, train: CuboidSet) -> ConstantBaseline | NearestNeighbourBaseline:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from animal3dbox.bench.manifest import Manifest, file_sha256
+from animal3dbox.bench.manifest import Manifest, SplitEntry, file_sha256
 from animal3dbox.bench.split_files import split_paths
 from animal3dbox.datasets.images.photos import stored_size
 from animal3dbox.datasets.readers.predictions.truth import read_truth
@@ -14,14 +14,31 @@ NAMED = 5
 
 
 def truth_file(root: Path, manifest: Manifest, split: str) -> Path:
-    """The truth of a split; raises DatasetFormatError if its bytes are not those that were made."""
-    path = split_paths(split)[0]
+    """The truth of a split; it and its list of categories must be as they were made.
+
+    Raises:
+        DatasetNotFoundError: a file is missing.
+        DatasetFormatError: the bytes of one are not those that were made.
+
+    """
+    truth, category_meta, *_ = split_paths(split)
+    _made(root, manifest.splits[split], category_meta)
+    return _made(root, manifest.splits[split], truth)
+
+
+def keypoints_file(root: Path, manifest: Manifest, split: str) -> Path:
+    """The keypoints of a split as they were made; raises as truth_file does."""
+    return _made(root, manifest.splits[split], split_paths(split)[-2])
+
+
+def _made(root: Path, entry: SplitEntry, path: str) -> Path:
+    """A file of a split whose bytes are those that were made."""
     if not (root / path).is_file():
         raise DatasetNotFoundError(f"{root} has no {path}: make the split again")
-    if file_sha256(root / path) != manifest.splits[split].files[path]:
+    if file_sha256(root / path) != entry.files.get(path):
         raise DatasetFormatError(
-            f"{root / path} is not as it was made, so nothing is scored against it: see"
-            " `animal3dbox bench verify`"
+            f"{root / path} is not as it was made, so nothing is scored against it or detected by"
+            " it: see `animal3dbox bench verify`"
         )
     return root / path
 

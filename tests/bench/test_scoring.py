@@ -241,6 +241,30 @@ def test_nothing_is_scored_against_a_changed_truth(
         scores(copy, result)
 
 
+def test_the_labeller_refuses_changed_keypoints(bench: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    path = copy / "keypoints" / "test-id.json"
+    file = json.loads(path.read_text())
+    file["annotations"][0]["keypoints"][0] += 1
+    path.write_text(json.dumps(file))
+    with pytest.raises(DatasetFormatError, match=r"keypoints/test-id\.json is not as it was made"):
+        run_baseline(copy, "labels-preset", tmp_path / "result", splits=["test-id"])
+    run_baseline(copy, "constant", tmp_path / "other", splits=["test-id"])  # reads no keypoints
+
+
+def test_nothing_is_scored_by_a_changed_list_of_categories(
+    bench: Path, result: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    path = copy / "truth" / "test-id_category_meta.json"
+    path.write_text(path.read_text() + " ")
+    with pytest.raises(DatasetFormatError, match=r"category_meta\.json is not as it was made"):
+        scores(copy, result)
+    path.unlink()
+    with pytest.raises(DatasetNotFoundError, match=r"no truth/test-id_category_meta\.json"):
+        scores(copy, result)
+
+
 @pytest.mark.parametrize("deleted", [1, 4])
 def test_pictures_that_were_deleted_do_not_shrink_the_test(
     bench: Path, result: Path, tmp_path: Path, deleted: int
