@@ -17,7 +17,7 @@ import torch
 from animal3dbox.bench.editions import Baseline, Track
 from animal3dbox.bench.made_files import check_pictures, keypoints_file, truth_file
 from animal3dbox.bench.manifest import Manifest, usable_manifest
-from animal3dbox.bench.results import ResultHead, write_head
+from animal3dbox.bench.results import ResultHead, extended_head, write_head
 from animal3dbox.bench.split_files import split_paths
 from animal3dbox.bench.verify import whole_splits
 from animal3dbox.datasets.bodies.options import body_source
@@ -84,14 +84,15 @@ def run_baseline(
     Args:
         root: the benchmark's folder; constant and nearest need its split train.
         baseline: its name.
-        folder: of the result.
+        folder: of the result: new, or of the same baseline, whose other splits stay in it.
         splits: names of whole splits.
 
     Returns:
-        The content of about.json; its note counts the animals without a box by the reason.
+        The content of about.json, which names every split that is there; its note counts the
+        animals without a box by the reason.
 
     Raises:
-        ConfigError: a split is not whole.
+        ConfigError: a split is not whole, or the folder holds another result.
         DatasetNotFoundError: a file is missing.
         DatasetFormatError: the truth, the keypoints or VERSION were changed, or pictures are
             missing or have another size.
@@ -112,6 +113,14 @@ def run_baseline(
     """
     manifest = usable_manifest(root)
     names = whole_splits(root, manifest, splits)
+    head = ResultHead(
+        version=manifest.version,
+        edition=manifest.edition,
+        track=TRACK_OF[baseline],
+        method=baseline,
+        splits={name: manifest.splits[name].digest for name in names},
+    )
+    extended_head(folder, head)  # refuses a folder of another result before any work
     detector = _detector(root, manifest, baseline)
     notes: list[str] = []
     for name in names:
@@ -120,14 +129,7 @@ def run_baseline(
         answers = detector(name)
         write_detections(answers.records, truth, folder / f"{name}.json")
         notes += answers.note(name)
-    head = ResultHead(
-        version=manifest.version,
-        edition=manifest.edition,
-        track=TRACK_OF[baseline],
-        method=baseline,
-        splits={name: manifest.splits[name].digest for name in names},
-        note="; ".join(notes),
-    )
+    head = extended_head(folder, msgspec.structs.replace(head, note="; ".join(notes)))
     write_head(folder, head)
     return head
 

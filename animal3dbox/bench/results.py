@@ -22,7 +22,7 @@ from animal3dbox.datasets.readers.predictions.reader import read_predictions
 from animal3dbox.datasets.readers.predictions.truth import read_truth
 from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.datasets.storage.json_files import decode_json
-from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.files import write_whole
 
 ABOUT = "about.json"
@@ -84,6 +84,45 @@ def read_head(folder: Path) -> ResultHead:
         )
     head: ResultHead = decode_json(folder / ABOUT, ResultHead)
     return head
+
+
+def extended_head(folder: Path, head: ResultHead) -> ResultHead:
+    """The head of a result that is written into a folder, with the splits that are there already.
+
+    Args:
+        folder: of the result; it may be new.
+        head: of the splits that are written now.
+
+    Returns:
+        All splits whose files are there or are written now, and the notes on them.
+
+    Raises:
+        ConfigError: the folder holds the result of another method, track, version or edition.
+        DatasetFormatError: its about.json is damaged.
+
+    """
+    if not (folder / ABOUT).is_file():
+        return head
+    old = read_head(folder)
+    for field in ("method", "track", "version", "edition"):
+        if (theirs := getattr(old, field)) != (ours := getattr(head, field)):
+            raise ConfigError(
+                f"{folder} holds a result whose {field} is {theirs!r}, and this one's is {ours!r}:"
+                " give another folder (--out)"
+            )
+    kept = {
+        name: digest
+        for name, digest in old.splits.items()
+        if name not in head.splits
+        and any((folder / f"{name}{suffix}").is_file() for suffix in SUFFIXES)
+    }
+    notes = [
+        note
+        for note in old.note.split("; ")
+        if any(f" animals of {name} " in note for name in kept)
+    ]
+    note = "; ".join([*notes, *([head.note] if head.note else [])])
+    return msgspec.structs.replace(head, splits={**kept, **head.splits}, note=note)
 
 
 def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) -> list[str]:
