@@ -5,8 +5,9 @@ SPLIT.pth) in Cube R-CNN's layout, an element an image. Only that layout tells a
 nothing was found from an image that was left out.
 """
 
+import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import msgspec
 from animal3dbox.bench.editions import Track
 from animal3dbox.bench.made_files import NAMED
 from animal3dbox.bench.manifest import Manifest
+from animal3dbox.datasets.readers.omni3d.schema import Key
 from animal3dbox.datasets.readers.predictions.layouts import PICKLES
 from animal3dbox.datasets.readers.predictions.pickled import read_pickled
 from animal3dbox.datasets.readers.predictions.plain_json import plain_json
@@ -209,14 +211,32 @@ def _check_images(path: Path, truth: Path) -> None:
     missing = [key for key in known if key not in times]
     unknown = [key for key in times if key not in known]
     twice = [key for key, count in times.items() if count > 1]
-    for problem, keys in (
-        ("are missing: give each its element, with no instances if nothing was found", missing),
-        ("are not of this split", unknown),
-        ("are there more than once", twice),
-    ):
-        if keys:
-            names = ", ".join(map(str, keys[:NAMED])) + (", ..." if len(keys) > NAMED else "")
-            raise DatasetFormatError(f"{path}: {len(keys)} images (ids {names}) {problem}")
+    problems = [
+        f"{len(keys)} images (ids {_named(keys)}) {problem}"
+        for problem, keys in (
+            (f"are not of this split{_number_remedy(unknown, known)}", unknown),
+            ("are missing: give each its element, with no instances if nothing was found", missing),
+            ("are there more than once", twice),
+        )
+        if keys
+    ]
+    if problems:
+        raise DatasetFormatError(f"{path}: {'; '.join(problems)}")
+
+
+def _named(keys: Sequence[Key]) -> str:
+    """The first ids of many as JSON has them, so that the text "1" differs from the number 1."""
+    return ", ".join(json.dumps(key) for key in keys[:NAMED]) + (
+        ", ..." if len(keys) > NAMED else ""
+    )
+
+
+def _number_remedy(unknown: Sequence[Key], known: Container[Key]) -> str:
+    """What to do about ids that are text where the truth's are numbers, if some are."""
+    texts = [key for key in unknown if isinstance(key, str)]
+    if any(key.isdecimal() and int(key) in known for key in texts):
+        return ": text stands where the truth has a number; write ids without quotation marks"
+    return ""
 
 
 def _is_image(element: Any) -> bool:

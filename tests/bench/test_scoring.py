@@ -139,6 +139,14 @@ def with_an_unknown_image(result: Path) -> None:
     rewritten(result, [*elements(result), {"image_id": 99, "instances": []}])
 
 
+def with_ids_that_are_text(result: Path) -> None:
+    rewritten(result, [{**image, "image_id": str(image["image_id"])} for image in elements(result)])
+
+
+def with_a_name_for_an_id(result: Path) -> None:
+    rewritten(result, [*elements(result), {"image_id": "dog.png", "instances": []}])
+
+
 def with_a_flat_list(result: Path) -> None:
     rewritten(result, [box for image in elements(result) for box in image["instances"]])
 
@@ -193,6 +201,11 @@ def of_a_split_that_is_not_there(result: Path) -> None:
         (without_an_image, r"1 images \(ids 1\) are missing: give each its element"),
         (with_an_image_twice, r"1 images \(ids 1\) are there more than once"),
         (with_an_unknown_image, r"1 images \(ids 99\) are not of this split"),
+        (
+            with_ids_that_are_text,
+            r'4 images \(ids "1", "2", "3", "4"\) are not of this split: text stands where',
+        ),
+        (with_a_name_for_an_id, r'1 images \(ids "dog.png"\) are not of this split$'),
         (with_a_flat_list, "must be a list of images"),
         (with_a_box_that_is_none, "1 boxes cannot be used.*dimensions"),
         (
