@@ -96,7 +96,13 @@ def read_manifest(root: Path) -> Manifest:
         raise DatasetNotFoundError(
             f"{root} holds no {MANIFEST}: make the benchmark there first (animal3dbox bench make)"
         )
-    manifest: Manifest = decode_json(root / MANIFEST, Manifest)
+    try:
+        manifest: Manifest = decode_json(root / MANIFEST, Manifest)
+    except DatasetFormatError as error:
+        raise DatasetFormatError(
+            f"{error}: copy it again from where the benchmark is whole, or delete it and make the"
+            " benchmark again there (animal3dbox bench make), which draws every image anew"
+        ) from error
     if manifest.schema != SCHEMA:
         raise DatasetFormatError(f"{root / MANIFEST} is a {manifest.schema}, not an {SCHEMA}")
     return manifest

@@ -10,7 +10,7 @@ from bench_folders import made, tiny_plan
 from PIL import Image
 
 from animal3dbox.bench import BenchFindings, verify_bench
-from animal3dbox.errors import ConfigError, DatasetNotFoundError
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 
 PLAN = tiny_plan(val=2, test_id=1)
 
@@ -101,6 +101,20 @@ def test_pixels_and_their_digest_changed_together_are_found(bench: Path) -> None
         ("digests/val.json", "pixels"),
         ("images/val/000000.png", "pixels"),
     ]
+
+
+@pytest.mark.parametrize("left", [0, 200])
+def test_a_manifest_that_was_cut_off_is_refused_with_a_remedy_that_helps(
+    bench: Path, left: int
+) -> None:
+    path = bench / "MANIFEST.json"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:left])
+    with pytest.raises(DatasetFormatError, match=r"MANIFEST\.json .*copy it again .*or delete it"):
+        findings(bench)
+    path.unlink()
+    assert made(bench, PLAN) == bench
+    assert path.read_bytes() == whole
 
 
 def test_a_benchmark_of_another_seed_file_is_refused(bench: Path) -> None:
