@@ -20,6 +20,8 @@ from animal3dbox.files import write_whole
 SCHEMA: Final = "animal3dbox.bench"
 MANIFEST, VERSION = "MANIFEST.json", "VERSION"
 """Names of the two files."""
+FOLDERS = ("images", "truth", "keypoints", "digests", "work")
+"""A benchmark's folders below its own."""
 LONGEST = 120
 """Bytes of a wrong VERSION that a message shows."""
 
@@ -164,6 +166,23 @@ def claim_folder(plan: BenchPlan, root: Path) -> None:
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
         raise ConfigError(f"{root} must be a new or an empty folder, or one of {plan.version}")
     write_whole(file, version_text(plan).encode())
+
+
+def check_output_folder(out: Path, root: Path, result: Path | None = None) -> None:
+    """Raise ConfigError if outputs would lie among a benchmark's files, or a result's.
+
+    Args:
+        out: the folder of the outputs.
+        root: the benchmark's folder.
+        result: the result's folder, if the outputs are scores.
+
+    """
+    place, home = out.resolve(), root.resolve()
+    is_among = place == home or any(place.is_relative_to(home / name) for name in FOLDERS)
+    if is_among:
+        raise ConfigError(f"--out {out} is among the benchmark's own files: give another folder")
+    if result is not None and place == result.resolve():
+        raise ConfigError(f"--out {out} is the result's own folder: give another one")
 
 
 def pixels_digest(images: Iterable[tuple[str, str]]) -> str:

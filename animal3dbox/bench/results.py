@@ -145,7 +145,7 @@ def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) 
             f"{ABOUT}: the result is of {' '.join(theirs)} and the benchmark is {' '.join(ours)}:"
             " score it against what was detected on"
         )
-    for name in (wanted := list(splits) or list(head.splits)):
+    for name in (wanted := list(dict.fromkeys(splits)) or list(head.splits)):
         if name not in head.splits:
             raise DatasetFormatError(f"{ABOUT}: splits has no {name!r}, which is asked for")
         if name not in manifest.splits:

@@ -105,7 +105,7 @@ def _plan_of(manifest: Manifest) -> BenchPlan:
 
 
 def whole_splits(root: Path, manifest: Manifest, splits: Sequence[str]) -> list[str]:
-    """The names of splits that are whole: those asked for, or all.
+    """The names of splits that are whole: those asked for, each once, or all.
 
     Raises:
         ConfigError: one that was asked for is not whole, or none is.
@@ -116,7 +116,7 @@ def whole_splits(root: Path, manifest: Manifest, splits: Sequence[str]) -> list[
             f"{root} has no whole split {', '.join(unfinished)} (whole:"
             f" {', '.join(manifest.splits) or 'none'}): make it (animal3dbox bench make)"
         )
-    return list(splits) or list(manifest.splits)
+    return list(dict.fromkeys(splits)) or list(manifest.splits)
 
 
 def _file_fault(root: Path, path: str, sha256: str) -> SampleError | None:

@@ -8,7 +8,7 @@ import pytest
 from bench_folders import made, tiny_plan
 from commands import ran
 
-from animal3dbox.bench import ResultHead, run_baseline, score_result, write_head
+from animal3dbox.bench import ResultHead, run_baseline, score_result, verify_bench, write_head
 
 
 @pytest.fixture(scope="module")
@@ -52,3 +52,35 @@ def test_about_names_every_split_that_is_there_and_the_notes_on_each(
     ]
     third = run_baseline(bench, "constant", tmp_path, splits=["val"])
     assert (set(third.splits), third.note) == ({"val", "test-id"}, "")
+
+
+@pytest.mark.parametrize("place", [".", "images", "truth/deeper"])
+@pytest.mark.parametrize("action", ["score", "baseline"])
+def test_outputs_among_the_benchmark_s_own_files_are_refused(
+    bench: Path, tmp_path: Path, action: str, place: str
+) -> None:
+    result = tmp_path / "result"
+    run_baseline(bench, "constant", result, splits=["val"])
+    before = sorted(bench.rglob("*"))
+    of = result if action == "score" else "constant"
+    code, words = ran("bench", action, bench, of, "--split", "val", "--out", bench / place)
+    assert code == 2
+    assert "is among the benchmark's own files" in " ".join(words.split())
+    assert sorted(bench.rglob("*")) == before
+
+
+def test_scores_in_the_result_s_own_folder_are_refused(bench: Path, tmp_path: Path) -> None:
+    run_baseline(bench, "constant", tmp_path, splits=["val"])
+    code, words = ran("bench", "score", bench, tmp_path, "--out", tmp_path / "x" / "..")
+    assert code == 2
+    assert "is the result's own folder" in " ".join(words.split())
+    assert not (tmp_path / "score.json").exists()
+
+
+def test_a_split_that_is_named_twice_is_one(bench: Path, tmp_path: Path) -> None:
+    twice = ["val", "val"]
+    assert list(run_baseline(bench, "constant", tmp_path, splits=twice).splits) == ["val"]
+    scored = score_result(bench, tmp_path, splits=twice, resamples=0)[1]
+    assert [one.split for one in scored] == ["val"]
+    plan = tiny_plan(train=3, val=2, test_id=2)
+    assert verify_bench(bench, splits=twice, plan=plan).images == 2
