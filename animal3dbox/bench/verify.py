@@ -89,6 +89,7 @@ def verify_bench(
     faults = [fault for path, sha in files.items() if (fault := _file_fault(root, path, sha))]
     if fault := version_fault(root, manifest):
         faults.insert(0, fault)
+    faults += _strangers(root, plan)
     images = 0
     for name in wanted:
         images += manifest.splits[name].images
@@ -153,6 +154,19 @@ def _split_faults(root: Path, split: SplitPlan, entry: SplitEntry) -> list[Sampl
         if path not in known
     ]
     return faults
+
+
+def _strangers(root: Path, plan: BenchPlan) -> list[SampleError]:
+    """An error for each file of images/ that lies in no split's folder."""
+    folders = {(root / split.image_name(0)).parent for split in plan.splits}
+    return [
+        SampleError(
+            path.relative_to(root).as_posix(), "file", "lies in no split's folder: remove it"
+        )
+        for home in {folder.parent for folder in folders}
+        for path in sorted(home.rglob("*"))
+        if not path.is_dir() and folders.isdisjoint(path.parents)
+    ]
 
 
 def _images_in(root: Path, split: SplitPlan) -> list[str]:

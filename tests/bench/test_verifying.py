@@ -89,6 +89,19 @@ def test_an_image_that_is_none_and_one_that_does_not_belong_are_found(bench: Pat
     assert faults(bench) == [("images/val/000000.png", "image"), ("images/val/000002.png", "file")]
 
 
+def test_files_of_images_in_no_split_s_folder_are_found(bench: Path) -> None:
+    picture = bench / "images" / "val" / "000000.png"
+    (bench / "images" / "other").mkdir()
+    for name in ("000000.png", "other/000000.png"):
+        shutil.copy(picture, bench / "images" / name)
+    expected = [("images/000000.png", "file"), ("images/other/000000.png", "file")]
+    assert faults(bench) == expected
+    assert [one.field for one in verify_bench(bench, splits=["val"], plan=PLAN).faults] == [
+        "file",
+        "file",
+    ]
+
+
 def test_pixels_and_their_digest_changed_together_are_found(bench: Path) -> None:
     """Someone who repairs digests/ must also change the manifest, which results name."""
     path = bench / "digests" / "val.json"
