@@ -15,8 +15,9 @@ import numpy as np
 import torch
 
 from animal3dbox.bench.editions import Baseline, Track
-from animal3dbox.bench.manifest import Manifest, read_manifest
-from animal3dbox.bench.results import ResultHead, truth_file, write_head
+from animal3dbox.bench.made_files import check_pictures, keypoints_file, truth_file
+from animal3dbox.bench.manifest import Manifest, usable_manifest
+from animal3dbox.bench.results import ResultHead, extended_head, write_head
 from animal3dbox.bench.split_files import split_paths
 from animal3dbox.bench.verify import whole_splits
 from animal3dbox.datasets.bodies.options import body_source
@@ -83,16 +84,18 @@ def run_baseline(
     Args:
         root: the benchmark's folder; constant and nearest need its split train.
         baseline: its name.
-        folder: of the result.
+        folder: of the result: new, or of the same baseline, whose other splits stay in it.
         splits: names of whole splits.
 
     Returns:
-        The content of about.json; its note counts the animals without a box by the reason.
+        The content of about.json, which names every split that is there; its note counts the
+        animals without a box by the reason.
 
     Raises:
-        ConfigError: a split is not whole.
+        ConfigError: a split is not whole, or the folder holds another result.
         DatasetNotFoundError: a file is missing.
-        DatasetFormatError: the truth was changed.
+        DatasetFormatError: the truth, the keypoints or VERSION were changed, or pictures are
+            missing or have another size.
 
     Example:
         >>> import tempfile
@@ -108,23 +111,25 @@ def run_baseline(
         >>> head.track, scores[0].metrics["images"]
         ('keypoints', 2)
     """
-    manifest = read_manifest(root)
+    manifest = usable_manifest(root)
     names = whole_splits(root, manifest, splits)
-    detector = _detector(root, manifest, baseline)
-    notes: list[str] = []
-    for name in names:
-        truth = truth_file(root, manifest, name)
-        answers = detector(name)
-        write_detections(answers.records, truth, folder / f"{name}.json")
-        notes += answers.note(name)
     head = ResultHead(
         version=manifest.version,
         edition=manifest.edition,
         track=TRACK_OF[baseline],
         method=baseline,
         splits={name: manifest.splits[name].digest for name in names},
-        note="; ".join(notes),
     )
+    extended_head(folder, head)  # refuses a folder of another result before any work
+    detector = _detector(root, manifest, baseline)
+    notes: list[str] = []
+    for name in names:
+        truth = truth_file(root, manifest, name)
+        check_pictures(root, truth)
+        answers = detector(name)
+        write_detections(answers.records, truth, folder / f"{name}.json")
+        notes += answers.note(name)
+    head = extended_head(folder, msgspec.structs.replace(head, note="; ".join(notes)))
     write_head(folder, head)
     return head
 
@@ -133,10 +138,14 @@ def _detector(root: Path, manifest: Manifest, baseline: Baseline) -> Detector:
     """A baseline, which has learned from train if it learns."""
     if baseline in ("constant", "nearest"):
         whole_splits(root, manifest, [TRAIN])
-        learned = _learned(baseline, read_omni3d(truth_file(root, manifest, TRAIN)))
-        return lambda split: _without_pixels(learned, read_omni3d(root / split_paths(split)[0]))
+        learned = _learned(
+            baseline, read_omni3d(truth_file(root, manifest, TRAIN), look_for_images=False)
+        )
+        return lambda split: _without_pixels(
+            learned, read_omni3d(root / split_paths(split)[0], look_for_images=False)
+        )
     body = baseline.removeprefix("labels-")
-    return lambda split: _labelled(root / split_paths(split)[-2], root, body)
+    return lambda split: _labelled(keypoints_file(root, manifest, split), root, body)
 
 
 def _learned(baseline: Baseline, train: CuboidSet) -> ConstantBaseline | NearestNeighbourBaseline:

@@ -9,12 +9,21 @@ import msgspec
 
 from animal3dbox.bench.plan import BenchPlan
 from animal3dbox.datasets.storage.json_files import decode_json
-from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
+from animal3dbox.errors import (
+    ConfigError,
+    DatasetFormatError,
+    DatasetNotFoundError,
+    SampleError,
+)
 from animal3dbox.files import write_whole
 
 SCHEMA: Final = "animal3dbox.bench"
 MANIFEST, VERSION = "MANIFEST.json", "VERSION"
 """Names of the two files."""
+FOLDERS = ("images", "truth", "keypoints", "digests", "work")
+"""A benchmark's folders below its own."""
+LONGEST = 120
+"""Bytes of a wrong VERSION that a message shows."""
 
 
 class SplitEntry(msgspec.Struct, kw_only=True, frozen=True):
@@ -89,7 +98,13 @@ def read_manifest(root: Path) -> Manifest:
         raise DatasetNotFoundError(
             f"{root} holds no {MANIFEST}: make the benchmark there first (animal3dbox bench make)"
         )
-    manifest: Manifest = decode_json(root / MANIFEST, Manifest)
+    try:
+        manifest: Manifest = decode_json(root / MANIFEST, Manifest)
+    except DatasetFormatError as error:
+        raise DatasetFormatError(
+            f"{error}: copy it again from where the benchmark is whole, or delete it and make the"
+            " benchmark again there (animal3dbox bench make), which draws every image anew"
+        ) from error
     if manifest.schema != SCHEMA:
         raise DatasetFormatError(f"{root / MANIFEST} is a {manifest.schema}, not an {SCHEMA}")
     return manifest
@@ -103,6 +118,34 @@ def write_manifest(root: Path, manifest: Manifest) -> None:
 def version_text(plan: BenchPlan) -> str:
     """The content of VERSION: the benchmark, the edition and the plan's digest, on one line."""
     return f"{plan.version} {plan.edition} {plan.digest}\n"
+
+
+def version_fault(root: Path, manifest: Manifest) -> SampleError | None:
+    """What is wrong with VERSION, which must say what the manifest says, if anything is."""
+    expected = f"{manifest.version} {manifest.edition} {manifest.plan}\n".encode()
+    remedy = f"write this line into it, if the rest verifies: {expected.decode().strip()}"
+    try:
+        found = (root / VERSION).read_bytes()
+    except OSError as error:
+        return SampleError(VERSION, "file", f"cannot be read ({error.strerror}): {remedy}")
+    if found == expected:
+        return None
+    said = found[:LONGEST].decode(errors="replace").strip()
+    return SampleError(VERSION, "line", f"is {said!r}, not what {MANIFEST} says: {remedy}")
+
+
+def usable_manifest(root: Path) -> Manifest:
+    """The manifest of a benchmark whose VERSION says the same, for scores and baselines.
+
+    Raises:
+        DatasetNotFoundError: there is no manifest.
+        DatasetFormatError: the manifest is damaged, or VERSION is missing or says something else.
+
+    """
+    manifest = read_manifest(root)
+    if fault := version_fault(root, manifest):
+        raise DatasetFormatError(f"{root}: {fault}")
+    return manifest
 
 
 def claim_folder(plan: BenchPlan, root: Path) -> None:
@@ -123,6 +166,23 @@ def claim_folder(plan: BenchPlan, root: Path) -> None:
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
         raise ConfigError(f"{root} must be a new or an empty folder, or one of {plan.version}")
     write_whole(file, version_text(plan).encode())
+
+
+def check_output_folder(out: Path, root: Path, result: Path | None = None) -> None:
+    """Raise ConfigError if outputs would lie among a benchmark's files, or a result's.
+
+    Args:
+        out: the folder of the outputs.
+        root: the benchmark's folder.
+        result: the result's folder, if the outputs are scores.
+
+    """
+    place, home = out.resolve(), root.resolve()
+    is_among = place == home or any(place.is_relative_to(home / name) for name in FOLDERS)
+    if is_among:
+        raise ConfigError(f"--out {out} is among the benchmark's own files: give another folder")
+    if result is not None and place == result.resolve():
+        raise ConfigError(f"--out {out} is the result's own folder: give another one")
 
 
 def pixels_digest(images: Iterable[tuple[str, str]]) -> str:

@@ -5,16 +5,18 @@ SPLIT.pth) in Cube R-CNN's layout, an element an image. Only that layout tells a
 nothing was found from an image that was left out.
 """
 
+import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from animal3dbox.bench.editions import Track
-from animal3dbox.bench.manifest import Manifest, file_sha256
-from animal3dbox.bench.split_files import split_paths
+from animal3dbox.bench.made_files import NAMED
+from animal3dbox.bench.manifest import Manifest
+from animal3dbox.datasets.readers.omni3d.schema import Key
 from animal3dbox.datasets.readers.predictions.layouts import PICKLES
 from animal3dbox.datasets.readers.predictions.pickled import read_pickled
 from animal3dbox.datasets.readers.predictions.plain_json import plain_json
@@ -22,14 +24,12 @@ from animal3dbox.datasets.readers.predictions.reader import read_predictions
 from animal3dbox.datasets.readers.predictions.truth import read_truth
 from animal3dbox.datasets.records import CuboidSet
 from animal3dbox.datasets.storage.json_files import decode_json
-from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.files import write_whole
 
 ABOUT = "about.json"
 SUFFIXES = (".json", ".pth")
 """Suffixes of a split's file."""
-NAMED = 5
-"""Number of images that a message names."""
 
 
 class ResultHead(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_fields=True):
@@ -88,6 +88,45 @@ def read_head(folder: Path) -> ResultHead:
     return head
 
 
+def extended_head(folder: Path, head: ResultHead) -> ResultHead:
+    """The head of a result that is written into a folder, with the splits that are there already.
+
+    Args:
+        folder: of the result; it may be new.
+        head: of the splits that are written now.
+
+    Returns:
+        All splits whose files are there or are written now, and the notes on them.
+
+    Raises:
+        ConfigError: the folder holds the result of another method, track, version or edition.
+        DatasetFormatError: its about.json is damaged.
+
+    """
+    if not (folder / ABOUT).is_file():
+        return head
+    old = read_head(folder)
+    for field in ("method", "track", "version", "edition"):
+        if (theirs := getattr(old, field)) != (ours := getattr(head, field)):
+            raise ConfigError(
+                f"{folder} holds a result whose {field} is {theirs!r}, and this one's is {ours!r}:"
+                " give another folder (--out)"
+            )
+    kept = {
+        name: digest
+        for name, digest in old.splits.items()
+        if name not in head.splits
+        and any((folder / f"{name}{suffix}").is_file() for suffix in SUFFIXES)
+    }
+    notes = [
+        note
+        for note in old.note.split("; ")
+        if any(f" animals of {name} " in note for name in kept)
+    ]
+    note = "; ".join([*notes, *([head.note] if head.note else [])])
+    return msgspec.structs.replace(head, splits={**kept, **head.splits}, note=note)
+
+
 def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) -> list[str]:
     """The splits of a result that can be scored against a benchmark.
 
@@ -106,7 +145,7 @@ def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) 
             f"{ABOUT}: the result is of {' '.join(theirs)} and the benchmark is {' '.join(ours)}:"
             " score it against what was detected on"
         )
-    for name in (wanted := list(splits) or list(head.splits)):
+    for name in (wanted := list(dict.fromkeys(splits)) or list(head.splits)):
         if name not in head.splits:
             raise DatasetFormatError(f"{ABOUT}: splits has no {name!r}, which is asked for")
         if name not in manifest.splits:
@@ -122,19 +161,6 @@ def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) 
     if not wanted:
         raise DatasetFormatError(f"{ABOUT}: splits is empty: there is nothing to score")
     return wanted
-
-
-def truth_file(root: Path, manifest: Manifest, split: str) -> Path:
-    """The truth of a split; raises DatasetFormatError if its bytes are not those that were made."""
-    path = split_paths(split)[0]
-    if not (root / path).is_file():
-        raise DatasetNotFoundError(f"{root} has no {path}: make the split again")
-    if file_sha256(root / path) != manifest.splits[split].files[path]:
-        raise DatasetFormatError(
-            f"{root / path} is not as it was made, so nothing is scored against it: see"
-            " `animal3dbox bench verify`"
-        )
-    return root / path
 
 
 def read_split(folder: Path, split: str, truth: Path) -> CuboidSet:
@@ -153,7 +179,7 @@ def read_split(folder: Path, split: str, truth: Path) -> CuboidSet:
     """
     path = _file_of(folder, split)
     _check_images(path, truth)
-    boxes = read_predictions(path, truth, layout="cubercnn")
+    boxes = read_predictions(path, truth, layout="cubercnn", look_for_images=False)
     if boxes.faults:
         raise DatasetFormatError(
             f"{path}: {len(boxes.faults)} boxes cannot be used, so the result is not scored; the"
@@ -181,18 +207,36 @@ def _check_images(path: Path, truth: Path) -> None:
             " (Cube R-CNN's layout): an image without a box has an empty list"
         )
     times = Counter(element["image_id"] for element in content)
-    known = read_truth(truth).images
+    known = read_truth(truth, look_for_images=False).images
     missing = [key for key in known if key not in times]
     unknown = [key for key in times if key not in known]
     twice = [key for key, count in times.items() if count > 1]
-    for problem, keys in (
-        ("are missing: give each its element, with no instances if nothing was found", missing),
-        ("are not of this split", unknown),
-        ("are there more than once", twice),
-    ):
-        if keys:
-            names = ", ".join(map(str, keys[:NAMED])) + (", ..." if len(keys) > NAMED else "")
-            raise DatasetFormatError(f"{path}: {len(keys)} images (ids {names}) {problem}")
+    problems = [
+        f"{len(keys)} images (ids {_named(keys)}) {problem}"
+        for problem, keys in (
+            (f"are not of this split{_number_remedy(unknown, known)}", unknown),
+            ("are missing: give each its element, with no instances if nothing was found", missing),
+            ("are there more than once", twice),
+        )
+        if keys
+    ]
+    if problems:
+        raise DatasetFormatError(f"{path}: {'; '.join(problems)}")
+
+
+def _named(keys: Sequence[Key]) -> str:
+    """The first ids of many as JSON has them, so that the text "1" differs from the number 1."""
+    return ", ".join(json.dumps(key) for key in keys[:NAMED]) + (
+        ", ..." if len(keys) > NAMED else ""
+    )
+
+
+def _number_remedy(unknown: Sequence[Key], known: Container[Key]) -> str:
+    """What to do about ids that are text where the truth's are numbers, if some are."""
+    texts = [key for key in unknown if isinstance(key, str)]
+    if any(key.isdecimal() and int(key) in known for key in texts):
+        return ": text stands where the truth has a number; write ids without quotation marks"
+    return ""
 
 
 def _is_image(element: Any) -> bool:

@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from animal3dbox.bench.manifest import read_manifest
-from animal3dbox.bench.results import ResultHead, checked_splits, read_head, read_split, truth_file
+from animal3dbox.bench.made_files import truth_file
+from animal3dbox.bench.manifest import usable_manifest
+from animal3dbox.bench.results import ResultHead, checked_splits, read_head, read_split
 from animal3dbox.datasets.readers.omni3d.reader import read_omni3d
 from animal3dbox.datasets.readers.visible_boxes import visible_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
@@ -59,7 +60,7 @@ class SplitScore:
 def score_result(
     root: Path, folder: Path, *, splits: Sequence[str] = (), resamples: int = 200
 ) -> tuple[ResultHead, list[SplitScore]]:
-    """Score a result against a benchmark's truth, or refuse it.
+    """Score a result against a benchmark's truth, or refuse it; pictures need not be there.
 
     Args:
         root: the benchmark's folder.
@@ -70,7 +71,8 @@ def score_result(
     Raises:
         DatasetNotFoundError: a file is missing.
         DatasetFormatError: the result is of another version, edition or pixels, is in another
-            layout, lacks an image, or has a box that cannot be used; or the truth was changed.
+            layout, lacks an image, or has a box that cannot be used; or the truth or VERSION was
+            changed.
 
     Example:
         >>> import tempfile
@@ -99,14 +101,14 @@ def score_result(
         >>> scores[0].metrics["ap_3d"], scores[0].metrics["flip_rate"]
         (1.0, 0.0)
     """
-    manifest, head = read_manifest(root), read_head(folder)
+    manifest, head = usable_manifest(root), read_head(folder)
     scores = []
     for name in checked_splits(head, manifest, splits):
         truth = truth_file(root, manifest, name)
         boxes = read_split(folder, name, truth)
         stated = bool(boxes.records) and all(one.box is not None for one in boxes.records)
         paired_by: PairedBy = "bbox" if stated else "projection"
-        metrics = _metrics(read_omni3d(truth), boxes, paired_by, resamples)
+        metrics = _metrics(read_omni3d(truth, look_for_images=False), boxes, paired_by, resamples)
         scores.append(SplitScore(name, paired_by, metrics))
     return head, scores
 

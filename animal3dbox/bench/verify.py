@@ -15,6 +15,7 @@ from animal3dbox.bench.manifest import (
     file_sha256,
     pixels_digest,
     read_manifest,
+    version_fault,
 )
 from animal3dbox.bench.plan import BenchPlan, SplitPlan, bench_plan
 from animal3dbox.bench.split_files import ImageDigests, split_paths
@@ -29,7 +30,7 @@ class BenchFindings:
     """The result of verifying a benchmark.
 
     Attributes:
-        files: number of files that were hashed.
+        files: number of files that were compared, VERSION among them.
         images: number of images whose pixels were hashed.
         faults: one error for each file or image that is missing or not as it was made.
 
@@ -71,7 +72,7 @@ def verify_bench(
         ...     _ = make_bench(tiny, Path(folder))
         ...     findings = verify_bench(Path(folder), plan=tiny)
         >>> findings.files, findings.images, findings.faults
-        (6, 1, ())
+        (7, 1, ())
     """
     manifest = read_manifest(root)
     plan = plan or _plan_of(manifest)
@@ -86,11 +87,14 @@ def verify_bench(
     for name in wanted:
         files |= manifest.splits[name].files
     faults = [fault for path, sha in files.items() if (fault := _file_fault(root, path, sha))]
+    if fault := version_fault(root, manifest):
+        faults.insert(0, fault)
+    faults += _strangers(root, plan)
     images = 0
     for name in wanted:
         images += manifest.splits[name].images
         faults += _split_faults(root, plan.split(name), manifest.splits[name])
-    return BenchFindings(files=len(files), images=images, faults=tuple(faults))
+    return BenchFindings(files=len(files) + 1, images=images, faults=tuple(faults))
 
 
 def _plan_of(manifest: Manifest) -> BenchPlan:
@@ -102,7 +106,7 @@ def _plan_of(manifest: Manifest) -> BenchPlan:
 
 
 def whole_splits(root: Path, manifest: Manifest, splits: Sequence[str]) -> list[str]:
-    """The names of splits that are whole: those asked for, or all.
+    """The names of splits that are whole: those asked for, each once, or all.
 
     Raises:
         ConfigError: one that was asked for is not whole, or none is.
@@ -113,7 +117,7 @@ def whole_splits(root: Path, manifest: Manifest, splits: Sequence[str]) -> list[
             f"{root} has no whole split {', '.join(unfinished)} (whole:"
             f" {', '.join(manifest.splits) or 'none'}): make it (animal3dbox bench make)"
         )
-    return list(splits) or list(manifest.splits)
+    return list(dict.fromkeys(splits)) or list(manifest.splits)
 
 
 def _file_fault(root: Path, path: str, sha256: str) -> SampleError | None:
@@ -150,6 +154,19 @@ def _split_faults(root: Path, split: SplitPlan, entry: SplitEntry) -> list[Sampl
         if path not in known
     ]
     return faults
+
+
+def _strangers(root: Path, plan: BenchPlan) -> list[SampleError]:
+    """An error for each file of images/ that lies in no split's folder."""
+    folders = {(root / split.image_name(0)).parent for split in plan.splits}
+    return [
+        SampleError(
+            path.relative_to(root).as_posix(), "file", "lies in no split's folder: remove it"
+        )
+        for home in {folder.parent for folder in folders}
+        for path in sorted(home.rglob("*"))
+        if not path.is_dir() and folders.isdisjoint(path.parents)
+    ]
 
 
 def _images_in(root: Path, split: SplitPlan) -> list[str]:

@@ -8,6 +8,7 @@ from tqdm import tqdm
 from animal3dbox.bench.baselines import run_baseline
 from animal3dbox.bench.image_rows import ImageRow
 from animal3dbox.bench.make import make_bench
+from animal3dbox.bench.manifest import check_output_folder
 from animal3dbox.bench.plan import bench_plan
 from animal3dbox.bench.score import score_result, score_tables
 from animal3dbox.bench.verify import verify_bench
@@ -48,6 +49,7 @@ def _verify(job: VerifyJob) -> ExitCode:
 
 def _score(job: ScoreJob) -> ExitCode:
     """Score the result, write its tables, and print the short one."""
+    check_output_folder(job.out, job.bench, job.result)
     head, scores = score_result(job.bench, job.result, splits=job.split, resamples=job.resamples)
     evaluation = score_tables(head, scores)
     write_json(job.out / "score.json", evaluation)
@@ -58,6 +60,7 @@ def _score(job: ScoreJob) -> ExitCode:
 
 def _baseline(job: BaselineJob) -> ExitCode:
     """Write the baseline's result, and say how to score it."""
+    check_output_folder(job.out, job.bench)
     head = run_baseline(job.bench, job.baseline, job.out, splits=job.split)
     print(f"{head.method} on {', '.join(head.splits)}" + (f": {head.note}" if head.note else ""))
     print(f"score it: animal3dbox bench score {job.bench} {job.out} --out {job.out}-score")

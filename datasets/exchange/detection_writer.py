@@ -20,7 +20,7 @@ from animal3dbox.files import write_whole
 def write_detections(records: Sequence[CuboidRecord], truth: Path, path: Path) -> None:
     """Write boxes as detections in a truth's images, for read_predictions and for Omni3D's tools.
 
-    Every image of the truth gets its element, whether it has a box or not.
+    Every image of the truth gets its element, whether it has a box or not, and a file or not.
 
     Args:
         records: boxes in the truth's images, by their image_id; a score that is None is 1.
@@ -56,7 +56,7 @@ def write_detections(records: Sequence[CuboidRecord], truth: Path, path: Path) -
         >>> boxes.name, boxes.records[0].size.round(6).tolist()
         ('cubercnn', [0.9, 0.3, 0.6])
     """
-    known = read_truth(truth)
+    known = read_truth(truth, look_for_images=False)
     instances: dict[str, list[dict[str, Any]]] = {image.image_id: [] for image in known.usable}
     for record in records:
         if record.image_id not in instances:

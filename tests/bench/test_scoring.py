@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from bench_folders import made, tiny_plan, write_result
 from commands import ran
+from PIL import Image
 
 from animal3dbox.bench import read_manifest, run_baseline, score_result
 from animal3dbox.datasets import CuboidRecord, read_omni3d
@@ -138,6 +139,14 @@ def with_an_unknown_image(result: Path) -> None:
     rewritten(result, [*elements(result), {"image_id": 99, "instances": []}])
 
 
+def with_ids_that_are_text(result: Path) -> None:
+    rewritten(result, [{**image, "image_id": str(image["image_id"])} for image in elements(result)])
+
+
+def with_a_name_for_an_id(result: Path) -> None:
+    rewritten(result, [*elements(result), {"image_id": "dog.png", "instances": []}])
+
+
 def with_a_flat_list(result: Path) -> None:
     rewritten(result, [box for image in elements(result) for box in image["instances"]])
 
@@ -145,6 +154,12 @@ def with_a_flat_list(result: Path) -> None:
 def with_a_box_that_is_none(result: Path) -> None:
     content = elements(result)
     content[0]["instances"][0]["dimensions"] = [1, 1, -1]
+    rewritten(result, content)
+
+
+def with_a_box_of_another_image(result: Path) -> None:
+    content = elements(result)
+    content[0]["instances"][0]["image_id"] = 2
     rewritten(result, content)
 
 
@@ -186,8 +201,17 @@ def of_a_split_that_is_not_there(result: Path) -> None:
         (without_an_image, r"1 images \(ids 1\) are missing: give each its element"),
         (with_an_image_twice, r"1 images \(ids 1\) are there more than once"),
         (with_an_unknown_image, r"1 images \(ids 99\) are not of this split"),
+        (
+            with_ids_that_are_text,
+            r'4 images \(ids "1", "2", "3", "4"\) are not of this split: text stands where',
+        ),
+        (with_a_name_for_an_id, r'1 images \(ids "dog.png"\) are not of this split$'),
         (with_a_flat_list, "must be a list of images"),
         (with_a_box_that_is_none, "1 boxes cannot be used.*dimensions"),
+        (
+            with_a_box_of_another_image,
+            "image 1, instance 0: image_id: is 2, and its element's is 1",
+        ),
         (of_another_version, "the result is of bench-v0 small and the benchmark is bench-v1 small"),
         (of_another_edition, "the result is of bench-v1 full and the benchmark is bench-v1 small"),
         (of_other_pixels, "test-id was detected on other pixels: the result says 0000"),
@@ -228,6 +252,96 @@ def test_nothing_is_scored_against_a_changed_truth(
     path.write_text(path.read_text() + " ")
     with pytest.raises(DatasetFormatError, match="not as it was made, so nothing is scored"):
         scores(copy, result)
+
+
+def test_the_labeller_refuses_changed_keypoints(bench: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    path = copy / "keypoints" / "test-id.json"
+    file = json.loads(path.read_text())
+    file["annotations"][0]["keypoints"][0] += 1
+    path.write_text(json.dumps(file))
+    with pytest.raises(DatasetFormatError, match=r"keypoints/test-id\.json is not as it was made"):
+        run_baseline(copy, "labels-preset", tmp_path / "result", splits=["test-id"])
+    run_baseline(copy, "constant", tmp_path / "other", splits=["test-id"])  # reads no keypoints
+
+
+def test_nothing_is_scored_by_a_changed_list_of_categories(
+    bench: Path, result: Path, tmp_path: Path
+) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    path = copy / "truth" / "test-id_category_meta.json"
+    path.write_text(path.read_text() + " ")
+    with pytest.raises(DatasetFormatError, match=r"category_meta\.json is not as it was made"):
+        scores(copy, result)
+    path.unlink()
+    with pytest.raises(DatasetNotFoundError, match=r"no truth/test-id_category_meta\.json"):
+        scores(copy, result)
+
+
+@pytest.mark.parametrize("deleted", [1, 4])
+def test_pictures_that_were_deleted_do_not_shrink_the_test(
+    bench: Path, result: Path, tmp_path: Path, deleted: int
+) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    expected = scores(copy, result)
+    for path in sorted((copy / "images" / "test-id").glob("*.png"))[:deleted]:
+        path.unlink()
+    assert scores(copy, result) == expected
+    assert expected["images"] == 4
+
+
+def without_version(bench: Path) -> None:
+    (bench / "VERSION").unlink()
+
+
+def with_another_version(bench: Path) -> None:
+    (bench / "VERSION").write_text("bench-v2\n")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [(without_version, "VERSION: file: cannot be read"), (with_another_version, "is 'bench-v2'")],
+)
+def test_score_and_baseline_refuse_a_version_that_is_not_the_manifest_s(
+    bench: Path, result: Path, tmp_path: Path, spoil: Callable[[Path], None], words: str
+) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    spoil(copy)
+    with pytest.raises(DatasetFormatError, match=words):
+        scores(copy, result)
+    with pytest.raises(DatasetFormatError, match=words):
+        run_baseline(copy, "constant", tmp_path / "other", splits=["test-id"])
+
+
+def smaller(path: Path) -> None:
+    with Image.open(path) as image:
+        image.resize((128, 96)).save(path)
+
+
+@pytest.mark.parametrize("baseline", ["nearest", "labels-preset"])
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (Path.unlink, "is missing"),
+        (smaller, "is 128 x 96, not 256 x 192"),
+        (lambda path: path.write_bytes(b"no picture"), ": "),
+    ],
+)
+def test_a_baseline_refuses_pictures_that_are_missing_or_of_another_size(
+    bench: Path, tmp_path: Path, baseline: str, spoil: Callable[[Path], None], words: str
+) -> None:
+    copy = Path(shutil.copytree(bench, tmp_path / "copy"))
+    spoil(copy / "images" / "test-id" / "000002.png")
+    arguments = ("bench", "baseline", copy, baseline, "--split", "test-id")
+    code, said = ran(*arguments, "--out", tmp_path / "result")
+    assert code == 3
+    assert re.search(rf"1 of 4 pictures .*images/test-id/000002\.png.*({words})", flat(said))
+    assert not (tmp_path / "result").exists()
+
+
+def flat(text: str) -> str:
+    """A command's words on one line."""
+    return " ".join(text.split())
 
 
 @pytest.mark.parametrize("baseline", ["constant", "nearest"])

@@ -44,7 +44,7 @@ def test_made_twice_it_has_the_same_digests_and_the_same_files(bench: Path, tmp_
 def test_it_verifies_and_has_300_images(bench: Path) -> None:
     code, words = ran("bench", "verify", bench)
     assert code == 0
-    assert "36 files and 300 images: 0 faults" in words
+    assert "37 files and 300 images: 0 faults" in words
 
 
 def test_the_command_names_what_is_wrong_and_exits_with_4(bench: Path, tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_the_command_names_what_is_wrong_and_exits_with_4(bench: Path, tmp_path:
     code, words = ran("bench", "verify", copy, "--split", "val")
     assert code == 4
     assert "images/val/000007.png: image: cannot be read" in words
-    assert "6 files and 30 images: 1 faults" in words
+    assert "7 files and 30 images: 1 faults" in words
     code, words = ran("bench", "make", copy, "--edition", "small", "--split", "val")
     assert code == 0
     assert ran("bench", "verify", copy, "--split", "val")[0] == 0

@@ -10,7 +10,7 @@ from bench_folders import made, tiny_plan
 from PIL import Image
 
 from animal3dbox.bench import BenchFindings, verify_bench
-from animal3dbox.errors import ConfigError, DatasetNotFoundError
+from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 
 PLAN = tiny_plan(val=2, test_id=1)
 
@@ -37,7 +37,7 @@ def faults(bench: Path) -> list[tuple[str, str]]:
 
 def test_a_benchmark_as_it_was_made_has_no_fault(bench: Path) -> None:
     found = findings(bench)
-    assert (found.files, found.images, found.faults) == (11, 3, ())
+    assert (found.files, found.images, found.faults) == (12, 3, ())
 
 
 def test_one_changed_pixel_is_found(bench: Path) -> None:
@@ -67,17 +67,39 @@ def test_one_changed_number_of_the_truth_is_found(bench: Path) -> None:
 
 @pytest.mark.parametrize(
     "file",
-    ["images/val/000000.png", "truth/val.json", "keypoints/test-id.json", "README.md"],
+    ["images/val/000000.png", "truth/val.json", "keypoints/test-id.json", "README.md", "VERSION"],
 )
 def test_one_missing_file_is_found(bench: Path, file: str) -> None:
     (bench / file).unlink()
     assert [name for name, _ in faults(bench)] == [file]
 
 
+def test_a_changed_version_is_found(bench: Path) -> None:
+    (bench / "VERSION").write_text((bench / "VERSION").read_text().replace("v1", "v2"))
+    assert faults(bench) == [("VERSION", "line")]
+    (fault,) = findings(bench).faults
+    assert f"write this line into it, if the rest verifies: bench-v1 small {PLAN.digest}" in str(
+        fault
+    )
+
+
 def test_an_image_that_is_none_and_one_that_does_not_belong_are_found(bench: Path) -> None:
     (bench / "images" / "val" / "000000.png").write_bytes(b"no picture")
     shutil.copy(bench / "images" / "val" / "000001.png", bench / "images" / "val" / "000002.png")
     assert faults(bench) == [("images/val/000000.png", "image"), ("images/val/000002.png", "file")]
+
+
+def test_files_of_images_in_no_split_s_folder_are_found(bench: Path) -> None:
+    picture = bench / "images" / "val" / "000000.png"
+    (bench / "images" / "other").mkdir()
+    for name in ("000000.png", "other/000000.png"):
+        shutil.copy(picture, bench / "images" / name)
+    expected = [("images/000000.png", "file"), ("images/other/000000.png", "file")]
+    assert faults(bench) == expected
+    assert [one.field for one in verify_bench(bench, splits=["val"], plan=PLAN).faults] == [
+        "file",
+        "file",
+    ]
 
 
 def test_pixels_and_their_digest_changed_together_are_found(bench: Path) -> None:
@@ -92,6 +114,20 @@ def test_pixels_and_their_digest_changed_together_are_found(bench: Path) -> None
         ("digests/val.json", "pixels"),
         ("images/val/000000.png", "pixels"),
     ]
+
+
+@pytest.mark.parametrize("left", [0, 200])
+def test_a_manifest_that_was_cut_off_is_refused_with_a_remedy_that_helps(
+    bench: Path, left: int
+) -> None:
+    path = bench / "MANIFEST.json"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:left])
+    with pytest.raises(DatasetFormatError, match=r"MANIFEST\.json .*copy it again .*or delete it"):
+        findings(bench)
+    path.unlink()
+    assert made(bench, PLAN) == bench
+    assert path.read_bytes() == whole
 
 
 def test_a_benchmark_of_another_seed_file_is_refused(bench: Path) -> None:

@@ -64,6 +64,7 @@ def read_omni3d(
     convention: Convention | None = None,
     heading_known: bool | None = None,
     metric: Metric = "info",
+    look_for_images: bool = True,
 ) -> CuboidSet:
     """The cuboids of a file in Omni3D's format, in our frames and corner order.
 
@@ -79,6 +80,8 @@ def read_omni3d(
         metric: whether lengths are metres: "yes", "no", or "info": as the file says, which files of
             this package do, others in info.units ("m"); of a file that says nothing the scale is
             not known.
+        look_for_images: False: what the file says counts alone, and an image whose file is missing
+            is no fault.
 
     Returns:
         The boxes in our frames; every usable image; one fault each unusable box or image; notes
@@ -117,7 +120,9 @@ def read_omni3d(
     file: RawOmni3DFile = decode_json(path, RawOmni3DFile)
     head = stated_head(file.info)
     convention = convention or head.convention()
-    by_id, image_faults, image_notes = images_by_id(file.images, path, images, convention)
+    by_id, image_faults, image_notes = images_by_id(
+        file.images, path, images, convention, look_for_images=look_for_images
+    )
     names, category_faults = category_names(file.categories)
     boxes, box_faults, box_notes = _stated_boxes(file, by_id, names, convention)
     records, record_faults, record_notes = _sound_records(
@@ -172,7 +177,12 @@ def _sound_records(
 
 
 def images_by_id(
-    raws: Sequence[msgspec.Raw], path: Path, images: Path | None, convention: Convention
+    raws: Sequence[msgspec.Raw],
+    path: Path,
+    images: Path | None,
+    convention: Convention,
+    *,
+    look_for_images: bool = True,
 ) -> tuple[dict[Key, CuboidImage | None], list[SampleError], list[str]]:
     """The images by id, None for faulty ones; an error for each of those; and notes.
 
@@ -181,9 +191,12 @@ def images_by_id(
         path: the annotation file.
         images: the user's folder of images; None: look for one.
         convention: of the file.
+        look_for_images: whether an image whose file is missing is a fault.
 
     """
-    root = image_root(path, images, [_ids_of(raw).file_path for raw in raws[:TRIED]])
+    root = None
+    if look_for_images:
+        root = image_root(path, images, [_ids_of(raw).file_path for raw in raws[:TRIED]])
     by_id: dict[Key, CuboidImage | None] = {}
     faults: list[SampleError] = []
     paths: dict[Path, Key] = {}
@@ -214,7 +227,7 @@ def images_by_id(
         by_id[key] = image
     notes = (
         []
-        if root is not None or not raws
+        if root is not None or not raws or not look_for_images
         else ["no image file was found near the annotations: files are not checked (see --images)"]
     )
     return by_id, faults, notes

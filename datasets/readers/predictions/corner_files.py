@@ -102,6 +102,8 @@ def _instances(
 ) -> list[Any]:
     """The detections of one image of a nested file, each with the image's id.
 
+    One that names another image is a fault, and left out.
+
     Args:
         element: the image.
         number: its place in the file.
@@ -116,10 +118,22 @@ def _instances(
     image = reading.truth.images.get(stated.image_id)
     if image is not None and not _is_camera_of(stated, image, reading):
         different.append(image.image_id)
-    return [
-        {"image_id": stated.image_id, **one} if isinstance(one, dict) else one
-        for one in stated.instances
-    ]
+    instances: list[Any] = []
+    for place, one in enumerate(stated.instances):
+        if not isinstance(one, dict):
+            instances.append(one)
+        elif one.get("image_id", stated.image_id) != stated.image_id:
+            reading.faults.append(
+                SampleError(
+                    f"image {stated.image_id!r}, instance {place}",
+                    "image_id",
+                    f"is {one['image_id']!r}, and its element's is {stated.image_id!r}: whose box"
+                    " it is cannot be told; give both the image's id, or the element alone",
+                )
+            )
+        else:
+            instances.append({**one, "image_id": stated.image_id})
+    return instances
 
 
 def _is_camera_of(stated: _Image, image: CuboidImage, reading: DetectionReading) -> bool:

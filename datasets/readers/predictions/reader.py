@@ -42,6 +42,7 @@ def read_predictions(
     heading_known: bool | None = None,
     images: Path | str | None = None,
     metric: Metric = "info",
+    look_for_images: bool = True,
 ) -> CuboidSet:
     """The boxes that a detector found, in our frames and corner order.
 
@@ -59,6 +60,8 @@ def read_predictions(
         heading_known: whether forward and left mean something; None: as the layout has it.
         images: the folder that the truth's image paths are relative to.
         metric: whether lengths are metres; "info": as the truth's are.
+        look_for_images: False: the truth counts alone, and detections in an image whose file is
+            missing are no faults.
 
     Returns:
         The boxes, with scores; all usable images of the truth; one fault each unusable detection;
@@ -105,7 +108,7 @@ def read_predictions(
     if cameras is not None and cameras != "camera":
         poses = user_path(cameras)
     kind = recognised_layout(path, layout)
-    known = read_truth(truth, images, metric=metric)
+    known = read_truth(truth, images, metric=metric, look_for_images=look_for_images)
     reading = DetectionReading(known, kind)
     if kind.name == "kitti":
         records = _kitti_records(path, reading, heading_known=heading_known)

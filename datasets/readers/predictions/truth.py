@@ -90,7 +90,13 @@ class Truth:
         )
 
 
-def read_truth(path: Path, images: Path | None = None, *, metric: Metric = "info") -> Truth:
+def read_truth(
+    path: Path,
+    images: Path | None = None,
+    *,
+    metric: Metric = "info",
+    look_for_images: bool = True,
+) -> Truth:
     """The images and categories of an Omni3D file; its boxes are not looked at.
 
     Contiguous ids are those of X_category_meta.json beside X.json, which trainers go by, or else
@@ -100,6 +106,7 @@ def read_truth(path: Path, images: Path | None = None, *, metric: Metric = "info
         path: the file.
         images: the folder that image paths are relative to; None: looked for.
         metric: whether its lengths are metres, as for read_omni3d.
+        look_for_images: whether an image whose file is missing is a faulty one, likewise.
 
     Raises:
         DatasetNotFoundError: no such file.
@@ -109,7 +116,9 @@ def read_truth(path: Path, images: Path | None = None, *, metric: Metric = "info
     file: RawOmni3DFile = decode_json(path, RawOmni3DFile)
     head = stated_head(file.info)
     convention = head.convention()
-    by_id, _, _ = images_by_id(file.images, path, images, convention)
+    by_id, _, _ = images_by_id(
+        file.images, path, images, convention, look_for_images=look_for_images
+    )
     names, _ = category_names(file.categories)
     return Truth(
         images=by_id,

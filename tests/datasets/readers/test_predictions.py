@@ -429,3 +429,19 @@ def test_the_page_of_layouts_says_what_the_code_does() -> None:
         assert row[3] == layout.frame
         assert layout.categories in row[5] or (layout.categories == "dataset" and "ids" in row[5])
         assert (row[6] == "known") == layout.heading_known
+
+
+@pytest.mark.parametrize("other", [2, "1"])
+def test_an_instance_that_names_another_image_than_its_element_is_a_fault_that_names_both(
+    other: int | str, tmp_path: Path, truth: Path
+) -> None:
+    elements = nested_elements(truth)
+    first = next(element for element in elements if element["instances"])
+    first["image_id"], first["instances"][0]["image_id"] = 1, other
+    path = tmp_path / "p.pth"
+    PTH_WRITERS["archive"](elements, path)
+    found = read_predictions(path, truth)
+    assert len(found.records) == len(BOXES.records) - 1
+    (fault,) = found.faults
+    assert fault.field == "image_id"
+    assert f"is {other!r}, and its element's is 1" in fault.problem
