@@ -153,7 +153,10 @@ FIELDS: tuple[Field, ...] = (
 
 META_PER_ANIMAL = ("sample_ids", "quality", "scale_source", "sightings")
 """Book-keeping in ``target["meta"]`` with one entry an animal; it follows animals left out."""
-META_PER_IMAGE = ("sample_key", "K_source", "exif_orientation", "turned_upright")
+META_PER_IMAGE = (
+    *("sample_key", "K_source", "exif_orientation", "turned_upright"),
+    "keypoint_sides",
+)
 """Book-keeping in ``target["meta"]`` of the whole image; whatever else lies there is passed on."""
 
 _BY_NAME = {field.name: field for field in FIELDS}

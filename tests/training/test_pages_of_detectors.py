@@ -9,6 +9,7 @@ import pytest
 import torch
 from scenes import scene
 
+from animal3dbox.datasets import SyntheticDataset
 from animal3dbox.training.metrics import BoxMetrics
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -53,7 +54,11 @@ def test_the_metrics_of_all_processes_are_merged_as_the_page_says(
     assert names["everybody"][0].compute()["images"] == 4
 
 
-def test_the_code_of_the_page_of_targets_encodes_decodes_and_fits_a_baseline() -> None:
+def test_the_code_of_the_page_of_targets_encodes_decodes_and_fits_a_baseline(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    drawn = SyntheticDataset(2, seed=0, image_hw=(120, 160))
     targets = [scene(2, seed=n) for n in range(4)]
     names: dict[str, Any] = {
         "train_targets": targets,
@@ -61,8 +66,15 @@ def test_the_code_of_the_page_of_targets_encodes_decodes_and_fits_a_baseline() -
         "target": targets[0],
         "dataset": SimpleNamespace(classes=("cat", "dog")),
         "metrics": BoxMetrics(resamples=0),
+        "rows": torch.arange(2),
+        "generator": torch.Generator().manual_seed(0),
+        "network": lambda pixels: len(pixels),
+        "loss_of": lambda out, target: (out, len(target["rotation_6d"])),
     }
     for block in blocks("detector_targets.md"):
-        exec(block, names)  # noqa: S102
+        own = {**names, "dataset": drawn} if "StoredCrops" in block else names
+        exec(block, own)  # noqa: S102
+        loss = own.get("loss")
+    assert loss == (2, 2)
     assert torch.allclose(names["decoded"]["center"], targets[0]["center"])
     assert names["metrics"].compute()["ap_3d"] == 1.0  # each animal is its own neighbour
