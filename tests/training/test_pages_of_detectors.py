@@ -71,10 +71,11 @@ def test_the_code_of_the_page_of_targets_encodes_decodes_and_fits_a_baseline(
         "network": lambda pixels: len(pixels),
         "loss_of": lambda out, target: (out, len(target["rotation_6d"])),
     }
+    losses = []
     for block in blocks("detector_targets.md"):
         own = {**names, "dataset": drawn} if "StoredCrops" in block else names
         exec(block, own)  # noqa: S102
-        loss = own.get("loss")
-    assert loss == (2, 2)
+        losses.append(own.get("loss"))
+    assert (2, 2) in losses  # two views, and two targets of them
     assert torch.allclose(names["decoded"]["center"], targets[0]["center"])
     assert names["metrics"].compute()["ap_3d"] == 1.0  # each animal is its own neighbour
