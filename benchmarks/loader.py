@@ -7,7 +7,7 @@ the figures are medians of rounds, the ratios those of times per image to the fl
 workers. The floors decode as Datasets do, JPEGs by OpenCV (datasets/images/jpeg.py): with masks,
 without, and JPEGs alone by Pillow. Pictures are synthetic, 640 x 480, one animal each. With
 --masks-off only "cached labels, no masks" and its floor take turns, in one process and processor
-time.
+time, and the same with a flip, a virtual camera, a crop and normalisation.
 """
 
 import argparse
@@ -39,7 +39,14 @@ from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.synthetic.animal3d_writer import write_animal3d
 from animal3dbox.datasets.synthetic.synthetic_set import animal3d_world
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
-from animal3dbox.transforms import ColorJitter, Compose, RandomHorizontalFlip, RandomResizedCrop
+from animal3dbox.transforms import (
+    ColorJitter,
+    Compose,
+    Normalize,
+    RandomHorizontalFlip,
+    RandomResizedCrop,
+    RandomVirtualCamera,
+)
 
 torch.set_num_threads(1)
 cv2.setNumThreads(1)
@@ -165,6 +172,17 @@ def masks_off(root: Path, model: Path, cache: Path, rounds: int) -> None:
     Processor time of one process: what else the machine does counts less.
     """
     dataset = Animal3DDataset(root, model, stored_cameras="exact", cache=cache, masks=False)
+    views = Compose(
+        [
+            RandomHorizontalFlip(),
+            RandomVirtualCamera(5, 5, 10),
+            RandomResizedCrop(512),
+            Normalize(),
+        ]
+    )
+    augmented = Animal3DDataset(
+        root, model, stored_cameras="exact", cache=cache, masks=False, transform=views
+    )
     floor, other = (
         Decoded(dataset, masks=False, decode=decode) for decode in (by_opencv, by_pillow)
     )
@@ -173,6 +191,7 @@ def masks_off(root: Path, model: Path, cache: Path, rounds: int) -> None:
         "decode only": lambda batch: [floor[index] for index in batch],
         "decode only, Pillow": lambda batch: [other[index] for index in batch],
         "cached labels": dataset.__getitems__,
+        "cached labels, transforms": augmented.__getitems__,
     }
     for batch in batches:
         dataset.__getitems__(batch)  # fills the cache

@@ -128,12 +128,12 @@ class JoinedDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         samples: dict[int, tuple[Tensor, Target] | Skipped] = {}
         for source, dataset in enumerate(self.datasets):
             own = [number for number, (one, _) in enumerate(places) if one == source]
-            asked: list[SampleIndex] = []
+            own_indices: list[SampleIndex] = []
             for number in own:
                 index = indices[number]
                 place = places[number][1]
-                asked.append((index[0], place) if isinstance(index, tuple) else place)
-            for number, sample in zip(own, dataset.__getitems__(asked), strict=True):
+                own_indices.append((index[0], place) if isinstance(index, tuple) else place)
+            for number, sample in zip(own, dataset.__getitems__(own_indices), strict=True):
                 samples[number] = self._renumbered(sample, source)
         return [samples[number] for number in range(len(indices))]
 
@@ -226,12 +226,12 @@ def _merged(
             f"same calls {chained[0]!r} {same[chained[0]]!r}, which it calls"
             f" {same[same[chained[0]]]!r}: give each name the one that it shall have at the end"
         )
-    met = dict.fromkeys(same.get(name, name) for name in every)
-    merged = tuple(met if classes is None else classes)
+    needed = dict.fromkeys(same.get(name, name) for name in every)
+    merged = tuple(needed if classes is None else classes)
     numbers = {name: number for number, name in enumerate(merged)}
-    missing = [name for name in met if name not in numbers]
+    missing = [name for name in needed if name not in numbers]
     if missing or len(numbers) != len(merged):
-        raise ConfigError(f"classes must differ and hold {missing or [*met]}, got {merged}")
+        raise ConfigError(f"classes must differ and hold {missing or [*needed]}, got {merged}")
     return merged, [
         torch.tensor([numbers[same.get(name, name)] for name in one.classes], dtype=torch.int64)
         for one in datasets

@@ -67,15 +67,15 @@ def loss_of(out: Fields, target: Fields) -> Tensor:
 @torch.no_grad()
 def predict(detector: nn.Module, crops: StoredCrops) -> Fields:
     """The boxes that a detector sees in crops, in the camera frames of their images."""
-    found: list[Fields] = []
+    parts: list[Fields] = []
     for rows in torch.arange(len(crops)).tensor_split(len(crops) // 256 + 1):
         pixels, seen = CropViews().plain(crops.pixels[rows], crops.at(rows).truth)
         out, mirrored = detector(pixels), detector(pixels.flip(3))
         likely = out["direction"].softmax(1) + BINS.unmirrored(mirrored["direction"].softmax(1))
         scores, place = likely.max(1)
         out["rotation_6d"] = out["rotation_6d"][torch.arange(len(rows)), place]
-        found.append({**CODER.decode(out, boxes=seen["boxes"], K=seen["K"]), "scores": scores / 2})
-    return {name: torch.cat([part[name] for part in found]) for name in found[0]}
+        parts.append({**CODER.decode(out, boxes=seen["boxes"], K=seen["K"]), "scores": scores / 2})
+    return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
 
 
 def train(
@@ -134,10 +134,10 @@ def main() -> None:
         if options.folder is not None:
             datasets[name] = Omni3DDataset(options.folder / "truth" / f"{name}.json")
     stored = {name: StoredCrops.kept(one, options.out / name) for name, one in datasets.items()}
-    taught = stored.pop(options.splits[0])
+    train_crops = stored.pop(options.splits[0])
     for seed in options.seeds:
         path = options.out / f"seed-{seed}.pt"
-        detector = train(taught, path, CropViews(), seed=seed, epochs=options.epochs)
+        detector = train(train_crops, path, CropViews(), seed=seed, epochs=options.epochs)
         for name, crops in stored.items():
             boxes = predict(detector, crops)
             metrics = BoxMetrics(pair_by="boxes", class_agnostic=True, relative=False)

@@ -32,6 +32,7 @@ from animal3dbox.datasets.records import AnimalRecord, CuboidRecord, CuboidSet
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 from animal3dbox.evaluate.comparison_metrics import metric_fields
+from animal3dbox.files import user_path
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.training.detector_targets.baselines import (
@@ -64,12 +65,13 @@ class Answers:
     records: list[CuboidRecord]
     left_out: Counter[str] = field(default_factory=Counter)
 
-    def note(self, split: str) -> tuple[str, ...]:
-        """A sentence on the animals without a box, if there are any."""
+    @property
+    def note(self) -> str:
+        """Words on the animals without a box; empty if there are none."""
         if not self.left_out:
-            return ()
+            return ""
         reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.most_common())
-        return (f"{self.left_out.total()} animals of {split} have no box ({reasons})",)
+        return f"{self.left_out.total()} animals have no box ({reasons})"
 
 
 Detector = Callable[[str], Answers]
@@ -77,7 +79,7 @@ Detector = Callable[[str], Answers]
 
 
 def run_baseline(
-    root: Path, baseline: Baseline, folder: Path, *, splits: Sequence[str]
+    root: Path | str, baseline: Baseline, folder: Path | str, *, splits: Sequence[str]
 ) -> ResultHead:
     """Write a baseline's result on some splits, as a detector's would be.
 
@@ -88,7 +90,7 @@ def run_baseline(
         splits: names of whole splits.
 
     Returns:
-        The content of about.json, which names every split that is there; its note counts the
+        The content of about.json, which names every split that is there; its notes count the
         animals without a box by the reason.
 
     Raises:
@@ -111,6 +113,7 @@ def run_baseline(
         >>> head.track, scores[0].metrics["images"]
         ('keypoints', 2)
     """
+    root, folder = user_path(root), user_path(folder)
     manifest = usable_manifest(root)
     names = whole_splits(root, manifest, splits)
     head = ResultHead(
@@ -122,14 +125,15 @@ def run_baseline(
     )
     extended_head(folder, head)  # refuses a folder of another result before any work
     detector = _detector(root, manifest, baseline)
-    notes: list[str] = []
+    notes: dict[str, str] = {}
     for name in names:
         truth = truth_file(root, manifest, name)
         check_pictures(root, truth)
         answers = detector(name)
         write_detections(answers.records, truth, folder / f"{name}.json")
-        notes += answers.note(name)
-    head = extended_head(folder, msgspec.structs.replace(head, note="; ".join(notes)))
+        if answers.note:
+            notes[name] = answers.note
+    head = extended_head(folder, msgspec.structs.replace(head, notes=notes))
     write_head(folder, head)
     return head
 
@@ -138,21 +142,20 @@ def _detector(root: Path, manifest: Manifest, baseline: Baseline) -> Detector:
     """A baseline, which has learned from train if it learns."""
     if baseline in ("constant", "nearest"):
         whole_splits(root, manifest, [TRAIN])
-        learned = _learned(
-            baseline, read_omni3d(truth_file(root, manifest, TRAIN), look_for_images=False)
-        )
+        train = read_omni3d(truth_file(root, manifest, TRAIN), look_for_images=False)
+        model = _fitted_to(train, baseline)
         return lambda split: _without_pixels(
-            learned, read_omni3d(root / split_paths(split)[0], look_for_images=False)
+            model, read_omni3d(root / split_paths(split)[0], look_for_images=False)
         )
     body = baseline.removeprefix("labels-")
     return lambda split: _labelled(keypoints_file(root, manifest, split), root, body)
 
 
-def _learned(baseline: Baseline, train: CuboidSet) -> ConstantBaseline | NearestNeighbourBaseline:
-    """A baseline without pixels that has seen the boxes of train, whatever their species."""
+def _fitted_to(train: CuboidSet, baseline: Baseline) -> ConstantBaseline | NearestNeighbourBaseline:
+    """A baseline without pixels, fitted to the boxes of train, whatever their species."""
     targets = [target for _, target in _targets(train)]
-    learner = ConstantBaseline if baseline == "constant" else NearestNeighbourBaseline
-    return learner.fit(BoxCoder(virtual_focal_px=float(train.images[0].image_hw[1])), targets)
+    kind = ConstantBaseline if baseline == "constant" else NearestNeighbourBaseline
+    return kind.fit(BoxCoder(virtual_focal_px=float(train.images[0].image_hw[1])), targets)
 
 
 def _targets(boxes: CuboidSet) -> Iterator[tuple[list[CuboidRecord], dict[str, Any]]]:
@@ -162,11 +165,11 @@ def _targets(boxes: CuboidSet) -> Iterator[tuple[list[CuboidRecord], dict[str, A
         of_image[record.image_id].append(record)
     for image_id, records in of_image.items():
         fields = metric_fields(records, tuple({one.category for one in records}))
-        seen = torch.from_numpy(np.stack([_box(record) for record in records]))
+        boxes_2d = torch.from_numpy(np.stack([_box(record) for record in records]))
         names = ("center", "rotation", "size", "K")
         yield (
             records,
-            {**{name: fields[name] for name in names}, "boxes": seen, "image_id": image_id},
+            {**{name: fields[name] for name in names}, "boxes": boxes_2d, "image_id": image_id},
         )
 
 
@@ -178,24 +181,24 @@ def _box(record: CuboidRecord) -> Floats:
 
 
 def _without_pixels(
-    learned: ConstantBaseline | NearestNeighbourBaseline, truth: CuboidSet
+    model: ConstantBaseline | NearestNeighbourBaseline, truth: CuboidSet
 ) -> Answers:
     """What a baseline says of the 2D boxes of a split."""
-    found = []
+    detections = []
     for records, target in _targets(truth):
-        told = {name: target[name] for name in ("boxes", "K", "image_id")}
-        said = {name: value.numpy() for name, value in learned.predict(told).items()}
-        found += [
+        inputs = {name: target[name] for name in ("boxes", "K", "image_id")}
+        boxes = {name: value.numpy() for name, value in model.predict(inputs).items()}
+        detections += [
             replace(
                 record,
-                center=said["center"][number],
-                rotation=said["rotation"][number],
-                size=said["size"][number],
-                score=float(said["scores"][number]),
+                center=boxes["center"][number],
+                rotation=boxes["rotation"][number],
+                size=boxes["size"][number],
+                score=float(boxes["scores"][number]),
             )
             for number, record in enumerate(records)
         ]
-    return Answers(found)
+    return Answers(detections)
 
 
 class _ImageWithK(msgspec.Struct):

@@ -3,7 +3,7 @@
 from animal3dbox.bench.plan import BenchPlan, SplitPlan
 
 CARD = "README.md"
-"""The card's name."""
+"""The file of the data card, in the benchmark's folder."""
 SIZES = (
     (1_000, "n<1K"),
     (10_000, "1K<n<10K"),

@@ -129,15 +129,15 @@ def draw_image(split: SplitPlan, index: int) -> tuple[ImageRow, Pixels]:
 
 
 def _animal_row(animal: SyntheticAnimal, split: SplitPlan) -> AnimalRow:
-    """What is said of one animal."""
-    seen = faulty_keypoints(
+    """The row of one animal: its box, and its keypoints as a detector would give them."""
+    detected = faulty_keypoints(
         animal.sample_id,
         animal.image_hw,
         marked_keypoints(animal),
         faults=split.faults,
         seed=split.seed,
     )
-    keypoints = seen * (seen[:, 2:] > 0)  # nothing is said of where a missing one would be
+    keypoints = detected * (detected[:, 2:] > 0)  # a missing one has no place
     return AnimalRow(
         category=animal.preset,
         center=animal.cuboid.center.tolist(),

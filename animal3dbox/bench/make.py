@@ -32,7 +32,7 @@ from animal3dbox.bench.plan import BenchPlan, SplitPlan
 from animal3dbox.bench.split_files import split_paths, write_split
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError
-from animal3dbox.files import write_whole
+from animal3dbox.files import user_path, write_whole
 
 CHUNK = 25
 """Images that a process draws at a time."""
@@ -72,7 +72,7 @@ class ChunkJob:
 
 def make_bench(
     plan: BenchPlan,
-    root: Path,
+    root: Path | str,
     *,
     splits: Sequence[str] = (),
     workers: int = 1,
@@ -106,12 +106,13 @@ def make_bench(
     """
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, got {workers}")
-    wanted = [plan.split(name) for name in splits] or list(plan.splits)
+    root = user_path(root)
+    chosen_splits = [plan.split(name) for name in splits] or list(plan.splits)
     claim_folder(plan, root)
     manifest = read_manifest(root) if (root / MANIFEST).is_file() else empty_manifest(plan)
     write_whole(root / CARD, card_text(plan).encode())
     manifest.files = {CARD: file_sha256(root / CARD)}
-    for split in wanted:
+    for split in chosen_splits:
         if _is_whole(root, split, manifest):
             _draw_missing(root, split)
         else:
@@ -167,11 +168,12 @@ def draw_chunk(job: ChunkJob) -> list[ImageRow]:
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     if job.path.is_file():
         try:
-            done: list[ImageRow] = decode_json(job.path, list[ImageRow])
+            earlier: list[ImageRow] = decode_json(job.path, list[ImageRow])
         except DatasetFormatError:
-            done = []
-        if len(done) == len(job.numbers) and all((job.root / row.name).is_file() for row in done):
-            return done
+            earlier = []
+        images_are_there = all((job.root / row.name).is_file() for row in earlier)
+        if len(earlier) == len(job.numbers) and images_are_there:
+            return earlier
     rows = []
     for index in job.numbers:
         row, pixels = draw_image(job.split, index)

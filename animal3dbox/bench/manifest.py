@@ -19,7 +19,7 @@ from animal3dbox.files import write_whole
 
 SCHEMA: Final = "animal3dbox.bench"
 MANIFEST, VERSION = "MANIFEST.json", "VERSION"
-"""Names of the two files."""
+"""The file of all digests, and the line that says which benchmark a folder holds."""
 FOLDERS = ("images", "truth", "keypoints", "digests", "work")
 """A benchmark's folders below its own."""
 LONGEST = 120
@@ -125,13 +125,13 @@ def version_fault(root: Path, manifest: Manifest) -> SampleError | None:
     expected = f"{manifest.version} {manifest.edition} {manifest.plan}\n".encode()
     remedy = f"write this line into it, if the rest verifies: {expected.decode().strip()}"
     try:
-        found = (root / VERSION).read_bytes()
+        line = (root / VERSION).read_bytes()
     except OSError as error:
         return SampleError(VERSION, "file", f"cannot be read ({error.strerror}): {remedy}")
-    if found == expected:
+    if line == expected:
         return None
-    said = found[:LONGEST].decode(errors="replace").strip()
-    return SampleError(VERSION, "line", f"is {said!r}, not what {MANIFEST} says: {remedy}")
+    shown = line[:LONGEST].decode(errors="replace").strip()
+    return SampleError(VERSION, "line", f"is {shown!r}, not what {MANIFEST} says: {remedy}")
 
 
 def usable_manifest(root: Path) -> Manifest:

@@ -41,7 +41,8 @@ class ResultHead(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_field
         track: what the method looked at; see docs/bench.md.
         method: the method's name.
         splits: split -> the digest that MANIFEST.json gives the images that were looked at.
-        note: anything that a reader should know.
+        note: anything that a reader should know of the method.
+        notes: split -> what a reader should know of that split's boxes.
 
     Example:
         >>> ResultHead(
@@ -55,6 +56,7 @@ class ResultHead(msgspec.Struct, kw_only=True, frozen=True, forbid_unknown_field
     method: str
     splits: dict[str, str]
     note: str = ""
+    notes: dict[str, str] = {}
 
 
 def write_head(folder: Path, head: ResultHead) -> None:
@@ -112,19 +114,19 @@ def extended_head(folder: Path, head: ResultHead) -> ResultHead:
                 f"{folder} holds a result whose {field} is {theirs!r}, and this one's is {ours!r}:"
                 " give another folder (--out)"
             )
-    kept = {
+    other_splits = {
         name: digest
         for name, digest in old.splits.items()
         if name not in head.splits
         and any((folder / f"{name}{suffix}").is_file() for suffix in SUFFIXES)
     }
-    notes = [
-        note
-        for note in old.note.split("; ")
-        if any(f" animals of {name} " in note for name in kept)
-    ]
-    note = "; ".join([*notes, *([head.note] if head.note else [])])
-    return msgspec.structs.replace(head, splits={**kept, **head.splits}, note=note)
+    notes = {name: note for name, note in old.notes.items() if name in other_splits}
+    return msgspec.structs.replace(
+        head,
+        splits={**other_splits, **head.splits},
+        note=head.note or old.note,
+        notes={**notes, **head.notes},
+    )
 
 
 def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) -> list[str]:
@@ -145,7 +147,8 @@ def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) 
             f"{ABOUT}: the result is of {' '.join(theirs)} and the benchmark is {' '.join(ours)}:"
             " score it against what was detected on"
         )
-    for name in (wanted := list(dict.fromkeys(splits)) or list(head.splits)):
+    names = list(dict.fromkeys(splits)) or list(head.splits)
+    for name in names:
         if name not in head.splits:
             raise DatasetFormatError(f"{ABOUT}: splits has no {name!r}, which is asked for")
         if name not in manifest.splits:
@@ -158,9 +161,9 @@ def checked_splits(head: ResultHead, manifest: Manifest, splits: Sequence[str]) 
                 f" {head.splits[name]}, and MANIFEST.json {digest}; verify both copies"
                 " (animal3dbox bench verify), and detect again"
             )
-    if not wanted:
+    if not names:
         raise DatasetFormatError(f"{ABOUT}: splits is empty: there is nothing to score")
-    return wanted
+    return names
 
 
 def read_split(folder: Path, split: str, truth: Path) -> CuboidSet:
@@ -189,13 +192,13 @@ def read_split(folder: Path, split: str, truth: Path) -> CuboidSet:
 
 
 def _file_of(folder: Path, split: str) -> Path:
-    """The one file of a split."""
-    found = [path for suffix in SUFFIXES if (path := folder / f"{split}{suffix}").is_file()]
-    if len(found) != 1:
+    """The file of a split's boxes in a result: SPLIT.json or SPLIT.pth, one of which is there."""
+    files = [path for suffix in SUFFIXES if (path := folder / f"{split}{suffix}").is_file()]
+    if len(files) != 1:
         names = " or ".join(f"{split}{suffix}" for suffix in SUFFIXES)
-        number = "both" if found else "neither"
+        number = "both" if files else "neither"
         raise DatasetNotFoundError(f"{folder} must hold {names}, and holds {number}")
-    return found[0]
+    return files[0]
 
 
 def _check_images(path: Path, truth: Path) -> None:

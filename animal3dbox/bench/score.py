@@ -18,6 +18,7 @@ from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.evaluate.comparison_metrics import metric_fields
 from animal3dbox.evaluate.files import Evaluation
 from animal3dbox.evaluate.tables import Table, table_from_records
+from animal3dbox.files import user_path
 from animal3dbox.training.metrics.box_metrics import BoxMetrics, Metrics
 
 PairedBy = Literal["bbox", "projection"]
@@ -58,7 +59,7 @@ class SplitScore:
 
 
 def score_result(
-    root: Path, folder: Path, *, splits: Sequence[str] = (), resamples: int = 200
+    root: Path | str, folder: Path | str, *, splits: Sequence[str] = (), resamples: int = 200
 ) -> tuple[ResultHead, list[SplitScore]]:
     """Score a result against a benchmark's truth, or refuse it; pictures need not be there.
 
@@ -101,6 +102,7 @@ def score_result(
         >>> scores[0].metrics["ap_3d"], scores[0].metrics["flip_rate"]
         (1.0, 0.0)
     """
+    root, folder = user_path(root), user_path(folder)
     manifest, head = usable_manifest(root), read_head(folder)
     scores = []
     for name in checked_splits(head, manifest, splits):
@@ -126,6 +128,7 @@ def score_tables(head: ResultHead, scores: Sequence[SplitScore]) -> Evaluation:
     about = {
         name: getattr(head, name) for name in ("version", "edition", "track", "method", "note")
     }
+    about["notes"] = "; ".join(f"{split}: {note}" for split, note in head.notes.items())
     brief = table_from_records(
         "brief",
         f"{head.method} on {head.version} ({head.edition}), track {head.track}",

@@ -81,13 +81,13 @@ def write_split(root: Path, plan: BenchPlan, split: SplitPlan, rows: Sequence[Im
         faces=True,
     )
     write_whole(keypoints, msgspec.json.encode(_keypoint_file(split, rows)))
-    said = {
+    digests_of_image = {
         row.name: ImageDigests(
             pixels=row.pixels, scene=row.scene, bodies=[animal.body for animal in row.animals]
         )
         for row in rows
     }
-    write_whole(digests, msgspec.json.format(msgspec.json.encode(said)))
+    write_whole(digests, msgspec.json.format(msgspec.json.encode(digests_of_image)))
 
 
 def _keypoint_file(split: SplitPlan, rows: Sequence[ImageRow]) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from animal3dbox.bench.plan import BenchPlan, SplitPlan, bench_plan
 from animal3dbox.bench.split_files import ImageDigests, split_paths
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import Animal3DBoxError, ConfigError, SampleError
+from animal3dbox.files import user_path
 
 REMAKE = "delete the file and make the benchmark again there (animal3dbox bench make)"
 
@@ -45,7 +46,7 @@ class BenchFindings:
 
 
 def verify_bench(
-    root: Path, *, splits: Sequence[str] = (), plan: BenchPlan | None = None
+    root: Path | str, *, splits: Sequence[str] = (), plan: BenchPlan | None = None
 ) -> BenchFindings:
     """Check every file and every decoded pixel of a benchmark against its manifest and its plan.
 
@@ -74,6 +75,7 @@ def verify_bench(
         >>> findings.files, findings.images, findings.faults
         (7, 1, ())
     """
+    root = user_path(root)
     manifest = read_manifest(root)
     plan = plan or _plan_of(manifest)
     if (manifest.version, manifest.plan) != (plan.version, plan.digest):
@@ -82,16 +84,16 @@ def verify_bench(
             f" than this package's ({plan.version}, plan {plan.digest}): use the version of"
             " animal3dbox that made it, or make it again"
         )
-    wanted = whole_splits(root, manifest, splits)
+    names = whole_splits(root, manifest, splits)
     files = dict(manifest.files)
-    for name in wanted:
+    for name in names:
         files |= manifest.splits[name].files
     faults = [fault for path, sha in files.items() if (fault := _file_fault(root, path, sha))]
     if fault := version_fault(root, manifest):
         faults.insert(0, fault)
     faults += _strangers(root, plan)
     images = 0
-    for name in wanted:
+    for name in names:
         images += manifest.splits[name].images
         faults += _split_faults(root, plan.split(name), manifest.splits[name])
     return BenchFindings(files=len(files) + 1, images=images, faults=tuple(faults))
@@ -123,12 +125,12 @@ def whole_splits(root: Path, manifest: Manifest, splits: Sequence[str]) -> list[
 def _file_fault(root: Path, path: str, sha256: str) -> SampleError | None:
     """What is wrong with one file, if anything is."""
     try:
-        found = file_sha256(root / path)
+        actual = file_sha256(root / path)
     except OSError as error:
         return SampleError(path, "file", f"cannot be read ({error.strerror}): make it again")
-    if found == sha256:
+    if actual == sha256:
         return None
-    return SampleError(path, "sha256", f"is {found}, and the manifest says {sha256}: {REMAKE}")
+    return SampleError(path, "sha256", f"is {actual}, and the manifest says {sha256}: {REMAKE}")
 
 
 def _split_faults(root: Path, split: SplitPlan, entry: SplitEntry) -> list[SampleError]:
@@ -179,10 +181,10 @@ def _image_fault(root: Path, name: str, expected: str) -> SampleError | None:
     """What is wrong with the pixels of one image, if anything is."""
     try:
         with Image.open(root / name) as image:
-            found = pixel_digest(np.asarray(image.convert("RGB")))
+            actual = pixel_digest(np.asarray(image.convert("RGB")))
     except OSError as error:
         problem = error.strerror or str(error)
         return SampleError(name, "image", f"cannot be read ({problem}): {REMAKE}")
-    if found == expected:
+    if actual == expected:
         return None
-    return SampleError(name, "pixels", f"come to {found}, and were {expected}: {REMAKE}")
+    return SampleError(name, "pixels", f"come to {actual}, and were {expected}: {REMAKE}")

@@ -62,7 +62,9 @@ def _baseline(job: BaselineJob) -> ExitCode:
     """Write the baseline's result, and say how to score it."""
     check_output_folder(job.out, job.bench)
     head = run_baseline(job.bench, job.baseline, job.out, splits=job.split)
-    print(f"{head.method} on {', '.join(head.splits)}" + (f": {head.note}" if head.note else ""))
+    print(f"{head.method} on {', '.join(head.splits)}")
+    for split, note in head.notes.items():
+        print(f"  {split}: {note}")
     print(f"score it: animal3dbox bench score {job.bench} {job.out} --out {job.out}-score")
     return ExitCode.OK
 

@@ -34,7 +34,7 @@ class VerifyJob:
     """
 
     bench: Annotated[Positional[Path], arg(metavar="BENCH")]
-    """the benchmark's folder"""
+    """the folder that bench make wrote"""
     split: tuple[str, ...] = ()
     """names of the splits to check; none: all that are whole"""
 
@@ -47,7 +47,7 @@ class ScoreJob:
     """
 
     bench: Annotated[Positional[Path], arg(metavar="BENCH")]
-    """the benchmark's folder"""
+    """the folder that bench make wrote"""
     result: Annotated[Positional[Path], arg(metavar="RESULT")]
     """the result's folder: about.json, and SPLIT.json in Cube R-CNN's layout (docs/bench.md)"""
     out: Path
@@ -66,11 +66,11 @@ class BaselineJob:
     """
 
     bench: Annotated[Positional[Path], arg(metavar="BENCH")]
-    """the benchmark's folder"""
+    """the folder that bench make wrote"""
     baseline: Annotated[Positional[Baseline], arg(metavar="NAME")]
     """constant, nearest (both learn from train), labels-fit or labels-preset (from keypoints)"""
     out: Path
-    """the result's folder"""
+    """folder for about.json and SPLIT.json, as a detector's result has them (docs/bench.md)"""
     split: tuple[str, ...] = ()
     """names of the splits; none: all that are whole"""
 
@@ -88,4 +88,4 @@ class BenchJob:
         | Annotated[ScoreJob, subcommand("score", prefix_name=False)]
         | Annotated[BaselineJob, subcommand("baseline", prefix_name=False)]
     )
-    """what is done"""
+    """the subcommand"""

@@ -74,7 +74,7 @@ def _detections(job: CompareJob) -> CuboidSet:
     cameras: Cameras = None
     if job.cameras is not None:
         cameras = "camera" if job.cameras == "camera" else user_path(job.cameras)
-    found = read_predictions(
+    detections = read_predictions(
         job.predictions,
         job.truth,
         layout=job.layout,
@@ -84,10 +84,13 @@ def _detections(job: CompareJob) -> CuboidSet:
         images=job.images,
         metric=job.metric,
     )
-    kept = tuple(one for one in found.records if one.score is None or one.score >= job.least_score)
-    left_out = len(found.records) - len(kept)
+    records = tuple(
+        one for one in detections.records if one.score is None or one.score >= job.least_score
+    )
+    left_out = len(detections.records) - len(records)
     note = (f"{left_out} detections have a score below {job.least_score:g}: left out",)
-    return replace(found, records=kept, notes=(*found.notes, *(note if left_out else ())))
+    notes = (*detections.notes, *(note if left_out else ()))
+    return replace(detections, records=records, notes=notes)
 
 
 def _labels(job: CompareJob, detections: CuboidSet) -> CuboidSet:
@@ -124,8 +127,8 @@ def _image_of(
     record: CuboidRecord, by_name: dict[str, CuboidImage], truth: Path
 ) -> CuboidImage | None:
     """The truth's image of a label, whose name may lack the folders before it."""
-    found = by_name.get(record.image_id)
-    return found or unique_image(tuple(by_name.values()), record.image_id, truth)
+    exact = by_name.get(record.image_id)
+    return exact or unique_image(tuple(by_name.values()), record.image_id, truth)
 
 
 def _pictures(

@@ -78,7 +78,7 @@ def run_export(job: ExportJob) -> ExitCode:
         f" {', '.join(map(str, exported.files))}; an export to be joined with this one goes on with"
         f" --first-id {exported.next_id}"
     )
-    return _told(exported, cuboids.faults)
+    return _print_losses(exported, cuboids.faults)
 
 
 def _cuboids_of(job: ExportJob) -> CuboidSet:
@@ -127,10 +127,10 @@ def _export_rows(job: ExportJob) -> ExitCode:
     else:
         exported = write_wildlife_datasets(file.animals, path)
     print(f"{exported.boxes} animals in {exported.images} images written as {job.to}: {path}")
-    return _told(exported, faults)
+    return _print_losses(exported, faults)
 
 
-def _told(exported: ExportSummary, faults: Sequence[SampleError]) -> ExitCode:
+def _print_losses(exported: ExportSummary, faults: Sequence[SampleError]) -> ExitCode:
     """Print what was lost, and what a careful person should know."""
     for note in exported.notes:
         print(f"warning: {note}", file=sys.stderr)
@@ -173,7 +173,7 @@ def _export_fits(job: ExportJob) -> ExitCode:
     )
     notes = [f"{without} animals have labels of other bodies, which are not written"]
     exported = replace(exported, notes=(*exported.notes, *(notes if without else ())))
-    return _told(exported, faults)
+    return _print_losses(exported, faults)
 
 
 def read_cuboids(path: Path, options: CuboidOptions) -> CuboidSet:

@@ -128,7 +128,9 @@ class EpochSampler(Sampler[Any]):
                     f"the state is of a sampler with {name} {state.get(name)!r}, this one has"
                     f" {value!r}: its samples would be others"
                 )
-        self.set_epoch(state.get("epoch"), state.get("start"))  # type: ignore[arg-type]
+        place = {name: state.get(name) for name in ("epoch", "start")}
+        _check_whole(**place)
+        self.set_epoch(state["epoch"], state["start"])
 
     def _order(self) -> dict[str, Any]:
         """What the order of an epoch depends on, the rank aside."""

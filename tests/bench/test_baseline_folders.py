@@ -38,12 +38,12 @@ def test_about_names_every_split_that_is_there_and_the_notes_on_each(
 ) -> None:
     """Of a split that is made again the new note counts; one whose file was deleted is gone."""
     first = run_baseline(bench, "constant", tmp_path, splits=["val"])
-    note = "1 animals of val have no box (few); 2 animals of train have no box (few)"
+    notes = {"val": "1 animals have no box (few)", "train": "2 animals have no box (few)"}
     gone = {**first.splits, "train": "0" * 64}
-    write_head(tmp_path, msgspec.structs.replace(first, splits=gone, note=note))
+    write_head(tmp_path, msgspec.structs.replace(first, splits=gone, note="mine", notes=notes))
     second = run_baseline(bench, "constant", tmp_path, splits=["test-id"])
     assert list(second.splits) == ["val", "test-id"]
-    assert second.note == "1 animals of val have no box (few)"
+    assert (second.note, second.notes) == ("mine", {"val": "1 animals have no box (few)"})
     about = msgspec.convert(json.loads((tmp_path / "about.json").read_text()), ResultHead)
     assert about == second
     assert [one.split for one in score_result(bench, tmp_path, resamples=0)[1]] == [
@@ -51,7 +51,8 @@ def test_about_names_every_split_that_is_there_and_the_notes_on_each(
         "test-id",
     ]
     third = run_baseline(bench, "constant", tmp_path, splits=["val"])
-    assert (set(third.splits), third.note) == ({"val", "test-id"}, "")
+    assert set(third.splits) == {"val", "test-id"}
+    assert third.notes == {}
 
 
 @pytest.mark.parametrize("place", [".", "images", "truth/deeper"])

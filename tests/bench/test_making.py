@@ -10,7 +10,14 @@ import pytest
 from bench_folders import in_both, made, tiny_plan
 from PIL import Image
 
-from animal3dbox.bench import make, make_bench, read_manifest
+from animal3dbox.bench import (
+    make,
+    make_bench,
+    read_manifest,
+    run_baseline,
+    score_result,
+    verify_bench,
+)
 from animal3dbox.bench.image_rows import draw_image, pixel_digest
 from animal3dbox.bench.plan import bench_plan
 from animal3dbox.datasets import read_omni3d
@@ -192,3 +199,13 @@ def test_the_manifest_says_what_is_there(tmp_path: Path) -> None:
     listed = {*entry.files, *manifest.files, "MANIFEST.json", "VERSION"}
     images = {image.image_id for image in truth.images}
     assert set(files_of(root)) == listed | images
+
+
+def test_paths_may_be_text(tmp_path: Path) -> None:
+    plan = bench_plan("small")
+    tiny = replace(plan, splits=(replace(plan.split("val"), images=1),))
+    root, result = str(tmp_path / "bench"), str(tmp_path / "result")
+    make_bench(tiny, root)
+    assert not verify_bench(root, plan=tiny).faults
+    run_baseline(root, "labels-preset", result, splits=["val"])
+    assert score_result(root, result, resamples=0)[1][0].metrics["images"] == 1

@@ -349,7 +349,7 @@ def test_a_baseline_that_learns_answers_each_box_of_a_split(
     bench: Path, truth: tuple[CuboidRecord, ...], tmp_path: Path, baseline: Any
 ) -> None:
     head = run_baseline(bench, baseline, tmp_path / "result", splits=["test-id"])
-    assert (head.track, head.method, head.note) == ("box", baseline, "")
+    assert (head.track, head.method, head.notes) == ("box", baseline, {})
     metrics = scores(bench, tmp_path / "result")
     assert metrics["predictions"] == len(truth)
     assert metrics["heading_error_deg"] > 5  # six images teach little
@@ -364,7 +364,7 @@ def test_the_nearest_neighbour_knows_what_it_was_taught(bench: Path, tmp_path: P
 def test_our_labeller_sees_the_right_flank_from_keypoints(bench: Path, tmp_path: Path) -> None:
     head = run_baseline(bench, "labels-preset", tmp_path / "result", splits=["train", "test-id"])
     assert head.track == "keypoints"
-    without = [int(count) for count in re.findall(r"(\d+) animals of", head.note)]
+    without = [int(note.split()[0]) for note in head.notes.values()]
     found = [
         box
         for name in head.splits

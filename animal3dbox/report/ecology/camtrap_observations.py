@@ -18,7 +18,7 @@ from animal3dbox.datasets.exchange.export import ExportSummary
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
 from animal3dbox.report.ecology.camtrap_package import CamtrapPackage, read_camtrap_package
-from animal3dbox.report.ecology.edge_boxes import edge_box, turned_notes
+from animal3dbox.report.ecology.edge_boxes import EdgeBox, rows_with_boxes, turned_notes
 from animal3dbox.report.label_files import AnimalRow
 from animal3dbox.report.label_table import distance_source
 
@@ -142,31 +142,30 @@ def write_camtrap_dp(
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, tuple(FIELDS))
     writer.writeheader()
-    faults: list[SampleError] = []
-    written: list[AnimalRow] = []
-    for row in animals:
+    pairs, outside = rows_with_boxes(animals)
+    faults: list[SampleError] = [*outside]
+    rows: list[AnimalRow] = []
+    for row, box in pairs:
         try:
-            cells = _observation(row, package)
+            writer.writerow(_observation(row, box, package))
         except SampleError as fault:
             faults.append(fault)
             continue
-        writer.writerow(cells)
-        written.append(row)
+        rows.append(row)
     write_whole(path, text.getvalue().encode())
-    placed = sum(_scale_is_known(row) for row in written)
-    note = f"{len(written) - placed} of {len(written)} animals have no distance: their scale is"
-    notes = turned_notes(written)
+    unplaced = sum(not _scale_is_known(row) for row in rows)
+    note = f"{unplaced} of {len(rows)} animals have no distance: their scale is not known"
     return ExportSummary(
         files=(path,),
-        images=len({row.image for row in written}),
-        boxes=len(written),
+        images=len({row.image for row in rows}),
+        boxes=len(rows),
         faults=tuple(faults),
-        notes=notes if placed == len(written) else (f"{note} not known", *notes),
+        notes=((note,) if unplaced else ()) + turned_notes(rows),
     )
 
 
-def _observation(row: AnimalRow, package: CamtrapPackage) -> dict[str, str]:
-    """Column -> cell of an animal, each as the standard wants it.
+def _observation(row: AnimalRow, box: EdgeBox, package: CamtrapPackage) -> dict[str, str]:
+    """Column -> cell of an animal with its 2D box, each as the standard wants it.
 
     Raises:
         SampleError: its media file is not found, or a cell would not be as the standard says.
@@ -174,7 +173,7 @@ def _observation(row: AnimalRow, package: CamtrapPackage) -> dict[str, str]:
     """
     media = package.media_of(row.image, row.sample_id)
     height, width = row.image_hw
-    x, y, wide, high = edge_box(row)
+    x, y, wide, high = box
     side = (f"side:{row.side}",) if row.side else ()
     cells = {
         "observationID": f"{media['mediaID']}:{row.animal}" if media["mediaID"] else "",
@@ -219,7 +218,7 @@ def _position(row: AnimalRow) -> dict[str, str]:
 
 def _comments(row: AnimalRow) -> str:
     """What no column holds: the dataset's category, how sure the box is, what told the distance."""
-    said = [f"category {row.category}", f"confidence of the 3D box {row.confidence:.2f}"]
+    remarks = [f"category {row.category}", f"confidence of the 3D box {row.confidence:.2f}"]
     if _scale_is_known(row):
-        said.append(f"distance by {distance_source(row)}")
-    return "; ".join(said)
+        remarks.append(f"distance by {distance_source(row)}")
+    return "; ".join(remarks)

@@ -69,12 +69,12 @@ class CamtrapPackage:
             return self.media[image]
         named = self.by_name.get(PurePosixPath(image).name, ())
         ending = [path for path in named if path.endswith(f"/{image}")]
-        found = ending or list(named)
-        if len(found) == 1:
-            return self.media[found[0]]
+        paths = ending or list(named)
+        if len(paths) == 1:
+            return self.media[paths[0]]
         problem = "no media file is called so"
-        if found:
-            problem = f"{len(found)} media files are called so, such as {found[0]} and {found[1]}"
+        if paths:
+            problem = f"{len(paths)} media files are called so, such as {paths[0]} and {paths[1]}"
         raise SampleError(
             sample_id,
             "image",
@@ -108,8 +108,8 @@ def read_camtrap_package(folder: Path) -> CamtrapPackage:
     """
     file = folder if folder.is_file() else folder / "datapackage.json"
     package: _Package = decode_json(file, _Package)
-    found = VERSION.search(package.profile)
-    version = found.group(1) if found else LATEST
+    in_profile = VERSION.search(package.profile)
+    version = in_profile.group(1) if in_profile else LATEST
     if version not in KNOWN_VERSIONS:
         raise ConfigError(
             f"{file} is of Camtrap DP {version}, whose observations have other columns: bring the"
@@ -146,15 +146,15 @@ def _read_media(path: Path) -> dict[str, Mapping[str, str]]:
     if missing:
         raise DatasetFormatError(f"{path} lacks the columns {', '.join(missing)} of Camtrap DP")
     media: dict[str, Mapping[str, str]] = {}
-    seen: set[str] = set()
+    media_ids: set[str] = set()
     for number, row in enumerate(rows, 2):
-        own = {"filePath": row["filePath"] in media, "mediaID": row["mediaID"] in seen}
+        own = {"filePath": row["filePath"] in media, "mediaID": row["mediaID"] in media_ids}
         for name, is_known in own.items():
             if is_known and row[name]:
                 raise DatasetFormatError(
                     f"{path}, line {number}: {name} {row[name]!r} is that of an earlier line:"
                     " media could not be told apart"
                 )
-        seen.add(row["mediaID"])
+        media_ids.add(row["mediaID"])
         media[row["filePath"]] = row
     return media

@@ -5,9 +5,12 @@ from collections.abc import Sequence
 from animal3dbox.errors import SampleError
 from animal3dbox.report.label_files import AnimalRow
 
+EdgeBox = tuple[float, float, float, float]
+"""x, y, width, height in px from the frame's corner."""
 
-def edge_box(row: AnimalRow) -> tuple[float, float, float, float]:
-    """x, y, width, height (px from the frame's corner) of what the frame shows of an animal's box.
+
+def edge_box(row: AnimalRow) -> EdgeBox:
+    """What the frame shows of an animal's 2D box.
 
     Our pixels have their centres at whole numbers: a frame reaches from -0.5 to its side - 0.5.
 
@@ -28,6 +31,20 @@ def edge_box(row: AnimalRow) -> tuple[float, float, float, float]:
             row.sample_id, "box", f"has no area in the frame of {width} x {height} px: {row.box}"
         )
     return left, top, right - left, bottom - top
+
+
+def rows_with_boxes(
+    animals: Sequence[AnimalRow],
+) -> tuple[list[tuple[AnimalRow, EdgeBox]], tuple[SampleError, ...]]:
+    """The animals that the frame shows, each with its box, and an error for each other."""
+    pairs: list[tuple[AnimalRow, EdgeBox]] = []
+    faults: list[SampleError] = []
+    for row in animals:
+        try:
+            pairs.append((row, edge_box(row)))
+        except SampleError as fault:
+            faults.append(fault)
+    return pairs, tuple(faults)
 
 
 def turned_notes(animals: Sequence[AnimalRow]) -> tuple[str, ...]:

@@ -7,9 +7,8 @@ from typing import Any
 import msgspec
 
 from animal3dbox.datasets.exchange.export import ExportSummary
-from animal3dbox.errors import SampleError
 from animal3dbox.files import write_whole
-from animal3dbox.report.ecology.edge_boxes import edge_box, turned_notes
+from animal3dbox.report.ecology.edge_boxes import rows_with_boxes, turned_notes
 from animal3dbox.report.label_files import AnimalRow
 
 FROM_ABOVE_DEG = 67.5
@@ -43,20 +42,15 @@ def write_wbia(animals: Sequence[AnimalRow], path: Path) -> ExportSummary:
     """
     images: dict[str, dict[str, Any]] = {}
     annotations: list[dict[str, Any]] = []
-    faults: list[SampleError] = []
     categories = {name: id_ for id_, name in enumerate(sorted({a.category for a in animals}), 1)}
-    for row in animals:
-        try:
-            box = edge_box(row)
-        except SampleError as fault:
-            faults.append(fault)
-            continue
+    pairs, faults = rows_with_boxes(animals)
+    for row, box in pairs:
         height, width = row.image_hw
         image = images.setdefault(
             row.image,
             {"id": len(images) + 1, "file_name": row.image, "height": height, "width": width},
         )
-        known = {"name": row.sighting.individual} if row.sighting.individual else {}
+        name = {"name": row.sighting.individual} if row.sighting.individual else {}
         annotations.append(
             {
                 "id": len(annotations) + 1,
@@ -67,7 +61,7 @@ def write_wbia(animals: Sequence[AnimalRow], path: Path) -> ExportSummary:
                 "iscrowd": 0,
                 "theta": UPRIGHT_THETA,
                 "viewpoint": viewpoint_word(row),
-                **known,
+                **name,
             }
         )
     content = {
@@ -78,7 +72,7 @@ def write_wbia(animals: Sequence[AnimalRow], path: Path) -> ExportSummary:
     }
     write_whole(path, msgspec.json.encode(content))
     return ExportSummary(
-        (path,), len(images), len(annotations), tuple(faults), turned_notes(animals)
+        (path,), len(images), len(annotations), faults, turned_notes([row for row, _ in pairs])
     )
 
 

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from animal3dbox.datasets.exchange.export import ExportSummary
-from animal3dbox.errors import SampleError
 from animal3dbox.files import write_whole
-from animal3dbox.report.ecology.edge_boxes import edge_box, turned_notes
+from animal3dbox.report.ecology.edge_boxes import rows_with_boxes, turned_notes
 from animal3dbox.report.label_files import AnimalRow
 
 COLUMNS = ("image_id", "identity", "path", "bbox", "orientation", "species", "date")
@@ -40,15 +39,8 @@ def write_wildlife_datasets(animals: Sequence[AnimalRow], path: Path) -> ExportS
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, COLUMNS)
     writer.writeheader()
-    faults: list[SampleError] = []
-    written = []
-    for row in animals:
-        try:
-            box = edge_box(row)
-        except SampleError as fault:
-            faults.append(fault)
-            continue
-        written.append(row)
+    pairs, faults = rows_with_boxes(animals)
+    for row, box in pairs:
         writer.writerow(
             {
                 "image_id": row.sample_id,
@@ -61,12 +53,13 @@ def write_wildlife_datasets(animals: Sequence[AnimalRow], path: Path) -> ExportS
             }
         )
     write_whole(path, text.getvalue().encode())
-    unnamed = sum(row.sighting.individual is None for row in written)
-    note = f"{unnamed} of {len(written)} animals have no identity in their dataset: {UNKNOWN}"
+    rows = [row for row, _ in pairs]
+    unnamed = sum(row.sighting.individual is None for row in rows)
+    note = f"{unnamed} of {len(rows)} animals have no identity in their dataset: {UNKNOWN}"
     return ExportSummary(
         files=(path,),
-        images=len({row.image for row in written}),
-        boxes=len(written),
-        faults=tuple(faults),
-        notes=((note,) if unnamed else ()) + turned_notes(written),
+        images=len({row.image for row in rows}),
+        boxes=len(rows),
+        faults=faults,
+        notes=((note,) if unnamed else ()) + turned_notes(rows),
     )

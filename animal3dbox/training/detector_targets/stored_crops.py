@@ -100,10 +100,10 @@ class StoredCrops:
 
         """
         if path.exists():
-            kept = torch.load(path)
-            if kept.pop("names", None) != _names_digest(dataset):
+            contents = torch.load(path)
+            if contents.pop("names", None) != _names_digest(dataset):
                 raise _of_another(path, "length and image names differ")
-            crops = cls(**kept)
+            crops = cls(**contents)
             crops._check_cut_from(dataset, path, side=side, margin=margin)
             return crops
         samples = (dataset[number] for number in range(len(dataset)))

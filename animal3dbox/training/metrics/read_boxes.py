@@ -257,8 +257,8 @@ def _labels(source: BoxSource, count: int, options: MetricOptions) -> Whole:
     labels = None if options.class_agnostic else source.array("labels", (), count)
     if labels is None:
         return np.zeros(count, np.int64)
-    said = source.fields["labels"]
-    if said.dtype == torch.bool if isinstance(said, Tensor) else np.asarray(said).dtype == bool:
+    value = source.fields["labels"]
+    if value.dtype == torch.bool if isinstance(value, Tensor) else np.asarray(value).dtype == bool:
         raise source.error("labels", "must be the classes' numbers, got flags")
     for animal in np.flatnonzero(~(np.mod(labels, 1) == 0)):
         raise source.error("labels", f"must be whole, got {labels[animal]}", int(animal))
