@@ -37,11 +37,12 @@ test-fast: setup
 test-slow: setup
 	$(BIN)/python -m pytest -m slow
 
-# What needs extras that the set-up leaves out: Lightning (Apache-2.0, 0.9 MB, and 12 packages that it needs).
+# What needs extras that the set-up leaves out, Lightning and Rerun (licences and sizes: CONTRIBUTING.md).
 test-extras: setup
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,lightning]'
-	$(BIN)/python -c 'import pytorch_lightning'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,lightning,rerun]'
+	$(BIN)/python -c 'import pytorch_lightning, rerun'
 	$(BIN)/python -m pytest -q tests/test_examples.py -k lightning
+	$(BIN)/python -m pytest -q tests/report/test_rerun_view.py
 
 # The same tests on the lowest versions of everything that pyproject.toml admits (torch stays at the version that is at hand).
 test-lowest:

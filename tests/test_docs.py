@@ -6,8 +6,10 @@ import re
 import runpy
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import pytest
+import torch
 from small_animals import model_of
 
 from animal3dbox.labels.config import LabelConfig
@@ -243,6 +245,21 @@ def test_the_readme_s_training_loop_runs(
     exec(code_with("README.md", "AnnotatedDataset("), {"PATH": animals, "augment": None})  # noqa: S102
     assert "left out: " in capsys.readouterr().out
     assert (tmp_path / "labels-cache").is_dir()
+
+
+def test_faces_of_the_viewers_page_lie_round_the_animal() -> None:
+    page: dict[str, Any] = {}
+    exec(code_with("docs/viewers.md", "def face_shapes"), page)  # noqa: S102
+    shapes = torch.tensor(page["shapes"])
+    assert shapes.shape == (6, 4, 2)
+    height, width = page["image"].shape[-2:]
+    x0, y0, x1, y1 = page["target"]["boxes"][0].tolist()
+    low, high = shapes.reshape(-1, 2).amin(0), shapes.reshape(-1, 2).amax(0)
+    assert low[0] * width < x0 + 2 < x1 - 2 < high[0] * width
+    assert low[1] * height < y0 + 2 < y1 - 2 < high[1] * height
+    assert (
+        page["face_shapes"](page["image"], {"corner_in_front": shapes[None, :, 0, 0] > 9}, 0) == []
+    )
 
 
 def test_the_training_loop_of_the_datasets_page_runs(

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from animal3dbox.report.overlay import draw_cuboid as draw_cuboid
     from animal3dbox.report.overlay import draw_label as draw_label
     from animal3dbox.report.prediction_overlay import draw_predictions as draw_predictions
+    from animal3dbox.report.rerun_view import write_rerun as write_rerun
     from animal3dbox.report.run import Labelled as Labelled
     from animal3dbox.report.run import write_run as write_run
     from animal3dbox.report.summary import FLAGS as FLAGS
@@ -79,6 +80,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "label_targets": ("target_of_row",),
         "overlay": ("draw_cuboid", "draw_label"),
         "prediction_overlay": ("draw_predictions",),
+        "rerun_view": ("write_rerun",),
         "run": ("Labelled", "write_run"),
         "summary": ("FLAGS", "Summary", "flags_of"),
     },

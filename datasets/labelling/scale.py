@@ -9,7 +9,9 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Protocol
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from animal3dbox.datasets.records import AnimalRecord
@@ -17,6 +19,7 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.body import Body
 from animal3dbox.labels.label_row import LENGTHS
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
 UNKNOWN = "unknown"
 
@@ -107,7 +110,7 @@ class SpeciesScale:
         """
         name = record.category.lower().replace("_", " ").strip()
         metres = self.lengths_m.get(name) or self.lengths_m.get(name.split(" ")[-1])
-        length = head_and_body(record, body)
+        length = head_and_body(record.vocabulary, body.landmarks)
         if metres is None or length is None:
             return None, UNKNOWN
         return metres / length, f"species:{name}"
@@ -161,14 +164,18 @@ class AltitudeScale:
         return altitude / below, "altitude"
 
 
-def head_and_body(record: AnimalRecord, body: Body) -> float | None:
+def head_and_body(vocabulary: Vocabulary, landmarks: Tensor | NDArray[np.float64]) -> float | None:
     """Length of a body from nose over neck or withers to tail base, in its own unit.
 
     None if it lacks one of them.
+
+    Args:
+        vocabulary: names the J landmarks.
+        landmarks: (J, 3) of one body; NaN where it has none.
+
     """
     places: dict[str, Tensor] = {}
-    landmarks = torch.as_tensor(body.landmarks)
-    for landmark, names in zip(landmarks, record.vocabulary.landmarks, strict=True):
+    for landmark, names in zip(torch.as_tensor(landmarks), vocabulary.landmarks, strict=True):
         if bool(torch.isfinite(landmark).all()):
             for name in names:
                 places.setdefault(name, landmark)

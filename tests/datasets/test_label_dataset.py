@@ -512,7 +512,8 @@ def test_the_species_table_makes_an_animal_as_long_as_its_kind(animals: Path) ->
                 f"species:{record.category}" if known else "unknown"
             )
             if known:
-                length = head_and_body(record, sample.bodies.body(record))  # type: ignore[union-attr,arg-type]
+                body = sample.bodies.body(record)  # type: ignore[union-attr,arg-type]
+                length = head_and_body(record.vocabulary, body.landmarks)  # type: ignore[union-attr]
                 assert length is not None
                 assert float(target["scale_m_per_unit"][number]) * length == pytest.approx(
                     {"bear": 1.8, "dog": 0.85}[record.category], rel=1e-5
