@@ -105,6 +105,15 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
     assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
 
 
+@pytest.mark.parametrize("name", ["plain/a.json", f"{'a' * 300}.json"])
+def test_a_failed_write_names_the_file_that_was_to_be_written(tmp_path: Path, name: str) -> None:
+    (tmp_path / "plain").touch()
+    with pytest.raises(OSError, match="cannot be written") as caught:
+        write_whole(tmp_path / name, b"new")
+    assert caught.value.filename == str(tmp_path / name)
+    assert [p.name for p in tmp_path.iterdir()] == ["plain"]
+
+
 # labels.json
 # -------------------------------------------------------------------------------------------
 
