@@ -1,6 +1,7 @@
 """Fitted bodies beside rigid presets and true bodies: trunk, box and faces, and what a fit costs.
 
     OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --n 300
+    OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --n 320 --only 'own: fit$|foreign: fit$'
     OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --only cost
     OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --only learn
     OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --only 'learn own' --taught 100
@@ -22,6 +23,7 @@ told. In the own world there are no classes but the presets.
 
 import argparse
 import io
+import re
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -145,10 +147,10 @@ def report(name: str, rows: list[BoxErrors], missing: int) -> None:
 
 
 def compare(only: str, seed: int, count: int) -> None:
-    """Print the lines of the settings whose names hold some words."""
+    """Print the lines of the settings in whose names a pattern is found."""
     known: dict[str, list[ForeignAnimal]] = {}
     for name, (world, method) in SETTINGS.items():
-        if only not in name:
+        if not re.search(only, name):
             continue
         if world not in known:
             known = {world: list(animals_of(CONFIGS[world], range(count), seed))}
@@ -255,7 +257,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--n", type=int, default=300)
     parser.add_argument("--seed", type=int, default=FIRST_SEED)
-    parser.add_argument("--only", default="", help="words of settings, or learn, or cost")
+    parser.add_argument("--only", default="", help="a pattern of settings, or learn, or cost")
     parser.add_argument("--taught", type=int, default=200, help="animals that are learned from")
     options = parser.parse_args()
     torch.set_num_threads(1)
