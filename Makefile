@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.complete
 export PYTHONSAFEPATH := 1
 
-.PHONY: setup demo test test-fast test-slow test-extras test-lowest lint wheel clean
+.PHONY: setup demo test test-fast test-slow test-extras test-lowest lint docs links wheel check-wheel clean
 
 # The set-up is kept only while it works here: a moved checkout or a half-made environment is made anew.
 setup:
@@ -55,9 +55,27 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# The site, in site/: what it needs (26 small packages, 64 MB, most under MIT, ISC and BSD) is
+# installed here. Nothing is fetched while it is built.
+docs: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'
+	NO_MKDOCS_2_WARNING=1 OMP_NUM_THREADS=1 $(BIN)/mkdocs build --quiet
+	@echo "open site/index.html"
+
+# Every address outside the repository that a document links to, by page; nothing is fetched.
+links: setup
+	$(BIN)/python docs/hooks/page_links.py
+
 wheel: setup
 	rm -rf dist build
 	$(BIN)/python -m build --quiet --wheel
 
+# What a package index checks of a wheel: its metadata, and that the README can be shown. twine (Apache-2.0) has an
+# environment of its own, for a part of docutils, which it needs, is under the GPL.
+check-wheel: wheel
+	$(PYTHON) -m venv .venv-release
+	.venv-release/bin/python -m pip install --quiet --disable-pip-version-check 'twine==7.0.0'
+	.venv-release/bin/twine check --strict dist/*
+
 clean:
-	rm -rf $(VENV) .venv-lowest dist build demo-output *.egg-info
+	rm -rf $(VENV) .venv-lowest .venv-release dist build demo-output site *.egg-info

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import torch
+from page_links import anchors_of, is_external, pages, targets_of
 from small_animals import model_of
 
 from animal3dbox.labels.config import LabelConfig
@@ -195,16 +196,40 @@ def test_the_classes_of_an_animals_way_are_in_the_files_named_and_in_the_picture
     assert re.findall(r"^ ([A-Z]\w+) --", page, re.MULTILINE) == [name for name, _ in rows]
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_links_and_pictures_in_the_documents_exist(name: str) -> None:
-    page = ROOT / name
-    targets = re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text())
-    missing = [
-        t
-        for t in targets
-        if not t.startswith(("http:", "https:")) and not (page.parent / t).exists()
-    ]
-    assert missing == []
+def broken_links(page: Path, text: str) -> list[str]:
+    """Links of a page to files and headings that do not exist."""
+    broken = []
+    for target in targets_of(text):
+        if is_external(target):
+            continue
+        path, _, anchor = target.partition("#")
+        linked = page.parent / path if path else page
+        if not linked.exists() or (anchor and anchor not in anchors_in(linked, page, text)):
+            broken.append(target)
+    return broken
+
+
+def anchors_in(linked: Path, page: Path, text: str) -> set[str]:
+    """The anchors of a page that is linked to; of the page itself by the text that it has."""
+    return anchors_of(text if linked == page else linked.read_text())
+
+
+@pytest.mark.parametrize("page", [page.relative_to(ROOT).as_posix() for page in pages()])
+def test_links_of_the_documents_lead_to_files_and_headings_that_exist(page: str) -> None:
+    assert broken_links(ROOT / page, (ROOT / page).read_text()) == []
+
+
+def test_broken_links_are_found() -> None:
+    text = "[a](paper.md), [b](no.md), [c](solver.md#the-problem), [d](solver.md#no), ![](no.png)"
+    page = ROOT / "docs" / "paper.md"
+    assert broken_links(page, text) == ["no.md", "solver.md#no", "no.png"]
+    assert broken_links(page, "# One\n[e](#one) [f](#two)") == ["#two"]
+
+
+def test_no_picture_of_the_documents_is_larger_than_300_kilobytes() -> None:
+    pictures = [*(ROOT / "docs" / "images").iterdir()]
+    assert len(pictures) >= 19
+    assert [path.name for path in pictures if path.stat().st_size > 300_000] == []
 
 
 def test_the_readme_shows_the_example_that_is_run() -> None:

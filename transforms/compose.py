@@ -163,7 +163,7 @@ class Compose(Transform):
         Args:
             image_hw: of the image.
             target: see the class.
-            key: (epoch, index) of the sample; without it target["meta"]["sample_key"], and without
+            key: (epoch, index) of the sample; without it `target["meta"]["sample_key"]`; without
                 that torch's default generator decides.
         """
         options = self.options

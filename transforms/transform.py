@@ -108,7 +108,7 @@ class Transform:
         Args:
             image: (C, H, W) tensor or (H, W, C) array, uint8 (0 to 255) or float (0 to 1).
             target: a plain dict, see Compose; it is left as it was. None: there is none.
-            key: (epoch, index) of the sample; without it target["meta"]["sample_key"], and without
+            key: (epoch, index) of the sample; without it `target["meta"]["sample_key"]`; without
                 that torch's default generator decides.
 
         Returns:
