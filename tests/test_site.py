@@ -21,7 +21,8 @@ IN_NAV = re.findall(r": (\S+\.md)$", NAV, re.MULTILINE)
 
 
 @pytest.mark.parametrize(
-    "module", ["api_pages", "command_pages", "page_links", "site_links", "tutorial_page"]
+    "module",
+    ["api_pages", "command_pages", "page_links", "site_check", "site_links", "tutorial_page"],
 )
 def test_examples_of_the_site_s_makers_give_what_they_show(module: str) -> None:
     failed, tried = doctest.testmod(importlib.import_module(module))

@@ -10,11 +10,9 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 from page_links import ROOT
-from site_links import ROOT_PAGES, loaded_from_elsewhere, mended_links
+from site_check import problems_of_site
+from site_links import ROOT_PAGES, mended_links
 from tutorial_page import SCRIPT, cells_of, run_cells, tutorial_files
-
-LARGEST_PICTURE = 300_000
-"""Bytes."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -35,17 +33,8 @@ def on_page_markdown(markdown: str, *, page: Page, **_: Any) -> str:
     return mended_links(markdown, page.file.src_uri)
 
 
-def on_post_page(output: str, *, page: Page, **_: Any) -> str:
-    """Refuse a page that would load something from elsewhere."""
-    found = loaded_from_elsewhere(output)
-    if found is not None:
-        raise PluginError(f"{page.file.src_uri} loads from elsewhere: {found}")
-    return output
-
-
 def on_post_build(config: MkDocsConfig) -> None:
-    """Refuse pictures that are too large."""
-    for path in sorted(Path(config.site_dir).rglob("*")):
-        is_picture = path.suffix in (".png", ".jpg", ".svg", ".gif")
-        if is_picture and path.stat().st_size > LARGEST_PICTURE:
-            raise PluginError(f"{path}: {path.stat().st_size} bytes, but at most {LARGEST_PICTURE}")
+    """Refuse a site in which a link leads nowhere, or that loads something from elsewhere."""
+    problems = problems_of_site(Path(config.site_dir))
+    if problems:
+        raise PluginError("\n".join(problems))
