@@ -60,7 +60,7 @@ lint: setup
 docs: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'
 	NO_MKDOCS_2_WARNING=1 OMP_NUM_THREADS=1 $(BIN)/mkdocs build --quiet
-	@echo "open site/index.html"
+	@echo "open site/index.html; its search needs a server: python3 -m http.server -d site"
 
 # Every address outside the repository that a document links to, by page; nothing is fetched.
 links: setup

@@ -53,7 +53,10 @@ def test_the_bodies_of_the_page_are_scaled_and_an_animal_without_a_row_is_refuse
     scales = {record.sample_id: 2.0}
     names = run_code_of("your-body.md", {"records": read["records"], "scales": scales})
     assert names["target"]["center"].shape == (1, 3)
-    torch.testing.assert_close(names["target"]["size"], 2 * read["target"]["size"])
+    for length in ("size", "center"):
+        torch.testing.assert_close(
+            names["target"][length], 2 * read["target"][length], rtol=1e-3, atol=1e-3
+        )
     with pytest.raises(SampleError, match="other: scale: is not in the table"):
         names["ScaledBodies"]({}).content("other")
 

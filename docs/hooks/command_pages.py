@@ -14,7 +14,7 @@ from unittest import mock
 from animal3dbox.cli.jobs import COMMANDS
 from animal3dbox.cli.main import main as run_command
 
-WIDTH = 100
+WIDTH = 90
 """Columns of the help texts."""
 INTRODUCTION = """# Commands
 
@@ -44,7 +44,7 @@ def _subcommands_in(text: str) -> list[str]:
 
 @cache
 def help_of(command: tuple[str, ...]) -> str:
-    """What a command prints when it is asked for help, at a width of 100 columns."""
+    """What a command prints when it is asked for help, at a width of 90 columns."""
     out = io.StringIO()  # it has no encoding, so boxes are not drawn
     columns = mock.patch.dict(os.environ, {"COLUMNS": str(WIDTH)})
     with columns, contextlib.redirect_stdout(out), contextlib.suppress(SystemExit):
