@@ -1,11 +1,12 @@
 """No document names a command or an option that does not exist."""
 
+import ast
 import re
 import shlex
 from collections.abc import Iterator
 
 import pytest
-from command_pages import command_names, options_of
+from command_pages import command_names, help_of, options_of
 from page_links import FENCE, ROOT, pages
 
 INLINE = re.compile(r"`([^`\n]+(?:\n[^`\n]+)?)`")
@@ -83,6 +84,27 @@ def every_option() -> frozenset[str]:
 def test_every_command_and_option_that_a_page_names_exists(page: str) -> None:
     text = (ROOT / page).read_text()
     assert [problem for code in code_of(text) for problem in problems_of(code)] == []
+
+
+@pytest.mark.parametrize("command", command_names(), ids=" ".join)
+def test_the_examples_of_a_help_text_name_what_exists(command: tuple[str, ...]) -> None:
+    text = help_of(command)
+    examples = re.findall(
+        r"Example: (animal3dbox .*(?:\n +\S.*)*)", text.partition("\n options")[0]
+    )
+    assert examples != []
+    assert [problem for example in examples for problem in problems_of(example)] == []
+
+
+@pytest.mark.parametrize("folder", ["benchmarks", "examples"])
+def test_what_a_script_says_of_how_to_run_it_exists(folder: str) -> None:
+    problems = [
+        f"{path.name}: {problem}"
+        for path in sorted((ROOT / folder).glob("*.py"))
+        for line in (ast.get_docstring(ast.parse(path.read_text())) or "").splitlines()
+        for problem in problems_of(line.removeprefix("Run: "))
+    ]
+    assert problems == []
 
 
 def test_what_does_not_exist_is_found() -> None:
