@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.transforms.rendering.scratch import SCRATCH
 from animal3dbox.transforms.steps import Standardise
 
 Image = Tensor | np.ndarray
@@ -140,11 +141,12 @@ def image_from_hwc(
         standardise: the standardisation of the colours, if any; the result is float32 then.
     """
     is_planar = form.layout == "chw" and not form.is_permuted
-    if is_planar or standardise is not None:
-        planes = _planes(array)
-        if standardise is not None:
-            planes = _standardised(planes, standardise)
+    if standardise is not None:
+        planes = _planes(array, SCRATCH.array("planes", *_planar(array)))
+        planes = _standardised(planes, standardise)
         array = planes if is_planar else cv2.merge(list(planes))
+    elif is_planar:
+        array = _planes(array, np.empty(*_planar(array)))
     if form.layout == "hw":
         array = array.reshape(array.shape[:2])
     elif not is_planar:
@@ -157,9 +159,13 @@ def image_from_hwc(
     return torch.from_numpy(array) if form.tensor else array
 
 
-def _planes(array: np.ndarray) -> np.ndarray:
-    """The channels (C, H, W) of a picture (H, W, C), one after the other in memory."""
-    planes = np.empty((array.shape[2], *array.shape[:2]), dtype=array.dtype)
+def _planar(array: np.ndarray) -> tuple[tuple[int, ...], np.dtype[np.generic]]:
+    """The shape (C, H, W) of a picture (H, W, C) as planes, and its dtype."""
+    return (array.shape[2], *array.shape[:2]), array.dtype
+
+
+def _planes(array: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    """The channels of a picture (H, W, C), one after the other in given memory (C, H, W)."""
     # Split where they shall lie: a fifth of the time of splitting and stacking
     # (benchmarks/augment.py, all pipelines).
     cv2.split(array, list(planes))

@@ -1,5 +1,6 @@
 """The rules by which both executors read pixels: shrinking first, horizons, ties, kernels."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ INTERPOLATIONS = ("nearest", "bilinear", "bicubic")
 TIE_PX = 1e-3
 """Nearest neighbours are read this much to the left and above, so that a tie goes to the same pixel
 everywhere."""
+REACH_PX = 3
+"""Interpolations read pixels nearer than this, on either side."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,40 @@ class Reading:
         a, b, c = self.H_in_out[2]
         over: np.ndarray = a * np.arange(width)[None] + b * np.arange(height)[:, None] + c <= 0
         return over
+
+    def part_read(self, source_hw: tuple[int, int]) -> tuple[slice, slice]:
+        """The rows and columns of the source that some pixel of the result is read from.
+
+        A map without a horizon in the result makes a convex quadrilateral of it, round which lies
+        the box of its four mapped corners.
+
+        Args:
+            source_hw: height and width of the picture that is read, shrunken if it is.
+
+        Returns:
+            Slices of at least one row and one column.
+        """
+        height, width = source_hw
+        if self.horizon:
+            return slice(0, height), slice(0, width)
+        px = []
+        for x in (-0.5, self.image_hw[1] - 0.5):
+            for y in (-0.5, self.image_hw[0] - 0.5):
+                u, v, w = (a * x + b * y + c for a, b, c in self.H_in_out.tolist())
+                px.append((u / w, v / w))
+        columns, rows = (
+            _covering(min(line), max(line), length)
+            for line, length in zip(zip(*px, strict=True), (width, height), strict=True)
+        )
+        return rows, columns
+
+
+def _covering(least: float, greatest: float, length: int) -> slice:
+    """The whole pixels within reach of an interpolation from least to greatest, in [0, length)."""
+    first, last = (min(max(edge, 0), length - 1) for edge in (least, greatest))
+    return slice(
+        max(math.floor(first) - REACH_PX, 0), min(math.ceil(last) + REACH_PX, length - 1) + 1
+    )
 
 
 def plan_reading(
