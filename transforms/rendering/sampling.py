@@ -64,11 +64,7 @@ class Reading:
         height, width = source_hw
         if self.horizon:
             return slice(0, height), slice(0, width)
-        px = []
-        for x in (-0.5, self.image_hw[1] - 0.5):
-            for y in (-0.5, self.image_hw[0] - 0.5):
-                u, v, w = (a * x + b * y + c for a, b, c in self.H_in_out.tolist())
-                px.append((u / w, v / w))
+        px = [(u / w, v / w) for u, v, w in _mapped_corners(self.H_in_out, self.image_hw)]
         columns, rows = (
             _covering(min(line), max(line), length)
             for line, length in zip(zip(*px, strict=True), (width, height), strict=True)
@@ -103,7 +99,7 @@ def plan_reading(
     affine = not H_in_out[2, :2].any()
     horizon, shrink = False, (1, 1)
     if not affine:
-        horizon = bool((_corners(image_hw_out) @ H_in_out[2] <= 0).any())
+        horizon = any(w <= 0 for _, _, w in _mapped_corners(H_in_out, image_hw_out))
     if interpolation == "nearest":
         H_in_out = shifting(-TIE_PX, -TIE_PX) @ H_in_out
     else:
@@ -113,18 +109,21 @@ def plan_reading(
     return Reading(shrink, H_in_out, image_hw_out, horizon)
 
 
-def _corners(image_hw: tuple[int, int]) -> np.ndarray:
-    """The corners and the middle of an image, homogeneous (5, 3)."""
+def _mapped_corners(
+    H_in_out: np.ndarray, image_hw: tuple[int, int]
+) -> list[tuple[float, float, float]]:
+    """The corners and the middle of a result, mapped to where they are read: (u, v, w) each.
+
+    In plain numbers: NumPy's calls take several times as long for five points
+    (benchmarks/augment.py, keypoints only).
+    """
     right, bottom = image_hw[1] - 0.5, image_hw[0] - 0.5
-    return np.array(
-        [
-            [-0.5, -0.5, 1],
-            [right, -0.5, 1],
-            [-0.5, bottom, 1],
-            [right, bottom, 1],
-            [(right - 0.5) / 2, (bottom - 0.5) / 2, 1],
-        ]
-    )
+    corners = ((-0.5, -0.5), (right, -0.5), (-0.5, bottom), (right, bottom))
+    (a, b, c), (d, e, f), (g, h, i) = H_in_out.tolist()
+    return [
+        (a * x + b * y + c, d * x + e * y + f, g * x + h * y + i)
+        for x, y in (*corners, ((right - 0.5) / 2, (bottom - 0.5) / 2))
+    ]
 
 
 def _shrink(
@@ -136,23 +135,24 @@ def _shrink(
 ) -> tuple[int, int]:
     """Whole numbers of pixels (x, y) to average: how many go into one pixel of the result.
 
-    Where the fewest do, so that no part of the picture becomes blurred.
+    Where the fewest do, so that no part of the picture becomes blurred. By the quotient rule a
+    step of one pixel in the result goes (a - u g, b - u h) / w pixels across in the picture, and
+    (d - v g, e - v h) / w pixels down, at the pixel (u, v).
     """
+    (a, b, _), (d, e, _), (g, h, i) = H_in_out.tolist()
     if affine:
-        fewest = np.hypot(H_in_out[:2, 0], H_in_out[:2, 1]) / abs(H_in_out[2, 2])
+        steps = [(math.hypot(a, b) / abs(i), math.hypot(d, e) / abs(i))]
     else:
-        mapped = _corners(image_hw_out) @ H_in_out.T
-        mapped = mapped[mapped[:, 2] > 0]
-        if not len(mapped):
-            return 1, 1
-        px, w = mapped[:, :2] / mapped[:, 2:], mapped[:, 2, None, None]
-        jacobian = (
-            H_in_out[None, :2, :2] - px[:, :, None] * H_in_out[None, 2:, :2]
-        ) / w  # d px_in / d px_out, by the quotient rule
-        fewest = np.linalg.norm(jacobian, axis=2).min(axis=0)
+        px = [(x / w, y / w, w) for x, y, w in _mapped_corners(H_in_out, image_hw_out) if w > 0]
+        steps = [
+            (math.hypot(a - u * g, b - u * h) / w, math.hypot(d - v * g, e - v * h) / w)
+            for u, v, w in px
+        ]
+    if not steps:
+        return 1, 1
     across, down = (
-        max(1, int(min(float(steps), side) + 1e-6))
-        for steps, side in zip(fewest, image_hw_in[::-1], strict=True)
+        max(1, int(min(*fewest, side) + 1e-6))
+        for fewest, side in zip(zip(*steps, strict=True), image_hw_in[::-1], strict=True)
     )
     return across, down
 
