@@ -225,7 +225,7 @@ def _default_form(forms: dict[str, FieldForm]) -> FieldForm:
 
 def _in_form(value: Tensor | np.ndarray, form: FieldForm) -> Tensor | np.ndarray:
     """A value as a tensor or an array of the type that its field had."""
-    if not form.tensor:
+    if not isinstance(form.dtype, torch.dtype):
         return as_numpy(value).astype(form.dtype, copy=False)
     if isinstance(value, np.ndarray):
         # NumPy rounds the few numbers of a field in less than torch's time for a call

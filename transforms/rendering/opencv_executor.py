@@ -43,9 +43,11 @@ def run_stages(
 
     """
     array = image_to_hwc(image, form)
-    for stage in stages:
-        array = run_stage(array, stage, interpolation=interpolation, fill=fill)
     last = stages[-1] if stages else None  # a standardisation is always the last thing done
+    for stage in stages:
+        array = run_stage(
+            array, stage, interpolation=interpolation, fill=fill, spare_channel=stage is last
+        )
     standardise = last.standardise if isinstance(last, Pass) else None
     if standardise is not None and len(standardise.mean) != form.channels:
         raise ShapeError(
@@ -55,7 +57,12 @@ def run_stages(
 
 
 def run_stage(
-    image: np.ndarray, stage: Pass | Local, *, interpolation: str, fill: tuple[float, ...]
+    image: np.ndarray,
+    stage: Pass | Local,
+    *,
+    interpolation: str,
+    fill: tuple[float, ...],
+    spare_channel: bool = False,
 ) -> np.ndarray:
     """The image after one stage of a plan, but for its standardisation.
 
@@ -64,6 +71,7 @@ def run_stage(
         stage: of a plan.
         interpolation: see sampling.INTERPOLATIONS.
         fill: grey levels 0 to 255, one or one a channel.
+        spare_channel: whether the result may have one, see warp.
     """
     if isinstance(stage, Pass):
         if stage.H_out_in is not None:
@@ -74,6 +82,7 @@ def run_stage(
                 stage.image_hw,
                 interpolation=interpolation,
                 fill=tuple(level * unit for level in fill),
+                spare_channel=spare_channel and stage.colour is None,
             )
         return image if stage.colour is None else recolour(image, stage.colour)
     if isinstance(stage, Blur):
@@ -96,6 +105,7 @@ def warp(
     *,
     interpolation: str,
     fill: tuple[float, ...],
+    spare_channel: bool = False,
 ) -> np.ndarray:
     """The mapped image (H', W', C).
 
@@ -105,6 +115,8 @@ def warp(
         image_hw: height and width after.
         interpolation: see sampling.INTERPOLATIONS.
         fill: in the image's own grey levels, where there is nothing to read.
+        spare_channel: whether the result of three channels may be left as it is read: with a fourth
+            that means nothing, in scratch memory.
     """
     # Flips and shifts by whole pixels copy them, so that they are lossless whatever interpolates.
     if H_out_in[2, 2] > 0 and (H_out_in[2, :2] == 0).all():
@@ -114,11 +126,12 @@ def warp(
     reading = plan_reading(H_out_in, (image.shape[0], image.shape[1]), image_hw, interpolation)
     source = _shrunken(image, reading.shrink_xy, fill)
     border = _four(fill)
-    if source.shape[2:] == (3,):
-        result = _warped_rgb(source, reading, interpolation, border)
-    else:
-        result = _with_channels(_warped(source, reading, interpolation, border))
-    return _blank_beyond(result, reading, border)
+    if source.shape[2:] != (3,):
+        return _blank_beyond(
+            _with_channels(_warped(source, reading, interpolation, border)), reading, border
+        )
+    rgba = _blank_beyond(_warped_rgba(source, reading, interpolation, border), reading, border)
+    return rgba if spare_channel else cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
 
 
 def _warped(
@@ -143,23 +156,21 @@ def _warped(
     return cv2.warpPerspective(source, reading.H_in_out, **options)
 
 
-def _warped_rgb(
+def _warped_rgba(
     source: np.ndarray, reading: Reading, interpolation: str, border: tuple[float, ...]
 ) -> np.ndarray:
-    """A picture (H, W, 3) as it is read, by way of four channels.
+    """A picture (H, W, 3) as it is read, with a fourth channel, in scratch memory.
 
     OpenCV reads four channels in less than half the time that it takes for three. Only the part
     that the result shows is copied to four channels, which also brings it into the processor's
-    cache. Both pictures of four channels lie in scratch memory, and nothing of it is given away
-    (benchmarks/augment.py, flip + affine + crop).
+    cache (benchmarks/augment.py, flip + affine + crop).
     """
     height, width = source.shape[:2]
     rgba = SCRATCH.array("source", (height, width, 4), source.dtype)
     part = reading.part_read((height, width))
     cv2.cvtColor(source[part], cv2.COLOR_RGB2RGBA, dst=rgba[part])
     result = SCRATCH.array("result", (*reading.image_hw, 4), source.dtype)
-    warped = _warped(rgba, reading, interpolation, border, result=result)
-    return cv2.cvtColor(warped, cv2.COLOR_RGBA2RGB)
+    return _warped(rgba, reading, interpolation, border, result=result)
 
 
 def _blank_beyond(image: np.ndarray, reading: Reading, border: tuple[float, ...]) -> np.ndarray:
