@@ -7,11 +7,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from animal3dbox.geometry.arrays import as_numpy
+from animal3dbox.geometry.arrays import as_numpy, rows_at
 from animal3dbox.geometry.box_visibility import (
+    QUADS,
     near_depth_of_corners,
     projected_faces,
     visible_faces,
@@ -95,10 +97,10 @@ class DrawContext:
         None without boxes or camera. After a mirror they carry their old names, which no drawing
         depends on.
         """
-        corners = cuboid_corners(dict(self.values))
+        corners = self._first_corners()
         if corners is None or self.camera is None:
             return None
-        in_new_camera: np.ndarray = (corners @ self.camera.Q.mT)[list(self.alive)]
+        in_new_camera: np.ndarray = corners @ self.camera.Q.mT
         return in_new_camera
 
     def in_front(self) -> np.ndarray:
@@ -115,23 +117,43 @@ class DrawContext:
 
         Together they tile the silhouettes.
         """
-        affine = not self.H_out_in[2, :2].any()  # such maps move outlines as they move pixels
-        corners = (
-            cuboid_corners(dict(self.values)) if affine and "K" in self.values else self.corners_cam
-        )
-        K = self.values.get("K") if affine or self.camera is None else self.camera.K
-        if corners is None or K is None:
+        quads = self._projected_faces()
+        if quads is None:
             return None
-        corners = corners[list(self.alive)] if affine else corners
         if "face_visible" in self.values:  # the camera centre does not move
             visible = self.values["face_visible"][list(self.alive)] != 0
         else:
+            corners = self._first_corners()
             visible = visible_faces(corners, np.zeros_like(corners[:, 0]))
-        quads = projected_faces(corners, K)
-        if affine:
-            H = self.H_out_in / self.H_out_in[2, 2]
-            quads = quads @ H[:2, :2].T + H[:2, 2]
         return np.where(visible[..., None, None], quads[..., :1, :], quads)
+
+    def _projected_faces(self) -> np.ndarray | None:
+        """The faces of the boxes in px (N, 6, P, 2) by now; None without cuboids or camera.
+
+        With H K = k K' Q a corner X is projected to H K X, and its depth is w / k, w being the
+        last coordinate and k the norm of the last row of H K: no decomposition is needed but where
+        a box is cut by the near plane.
+        """
+        corners = self._first_corners()
+        if corners is None or "K" not in self.values:
+            return None
+        HK = self.H_out_in @ self.values["K"]
+        projected = corners @ HK.T
+        w = projected[..., 2]
+        if (w > near_depth_of_corners(corners)[:, None] * math.hypot(*HK[2].tolist())).all():
+            faces: np.ndarray = rows_at(projected[..., :2] / w[..., None], QUADS)
+            return faces
+        if self.corners_cam is None or self.camera is None:
+            return None
+        return projected_faces(self.corners_cam, self.camera.K)
+
+    def _first_corners(self) -> Any:
+        """Corners (N, 8, 3) of the animals that are alive, in the frame of the camera before.
+
+        None without cuboids.
+        """
+        corners = cuboid_corners(dict(self.values))
+        return None if corners is None else corners[list(self.alive)]
 
     @property
     def _frame(self) -> np.ndarray:

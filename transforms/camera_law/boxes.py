@@ -8,6 +8,8 @@ from animal3dbox.geometry.arrays import AnyArray, like, namespace
 
 CORNERS = np.array([[0, 1], [2, 1], [2, 3], [0, 3]])
 """The coordinates (x, y) of a box's four corners."""
+FEW = 4
+"""Up to so many boxes are mapped in plain numbers."""
 
 
 def mapped_boxes(
@@ -33,6 +35,8 @@ def mapped_boxes(
         (N, 4); without area where nothing of the box lies in the frame.
 
     """
+    if isinstance(boxes, np.ndarray) and len(boxes) <= FEW:
+        return _few_mapped_boxes(boxes, H_out_in, image_hw, outline)
     xp = namespace(boxes)
     around = boxes[:, CORNERS]
     w = around @ H_out_in[2, :2] + H_out_in[2, 2]
@@ -59,6 +63,52 @@ def mapped_boxes(
         [xp.minimum(xp.maximum(edge, low), high) for edge in (start, end)], -1
     )
     return clipped
+
+
+def _few_mapped_boxes(
+    boxes: np.ndarray,
+    H_out_in: np.ndarray,
+    image_hw: tuple[int, int],
+    outline: tuple[np.ndarray, np.ndarray] | None,
+) -> np.ndarray:
+    """The boxes of mapped_boxes in plain numbers, for the few animals of one picture.
+
+    NumPy's calls take four times as long for one box (benchmarks/augment.py, all targets).
+    """
+    outlines: list[list[float] | None] = [None] * len(boxes)
+    if outline is not None:
+        pairs = zip(outline[0].tolist(), outline[1].tolist(), strict=True)
+        outlines = [edges if meant else None for edges, meant in pairs]
+    rows = H_out_in.tolist()
+    mapped = [
+        _mapped_box(box, rows, image_hw, edges)
+        for box, edges in zip(boxes.tolist(), outlines, strict=True)
+    ]
+    return np.array(mapped).reshape(-1, 4)
+
+
+def _mapped_box(
+    box: list[float],
+    H_out_in: list[list[float]],
+    image_hw: tuple[int, int],
+    outline: list[float] | None,
+) -> list[float]:
+    """One box of mapped_boxes, (x least, y least, x greatest, y greatest)."""
+    x1, y1, x2, y2 = box
+    corners = [
+        [a * x + b * y + c for a, b, c in H_out_in]
+        for x, y in ((x1, y1), (x2, y1), (x2, y2), (x1, y2))
+    ]
+    first, last = [-0.5, -0.5], [image_hw[1] - 0.5, image_hw[0] - 0.5]
+    if all(w > 0 for _, _, w in corners):
+        across, down = [u / w for u, _, w in corners], [v / w for _, v, w in corners]
+        around = [min(across), min(down), max(across), max(down)]
+    else:  # across the map's horizon it is bounded by nothing; beyond it, it has no area
+        around = first + (last if any(w > 0 for _, _, w in corners) else first)
+    if outline is not None:
+        tight = [*map(max, around[:2], outline[:2]), *map(min, around[2:], outline[2:])]
+        around = tight if tight[0] < tight[2] and tight[1] < tight[3] else around
+    return [*map(min, map(max, around, first * 2), last * 2)]
 
 
 def extent(points: AnyArray) -> tuple[AnyArray, AnyArray]:

@@ -7,6 +7,7 @@ derived from it.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -43,22 +44,24 @@ class Declared:
 
 
 class FieldForm(NamedTuple):
-    """How a field came, so that it can leave the same way.
+    """How a field came, so that it can leave the same way; see form_of.
 
     Attributes:
         tensor: a torch tensor, not an array.
         dtype: of the field as it came.
+        floating: whether that is a floating-point type.
     """
 
     tensor: bool
     dtype: torch.dtype | np.dtype[np.generic]
+    floating: bool
 
-    @property
-    def floating(self) -> bool:
-        """Whether the field came in floating point."""
-        if isinstance(self.dtype, torch.dtype):
-            return self.dtype.is_floating_point
-        return self.dtype.kind == "f"
+
+@lru_cache
+def form_of(tensor: bool, dtype: torch.dtype | np.dtype[np.generic]) -> FieldForm:
+    """The form of tensors, or of arrays, of this dtype."""
+    floating = dtype.is_floating_point if isinstance(dtype, torch.dtype) else dtype.kind == "f"
+    return FieldForm(tensor, dtype, floating)
 
 
 @dataclass(frozen=True)

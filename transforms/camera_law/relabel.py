@@ -40,9 +40,15 @@ class Relabelling:
 
     mirrored: Any
 
+    @property
+    def _is_idle(self) -> bool:
+        """Whether there is one map and it does not mirror, so that all names stay."""
+        return self.mirrored.ndim == 0 and not bool(self.mirrored)
+
     def _pick(self, values: AnyArray, swapped: AnyArray) -> AnyArray:
+        """The values of the maps that mirror under their new names; for maps that are not idle."""
         if self.mirrored.ndim == 0:
-            return swapped if bool(self.mirrored) else values
+            return swapped
         mirrored = self.mirrored.reshape(
             *self.mirrored.shape, *[1] * (values.ndim - self.mirrored.ndim)
         )
@@ -52,12 +58,12 @@ class Relabelling:
     def corners(self, values: AnyArray) -> AnyArray:
         """Per-corner values (..., 8, D) under their new names."""
         check_shape("values", values, "... 8 D")
-        return self._pick(values, values[..., CORNER_ORDER, :])
+        return values if self._is_idle else self._pick(values, values[..., CORNER_ORDER, :])
 
     def faces(self, values: AnyArray) -> AnyArray:
         """Per-face values (..., 6) under their new names: left and right change places."""
         check_shape("values", values, "... 6")
-        return self._pick(values, values[..., FACE_ORDER])
+        return values if self._is_idle else self._pick(values, values[..., FACE_ORDER])
 
     def sides(self, values: AnyArray) -> AnyArray:
         """Sides of the animal (...,) under their new names: 1 left, 2 right change places, 0 stays.
@@ -66,6 +72,8 @@ class Relabelling:
             >>> Relabelling(np.array(True)).sides(np.array([0, 1, 2])).tolist()
             [0, 2, 1]
         """
+        if self._is_idle:
+            return values
         exchanged: AnyArray = namespace(values).where(values > 0, 3 - values, values)
         return self._pick(values, exchanged)
 
@@ -78,7 +86,9 @@ class Relabelling:
 
         """
         check_keypoint_mirror(permutation, values.shape[-2])
-        return self._pick(values, values[..., as_numpy(permutation), :])
+        return (
+            values if self._is_idle else self._pick(values, values[..., as_numpy(permutation), :])
+        )
 
     def box_axes(self, rotation: AnyArray) -> AnyArray:
         """Box axes (..., 3, 3), already turned by Q of det -1, as a rotation again.
@@ -86,6 +96,8 @@ class Relabelling:
         Left is negated.
         """
         check_shape("rotation", rotation, "... 3 3")
+        if self._is_idle:
+            return rotation
         return self._pick(rotation, rotation * like(rotation, [1.0, -1.0, 1.0]))
 
     def world_points(self, points: AnyArray) -> AnyArray:
@@ -94,6 +106,8 @@ class Relabelling:
         S = diag(1, -1, 1) mirrors the world.
         """
         check_shape("points", points, "... 3")
+        if self._is_idle:
+            return points
         return self._pick(points, points * like(points, [1.0, -1.0, 1.0]))
 
     def __matmul__(self, before: "Relabelling") -> "Relabelling":

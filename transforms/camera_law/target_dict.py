@@ -26,6 +26,7 @@ from animal3dbox.transforms.camera_law.fields import (
     Declared,
     FieldForm,
     Fields,
+    form_of,
     has_entry_per_animal,
 )
 from animal3dbox.transforms.camera_law.other_fields import belonging, checked_meta
@@ -64,9 +65,10 @@ def read_target(
     known: dict[str, Any] = {name: value for name, value in target.items() if name in KNOWN}
     others = {name: value for name, value in target.items() if name not in KNOWN}
     forms = {name: _checked_form(name, value, sample_id) for name, value in known.items()}
-    opened = _as_tensor if any(map(_needs_torch, known.values())) else _as_array
+    in_torch = any(map(_needs_torch, known.values()))
+    opened = _as_tensor if in_torch else _as_array
     values = {name: opened(name, value, forms[name]) for name, value in known.items()}
-    _check_finite(values, sample_id)
+    _check_finite(values, sample_id, in_torch=in_torch)
     count = _checked_count(values, image_hw, sample_id)
     owners = {
         name: belonging(name, value, count=count, sample_id=sample_id, declared=declared)
@@ -88,7 +90,7 @@ def read_target(
 
 def _needs_torch(value: Tensor | np.ndarray) -> bool:
     """Whether a field has gradients or a device that NumPy does not know."""
-    return isinstance(value, Tensor) and (value.requires_grad or value.device.type != "cpu")
+    return isinstance(value, Tensor) and (value.requires_grad or not value.is_cpu)
 
 
 def _as_array(name: str, value: Tensor | np.ndarray, form: FieldForm) -> np.ndarray:
@@ -166,7 +168,7 @@ def _checked_form(name: str, value: object, sample_id: str | None) -> FieldForm:
         raise SampleError(
             sample_id, name, f"must be a tensor or an array, got {type(value).__name__}"
         )
-    form = FieldForm(isinstance(value, Tensor), value.dtype)
+    form = form_of(isinstance(value, Tensor), value.dtype)
     if not form.floating and name not in WHOLE:
         raise SampleError(sample_id, name, f"must be floating point, got {value.dtype}")
     if name in PIXELS and str(value.dtype).removeprefix("torch.") in UNREADABLE:
@@ -178,13 +180,20 @@ def _checked_form(name: str, value: object, sample_id: str | None) -> FieldForm:
     return form
 
 
-def _check_finite(values: dict[str, Any], sample_id: str | None) -> None:
-    for name, value in values.items():
-        if (
-            name not in WHOLE
-            and not math.isfinite(float(value.sum()))
-            and not bool(namespace(value).isfinite(value).all())
-        ):
+def _check_finite(values: dict[str, Any], sample_id: str | None, *, in_torch: bool) -> None:
+    """Raise a SampleError naming the first field that holds NaN or infinite values.
+
+    Arrays are summed all together, which tells at once if all is well; a sum may be too large
+    though no value is. Pictures of depth are looked at by themselves, without being copied.
+    """
+    numbers = {name: value for name, value in values.items() if name not in WHOLE}
+    if not in_torch:
+        few = [value for name, value in numbers.items() if name not in PIXELS]
+        with np.errstate(over="ignore", invalid="ignore"):
+            if few and math.isfinite(np.concatenate(few, axis=None).sum()):
+                numbers = {name: numbers[name] for name in PIXELS if name in numbers}
+    for name, value in numbers.items():
+        if not bool(namespace(value).isfinite(value).all()):
             raise SampleError(
                 sample_id,
                 name,
@@ -209,9 +218,9 @@ def _default_form(forms: dict[str, FieldForm]) -> FieldForm:
     if "K" in forms:
         return forms["K"]
     floating = (form for form in forms.values() if form.floating)
-    first = next(iter(forms.values()), FieldForm(True, torch.float32))
+    first = next(iter(forms.values()), form_of(True, torch.float32))
     float32 = torch.float32 if first.tensor else np.dtype(np.float32)
-    return next(floating, FieldForm(first.tensor, float32))
+    return next(floating, form_of(first.tensor, float32))
 
 
 def _in_form(value: Tensor | np.ndarray, form: FieldForm) -> Tensor | np.ndarray:
@@ -221,6 +230,7 @@ def _in_form(value: Tensor | np.ndarray, form: FieldForm) -> Tensor | np.ndarray
     if isinstance(value, np.ndarray):
         # NumPy rounds the few numbers of a field in less than torch's time for a call
         # (benchmarks/augment.py, all targets).
-        rounded = value.astype(np.float32) if form.dtype == torch.float32 else value
-        value = torch.from_numpy(np.ascontiguousarray(rounded))
+        if form.dtype == torch.float32:
+            return torch.from_numpy(value.astype(np.float32, order="C"))
+        value = torch.from_numpy(np.ascontiguousarray(value))
     return value.to(form.dtype)

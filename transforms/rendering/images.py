@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ShapeError
+from animal3dbox.transforms.rendering.scratch import SCRATCH
 from animal3dbox.transforms.steps import Standardise
 
 Image = Tensor | np.ndarray
@@ -135,16 +136,19 @@ def image_from_hwc(
     """The result in the form in which the image came.
 
     Args:
-        array: (H, W, C).
+        array: (H, W, C), or with a fourth channel to spare behind the form's three.
         form: of the image.
         standardise: the standardisation of the colours, if any; the result is float32 then.
     """
     is_planar = form.layout == "chw" and not form.is_permuted
-    if is_planar or standardise is not None:
-        planes = _planes(array)
-        if standardise is not None:
-            planes = _standardised(planes, standardise)
+    if standardise is not None:
+        planes = SCRATCH.array("planes", (array.shape[2], *array.shape[:2]), array.dtype)
+        planes = _standardised(_split(array, planes)[: form.channels], standardise)
         array = planes if is_planar else cv2.merge(list(planes))
+    elif is_planar:
+        array = _split(array, np.empty((form.channels, *array.shape[:2]), array.dtype))
+    elif array.shape[2] > form.channels:
+        array = cv2.cvtColor(array, cv2.COLOR_RGBA2RGB)
     if form.layout == "hw":
         array = array.reshape(array.shape[:2])
     elif not is_planar:
@@ -157,12 +161,17 @@ def image_from_hwc(
     return torch.from_numpy(array) if form.tensor else array
 
 
-def _planes(array: np.ndarray) -> np.ndarray:
-    """The channels (C, H, W) of a picture (H, W, C), one after the other in memory."""
-    planes = np.empty((array.shape[2], *array.shape[:2]), dtype=array.dtype)
+def _split(array: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    """The channels of a picture (H, W, C), one after the other in given memory (C, H, W).
+
+    Or its first C of four, if the memory has no room for them all.
+    """
     # Split where they shall lie: a fifth of the time of splitting and stacking
     # (benchmarks/augment.py, all pipelines).
-    cv2.split(array, list(planes))
+    parts = list(planes)
+    if len(parts) < array.shape[2]:
+        parts.append(SCRATCH.array("spare channel", array.shape[:2], array.dtype))
+    cv2.split(array, parts)
     return planes
 
 

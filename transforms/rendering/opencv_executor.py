@@ -15,6 +15,7 @@ from animal3dbox.transforms.rendering.sampling import (
     gaussian_kernel,
     plan_reading,
 )
+from animal3dbox.transforms.rendering.scratch import SCRATCH
 from animal3dbox.transforms.steps import Blur, Erase, KorniaPixels, Local, Noise, Pass
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC}
@@ -42,9 +43,11 @@ def run_stages(
 
     """
     array = image_to_hwc(image, form)
-    for stage in stages:
-        array = run_stage(array, stage, interpolation=interpolation, fill=fill)
     last = stages[-1] if stages else None  # a standardisation is always the last thing done
+    for stage in stages:
+        array = run_stage(
+            array, stage, interpolation=interpolation, fill=fill, spare_channel=stage is last
+        )
     standardise = last.standardise if isinstance(last, Pass) else None
     if standardise is not None and len(standardise.mean) != form.channels:
         raise ShapeError(
@@ -54,7 +57,12 @@ def run_stages(
 
 
 def run_stage(
-    image: np.ndarray, stage: Pass | Local, *, interpolation: str, fill: tuple[float, ...]
+    image: np.ndarray,
+    stage: Pass | Local,
+    *,
+    interpolation: str,
+    fill: tuple[float, ...],
+    spare_channel: bool = False,
 ) -> np.ndarray:
     """The image after one stage of a plan, but for its standardisation.
 
@@ -63,6 +71,7 @@ def run_stage(
         stage: of a plan.
         interpolation: see sampling.INTERPOLATIONS.
         fill: grey levels 0 to 255, one or one a channel.
+        spare_channel: whether the result may have one, see warp.
     """
     if isinstance(stage, Pass):
         if stage.H_out_in is not None:
@@ -73,6 +82,7 @@ def run_stage(
                 stage.image_hw,
                 interpolation=interpolation,
                 fill=tuple(level * unit for level in fill),
+                spare_channel=spare_channel and stage.colour is None,
             )
         return image if stage.colour is None else recolour(image, stage.colour)
     if isinstance(stage, Blur):
@@ -95,6 +105,7 @@ def warp(
     *,
     interpolation: str,
     fill: tuple[float, ...],
+    spare_channel: bool = False,
 ) -> np.ndarray:
     """The mapped image (H', W', C).
 
@@ -104,6 +115,8 @@ def warp(
         image_hw: height and width after.
         interpolation: see sampling.INTERPOLATIONS.
         fill: in the image's own grey levels, where there is nothing to read.
+        spare_channel: whether the result of three channels may be left as it is read: with a fourth
+            that means nothing, in scratch memory.
     """
     # Flips and shifts by whole pixels copy them, so that they are lossless whatever interpolates.
     if H_out_in[2, 2] > 0 and (H_out_in[2, :2] == 0).all():
@@ -112,31 +125,52 @@ def warp(
             return copy
     reading = plan_reading(H_out_in, (image.shape[0], image.shape[1]), image_hw, interpolation)
     source = _shrunken(image, reading.shrink_xy, fill)
-    three = source.shape[2:] == (3,)
-    if three:
-        # OpenCV reads four channels twice as fast as three. The copy also brings the picture into
-        # the processor's cache, past which cv2.merge writes: without it the warp takes almost three
-        # times as long (benchmarks/augment.py, flip + affine + crop).
-        source = cv2.cvtColor(source, cv2.COLOR_RGB2RGBA)
-    flags = FLAGS[interpolation] | cv2.WARP_INVERSE_MAP
     border = _four(fill)
-    size = (image_hw[1], image_hw[0])
+    if source.shape[2:] != (3,):
+        return _blank_beyond(
+            _with_channels(_warped(source, reading, interpolation, border)), reading, border
+        )
+    rgba = _blank_beyond(_warped_rgba(source, reading, interpolation, border), reading, border)
+    return rgba if spare_channel else cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
+
+
+def _warped(
+    source: np.ndarray,
+    reading: Reading,
+    interpolation: str,
+    border: tuple[float, ...],
+    *,
+    result: np.ndarray | None = None,
+) -> np.ndarray:
+    """A picture of one or four channels as it is read, into a given result or a new one."""
+    options: dict[str, Any] = {
+        "dsize": (reading.image_hw[1], reading.image_hw[0]),
+        "dst": result,
+        "flags": FLAGS[interpolation] | cv2.WARP_INVERSE_MAP,
+        "borderMode": cv2.BORDER_CONSTANT,
+        "borderValue": border,
+    }
     if reading.affine:
         matrix = reading.H_in_out[:2] / reading.H_in_out[2, 2]
-        result = cv2.warpAffine(
-            source, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border
-        )
-    else:
-        result = cv2.warpPerspective(
-            source,
-            reading.H_in_out,
-            size,
-            flags=flags,
-            borderMode=cv2.BORDER_CONSTANT,
-            borderValue=border,
-        )
-    result = cv2.cvtColor(result, cv2.COLOR_RGBA2RGB) if three else _with_channels(result)
-    return _blank_beyond(result, reading, border)
+        return cv2.warpAffine(source, matrix, **options)
+    return cv2.warpPerspective(source, reading.H_in_out, **options)
+
+
+def _warped_rgba(
+    source: np.ndarray, reading: Reading, interpolation: str, border: tuple[float, ...]
+) -> np.ndarray:
+    """A picture (H, W, 3) as it is read, with a fourth channel, in scratch memory.
+
+    OpenCV reads four channels in less than half the time that it takes for three. Only the part
+    that the result shows is copied to four channels, which also brings it into the processor's
+    cache (benchmarks/augment.py, flip + affine + crop).
+    """
+    height, width = source.shape[:2]
+    rgba = SCRATCH.array("source", (height, width, 4), source.dtype)
+    part = reading.part_read((height, width))
+    cv2.cvtColor(source[part], cv2.COLOR_RGB2RGBA, dst=rgba[part])
+    result = SCRATCH.array("result", (*reading.image_hw, 4), source.dtype)
+    return _warped(rgba, reading, interpolation, border, result=result)
 
 
 def _blank_beyond(image: np.ndarray, reading: Reading, border: tuple[float, ...]) -> np.ndarray:

@@ -1,5 +1,6 @@
 """The rules by which both executors read pixels: shrinking first, horizons, ties, kernels."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ INTERPOLATIONS = ("nearest", "bilinear", "bicubic")
 TIE_PX = 1e-3
 """Nearest neighbours are read this much to the left and above, so that a tie goes to the same pixel
 everywhere."""
+REACH_PX = 3
+"""Interpolations read pixels nearer than this, on either side."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,36 @@ class Reading:
         over: np.ndarray = a * np.arange(width)[None] + b * np.arange(height)[:, None] + c <= 0
         return over
 
+    def part_read(self, source_hw: tuple[int, int]) -> tuple[slice, slice]:
+        """The rows and columns of the source that some pixel of the result is read from.
+
+        A map without a horizon in the result makes a convex quadrilateral of it, round which lies
+        the box of its four mapped corners.
+
+        Args:
+            source_hw: height and width of the picture that is read, shrunken if it is.
+
+        Returns:
+            Slices of at least one row and one column.
+        """
+        height, width = source_hw
+        if self.horizon:
+            return slice(0, height), slice(0, width)
+        px = [(u / w, v / w) for u, v, w in _mapped_corners(self.H_in_out, self.image_hw)]
+        columns, rows = (
+            _covering(min(line), max(line), length)
+            for line, length in zip(zip(*px, strict=True), (width, height), strict=True)
+        )
+        return rows, columns
+
+
+def _covering(least: float, greatest: float, length: int) -> slice:
+    """The whole pixels within reach of an interpolation from least to greatest, in [0, length)."""
+    first, last = (min(max(edge, 0), length - 1) for edge in (least, greatest))
+    return slice(
+        max(math.floor(first) - REACH_PX, 0), min(math.ceil(last) + REACH_PX, length - 1) + 1
+    )
+
 
 def plan_reading(
     H_out_in: np.ndarray,
@@ -66,7 +99,7 @@ def plan_reading(
     affine = not H_in_out[2, :2].any()
     horizon, shrink = False, (1, 1)
     if not affine:
-        horizon = bool((_corners(image_hw_out) @ H_in_out[2] <= 0).any())
+        horizon = any(w <= 0 for _, _, w in _mapped_corners(H_in_out, image_hw_out))
     if interpolation == "nearest":
         H_in_out = shifting(-TIE_PX, -TIE_PX) @ H_in_out
     else:
@@ -76,18 +109,21 @@ def plan_reading(
     return Reading(shrink, H_in_out, image_hw_out, horizon)
 
 
-def _corners(image_hw: tuple[int, int]) -> np.ndarray:
-    """The corners and the middle of an image, homogeneous (5, 3)."""
+def _mapped_corners(
+    H_in_out: np.ndarray, image_hw: tuple[int, int]
+) -> list[tuple[float, float, float]]:
+    """The corners and the middle of a result, mapped to where they are read: (u, v, w) each.
+
+    In plain numbers: NumPy's calls take several times as long for five points
+    (benchmarks/augment.py, keypoints only).
+    """
     right, bottom = image_hw[1] - 0.5, image_hw[0] - 0.5
-    return np.array(
-        [
-            [-0.5, -0.5, 1],
-            [right, -0.5, 1],
-            [-0.5, bottom, 1],
-            [right, bottom, 1],
-            [(right - 0.5) / 2, (bottom - 0.5) / 2, 1],
-        ]
-    )
+    corners = ((-0.5, -0.5), (right, -0.5), (-0.5, bottom), (right, bottom))
+    (a, b, c), (d, e, f), (g, h, i) = H_in_out.tolist()
+    return [
+        (a * x + b * y + c, d * x + e * y + f, g * x + h * y + i)
+        for x, y in (*corners, ((right - 0.5) / 2, (bottom - 0.5) / 2))
+    ]
 
 
 def _shrink(
@@ -99,23 +135,24 @@ def _shrink(
 ) -> tuple[int, int]:
     """Whole numbers of pixels (x, y) to average: how many go into one pixel of the result.
 
-    Where the fewest do, so that no part of the picture becomes blurred.
+    Where the fewest do, so that no part of the picture becomes blurred. By the quotient rule a
+    step of one pixel in the result goes (a - u g, b - u h) / w pixels across in the picture, and
+    (d - v g, e - v h) / w pixels down, at the pixel (u, v).
     """
+    (a, b, _), (d, e, _), (g, h, i) = H_in_out.tolist()
     if affine:
-        fewest = np.hypot(H_in_out[:2, 0], H_in_out[:2, 1]) / abs(H_in_out[2, 2])
+        steps = [(math.hypot(a, b) / abs(i), math.hypot(d, e) / abs(i))]
     else:
-        mapped = _corners(image_hw_out) @ H_in_out.T
-        mapped = mapped[mapped[:, 2] > 0]
-        if not len(mapped):
-            return 1, 1
-        px, w = mapped[:, :2] / mapped[:, 2:], mapped[:, 2, None, None]
-        jacobian = (
-            H_in_out[None, :2, :2] - px[:, :, None] * H_in_out[None, 2:, :2]
-        ) / w  # d px_in / d px_out, by the quotient rule
-        fewest = np.linalg.norm(jacobian, axis=2).min(axis=0)
+        px = [(x / w, y / w, w) for x, y, w in _mapped_corners(H_in_out, image_hw_out) if w > 0]
+        steps = [
+            (math.hypot(a - u * g, b - u * h) / w, math.hypot(d - v * g, e - v * h) / w)
+            for u, v, w in px
+        ]
+    if not steps:
+        return 1, 1
     across, down = (
-        max(1, int(min(float(steps), side) + 1e-6))
-        for steps, side in zip(fewest, image_hw_in[::-1], strict=True)
+        max(1, int(min(*fewest, side) + 1e-6))
+        for fewest, side in zip(zip(*steps, strict=True), image_hw_in[::-1], strict=True)
     )
     return across, down
 
