@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from animal3dbox.report.label_fits import read_label_fits as read_label_fits
     from animal3dbox.report.label_reading import read_label_rows as read_label_rows
     from animal3dbox.report.label_reading import read_labels_json as read_labels_json
-    from animal3dbox.report.label_table import write_labels_csv as write_labels_csv
     from animal3dbox.report.label_targets import target_of_row as target_of_row
+    from animal3dbox.report.labels_csv import write_labels_csv as write_labels_csv
     from animal3dbox.report.overlay import draw_cuboid as draw_cuboid
     from animal3dbox.report.overlay import draw_label as draw_label
     from animal3dbox.report.prediction_overlay import draw_predictions as draw_predictions
@@ -74,7 +74,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "write_labels_json",
         ),
         "label_fits": ("read_label_fits",),
-        "label_table": ("write_labels_csv",),
+        "labels_csv": ("write_labels_csv",),
         "label_reading": ("read_label_rows", "read_labels_json"),
         "label_targets": ("target_of_row",),
         "overlay": ("draw_cuboid", "draw_label"),
