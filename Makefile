@@ -37,11 +37,13 @@ test-fast: setup
 test-slow: setup
 	$(BIN)/python -m pytest -m slow
 
-# What needs extras that the set-up leaves out: Lightning (Apache-2.0, 0.9 MB, and 12 packages that it needs).
+# What needs extras that the set-up leaves out: Lightning (Apache-2.0, 0.9 MB, and 12 packages that it needs), and
+# pyarrow (Apache-2.0, 170 MB, alone).
 test-extras: setup
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,lightning]'
-	$(BIN)/python -c 'import pytorch_lightning'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,lightning,parquet]'
+	$(BIN)/python -c 'import pytorch_lightning, pyarrow'
 	$(BIN)/python -m pytest -q tests/test_examples.py -k lightning
+	$(BIN)/python -m pytest -q tests/report/table
 
 # The same tests on the lowest versions of everything that pyproject.toml admits (torch stays at the version that is at hand).
 test-lowest:

@@ -56,6 +56,11 @@ if TYPE_CHECKING:
     from animal3dbox.report.summary import FLAGS as FLAGS
     from animal3dbox.report.summary import Summary as Summary
     from animal3dbox.report.summary import flags_of as flags_of
+    from animal3dbox.report.table.keys import missing_indices as missing_indices
+    from animal3dbox.report.table.label_table import label_table as label_table
+    from animal3dbox.report.table.part_writer import PartWriter as PartWriter
+    from animal3dbox.report.table.parts import write_part as write_part
+    from animal3dbox.report.table.plan import table_plan as table_plan
 
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
@@ -81,5 +86,10 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "prediction_overlay": ("draw_predictions",),
         "run": ("Labelled", "write_run"),
         "summary": ("FLAGS", "Summary", "flags_of"),
+        "table.keys": ("missing_indices",),
+        "table.label_table": ("label_table",),
+        "table.part_writer": ("PartWriter",),
+        "table.parts": ("write_part",),
+        "table.plan": ("table_plan",),
     },
 )
