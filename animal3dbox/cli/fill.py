@@ -20,6 +20,8 @@ from animal3dbox.datasets.labelling.label_store import NOT_STORED
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.errors import ConfigError
 
+REMEDY = "--resume keeps the labels that are in the cache"
+
 
 class LabelledShard(Dataset[tuple[Case, ...]]):
     """The samples of a shard, AT_ONCE images at a time.
@@ -48,18 +50,10 @@ def run_fill(job: LabelJob) -> ExitCode:
     dataset = dataset_of(job)
     number, of = shard_of(job.cache.shard)
     indices = range(number - 1, len(dataset), of)
-    batches = LabelledShard(dataset, indices)
-    made = worker_batches(
-        batches, job.cache.workers, "--resume keeps the labels that are in the cache"
-    )
-    for _ in tqdm(
-        made,
-        desc="labelling",
-        unit=f"{AT_ONCE} images",
-        total=len(batches),
-        disable=job.json or None,
-    ):
-        pass
+    with worker_batches(LabelledShard(dataset, indices), job.cache.workers, REMEDY) as batches:
+        unit, is_silent = f"{AT_ONCE} images", job.json or None
+        for _ in tqdm(batches, desc="labelling", unit=unit, disable=is_silent):
+            pass
     animals = sum(dataset.source.animals(index) for index in indices)
     return _report(dataset, job, len(indices), animals)
 

@@ -47,16 +47,12 @@ def run_table(job: LabelJob) -> ExitCode:
         print(note, file=sys.stderr)
     with locked_shard(folder, shard):
         plan = table_plan(dataset, folder, shard=shard, resume=job.cache.resume)
-        with PartWriter(plan, job.cache.part_rows) as writer:
-            at_once = min(AT_ONCE, job.cache.part_rows)
-            batches = TableBatches(dataset, plan.indices, at_once)
-            for table in tqdm(
-                worker_batches(batches, job.cache.workers, REMEDY),
-                total=len(batches),
-                desc="labelling",
-                unit=f"{at_once} images",
-                disable=job.json or None,
-            ):
+        writer = PartWriter(plan, job.cache.part_rows)
+        at_once = min(AT_ONCE, job.cache.part_rows)
+        rows = TableBatches(dataset, plan.indices, at_once)
+        with worker_batches(rows, job.cache.workers, REMEDY) as batches, writer:
+            unit, is_silent = f"{at_once} images", job.json or None
+            for table in tqdm(batches, desc="labelling", unit=unit, disable=is_silent):
                 writer.add(table)
     return _report(writer, job, folder)
 

@@ -1,7 +1,12 @@
 """Batches of a dataset that worker processes make, for the commands that label whole datasets."""
 
+import os
+import threading
+import time
 from collections.abc import Iterator
-from typing import Any, TypeVar
+from contextlib import contextmanager
+from functools import partial
+from typing import TypeVar
 
 from torch.utils.data import DataLoader, Dataset
 
@@ -12,8 +17,11 @@ AT_ONCE = 64
 """Images that are labelled together."""
 
 
-def worker_batches(batches: "Dataset[T]", workers: int, remedy: str) -> Iterator[T]:
-    """The batches in order, made by so many worker processes, or by none here.
+@contextmanager
+def worker_batches(batches: "Dataset[T]", workers: int, remedy: str) -> Iterator["DataLoader[T]"]:
+    """Give the batches in order, made by so many worker processes, or by none here.
+
+    What uses them stands in the ``with`` block: a worker's death interrupts it wherever it is.
 
     Args:
         batches: has a length and gives batches by index.
@@ -27,13 +35,33 @@ def worker_batches(batches: "Dataset[T]", workers: int, remedy: str) -> Iterator
     """
     if workers < 0:
         raise ConfigError(f"--workers must not be negative, got {workers}")
-    loader: DataLoader[Any] = DataLoader(batches, batch_size=None, num_workers=workers)
     try:
-        yield from loader
+        yield DataLoader(
+            batches,
+            batch_size=None,
+            num_workers=workers,
+            worker_init_fn=partial(_end_without_driver, os.getpid()),
+        )
     except RuntimeError as error:
         if "DataLoader worker" not in str(error):
             raise
         raise WorkerError(
-            f"a worker process ended before its work was done ({error}): it was killed, perhaps"
-            f" because the machine ran out of memory; {remedy}"
+            f"a worker process ended before its work was done ({str(error).strip()}): it was"
+            f" killed, perhaps because the machine ran out of memory; {remedy}"
         ) from error
+
+
+def _end_without_driver(driver: int, worker: int) -> None:
+    """Let a worker end soon after the process that started it.
+
+    torch's own watch takes whoever is the parent when it begins for that process: a worker whose
+    driver is killed while it starts would sleep for ever.
+    """
+    thread = threading.Thread(target=_watch, args=(driver,), name=f"watch {worker}", daemon=True)
+    thread.start()
+
+
+def _watch(driver: int) -> None:
+    while os.getppid() == driver:
+        time.sleep(0.5)
+    os._exit(1)

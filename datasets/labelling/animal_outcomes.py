@@ -99,7 +99,7 @@ def animal_outcomes(
     remaining = iter(outcomes)
     animals: list[AnimalOutcome] = []
     for index, sample, one in zip(indices, samples, opened, strict=True):
-        animals += _of_image(index, sample, one, remaining, filters)
+        animals += _of_image(index, sample, one, remaining, filters=filters)
     return animals, cases
 
 
@@ -146,6 +146,7 @@ def _of_image(
     sample: ImageSample,
     opened: _Opened,
     outcomes: Iterator[Outcome],
+    *,
     filters: LabelFilter,
 ) -> Iterator[AnimalOutcome]:
     """The animals of an image with their outcomes, of which it takes as many as it has animals."""
