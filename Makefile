@@ -37,12 +37,13 @@ test-fast: setup
 test-slow: setup
 	$(BIN)/python -m pytest -m slow
 
-# What needs extras that the set-up leaves out, Lightning and Rerun (licences and sizes: CONTRIBUTING.md).
+# What needs extras that the set-up leaves out (their licences and sizes: CONTRIBUTING.md).
+EXTRAS := lightning,parquet,ray,remote,rerun
 test-extras: setup
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,lightning,rerun]'
-	$(BIN)/python -c 'import pytorch_lightning, rerun'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,$(EXTRAS)]'
+	$(BIN)/python -c 'import fsspec, pyarrow, pytorch_lightning, ray, rerun'
 	$(BIN)/python -m pytest -q tests/test_examples.py -k lightning
-	$(BIN)/python -m pytest -q tests/report/test_rerun_view.py
+	$(BIN)/python -m pytest -q tests/report/table tests/report/test_rerun_view.py tests/cli/test_ray_tables.py
 
 # The same tests on the lowest versions of everything that pyproject.toml admits (torch stays at the version that is at hand).
 test-lowest:

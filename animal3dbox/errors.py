@@ -32,6 +32,10 @@ class DatasetFormatError(Animal3DBoxError, ValueError):
     """An annotation file as a whole cannot be read as what it should be."""
 
 
+class WorkerError(Animal3DBoxError, OSError):
+    """A worker process ended before its work: it was killed, or the machine ran out of memory."""
+
+
 class SampleError(Animal3DBoxError, ValueError):
     """One sample is unusable; says which, in which field, why and what to do.
 

@@ -11,7 +11,8 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from animal3dbox.datasets.batches import collate
-from animal3dbox.datasets.label_dataset import LabelDataset, SampleIndex
+from animal3dbox.datasets.label_dataset import LabelDataset
+from animal3dbox.datasets.labelling.dataset_options import SampleIndex
 from animal3dbox.datasets.labelling.load_report import Case, LoadReport
 from animal3dbox.datasets.labelling.skipped import Sample, Skipped, Target
 from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet

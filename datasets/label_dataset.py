@@ -1,6 +1,5 @@
 """The shared Dataset: annotated images in, images and targets out, labels made on the way."""
 
-import operator
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -12,13 +11,18 @@ from torch.utils.data import Dataset, get_worker_info
 
 from animal3dbox.datasets.batches import collate
 from animal3dbox.datasets.images.photos import Photo
+from animal3dbox.datasets.labelling.animal_outcomes import AnimalOutcome, animal_outcomes
 from animal3dbox.datasets.labelling.calibrate import dataset_calibration
 from animal3dbox.datasets.labelling.dataset_options import (
     OnBad,
     Options,
     Partial,
+    SampleIndex,
     TransformCall,
     check_choices,
+    default_config,
+    first_fault,
+    sample_key,
 )
 from animal3dbox.datasets.labelling.file_source import images_of
 from animal3dbox.datasets.labelling.filters import LabelFilter
@@ -44,11 +48,10 @@ from animal3dbox.datasets.labelling.skipped import (
 from animal3dbox.datasets.labelling.targets import empty_target, image_tensor
 from animal3dbox.datasets.labelling.threads import one_thread
 from animal3dbox.datasets.readers.tolerance import BadParts
+from animal3dbox.datasets.storage.fingerprint import content_digest, digest
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
-
-SampleIndex = int | tuple[int, int]
 
 
 class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
@@ -128,7 +131,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         refuse_unknown(type(self), unknown, Options.__annotations__)
         check_choices(on_bad, partial, scale)
         if on_bad == "error" and source.faults:
-            raise _first_fault(source.faults)
+            raise first_fault(source.faults)
         check_camera_policy(stored_cameras, source.has_cameras or not len(source), source.notes)
         self.source, self.on_bad, self.partial, self.masks = source, on_bad, partial, masks
         self.filters, self.transform = filters or LabelFilter(), transform
@@ -224,7 +227,7 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         return self._samples(indices)
 
     def _samples(self, indices: Sequence[SampleIndex]) -> list[tuple[Tensor, Target] | Skipped]:
-        keys = [self._key(index) for index in indices]
+        keys = [sample_key(index, self.epoch, len(self)) for index in indices]
         with one_thread():
             places = [place for _, place in keys]
             samples = open_samples(
@@ -247,24 +250,6 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
                 self._finished(key, sample, cases, remaining)
                 for key, sample in zip(keys, samples, strict=True)
             ]
-
-    def _key(self, index: Any) -> tuple[int, int]:
-        """Epoch and place of an index; raises IndexError or TypeError."""
-        epoch, place = self._epoch_and_place(index)
-        count = len(self)
-        if not -count <= place < count:
-            raise IndexError(f"index {place} of {count} images")
-        return epoch, place % count
-
-    def _epoch_and_place(self, index: Any) -> tuple[int, int]:
-        """Whole numbers of an index, of any type that is one, or of a pair (epoch, index)."""
-        try:
-            epoch, place = index if isinstance(index, tuple) else (self.epoch, index)
-            return operator.index(epoch), operator.index(place)
-        except (TypeError, ValueError):
-            raise TypeError(
-                f"an index must be a whole number or a pair (epoch, index), got {index!r}"
-            ) from None
 
     def _note(self, cases: Iterable[Case]) -> None:
         for case in cases:
@@ -347,19 +332,47 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             A case for each animal with a fault or a rejection, and for each problem of the cache.
 
         """
-        samples, cases = [], list[Case]()
-        for sample in map(self.source.sample, indices):
-            try:
-                samples.append((sample, self.source.facts(sample)))
-            except SampleError as error:
-                cases += [
-                    fault_case(SampleError(head.sample_id, error.field, error.problem))
-                    for head in sample.animals
-                ]
-        with one_thread():
-            cases += self._store.fill(samples)
+        outcomes, cases = self._outcomes(indices, pictures=False)
+        cases += [one.case for one in outcomes if one.case is not None]
         self._note(cases)
         return tuple(cases)
+
+    def outcomes(self, indices: Sequence[int], *, pictures: bool = False) -> list[AnimalOutcome]:
+        """What becomes of every animal of some images: its label, or why it has none.
+
+        Unlike samples, outcomes leave nobody out, and raise no SampleError. Annotations that could
+        not be read at all are in ``source.faults``.
+
+        Args:
+            indices: of the images, from 0.
+            pictures: whether pictures are decoded; else only their headers and masks are read.
+
+        """
+        outcomes, cases = self._outcomes(indices, pictures=pictures)
+        self._note(cases)
+        return outcomes
+
+    def _outcomes(
+        self, indices: Sequence[int], *, pictures: bool
+    ) -> tuple[list[AnimalOutcome], list[Case]]:
+        with one_thread():
+            return animal_outcomes(
+                self.source,
+                self._store,
+                indices,
+                classes=self._numbers,
+                filters=self.filters,
+                pictures=pictures,
+            )
+
+    @property
+    def labels_digest(self) -> str:
+        """32 hex digits that name everything that its outcomes depend on, but the animals.
+
+        The code and its libraries, the bodies, the config and all options that labels know.
+        """
+        parts = content_digest(self.filters), content_digest(self.classes)
+        return digest(self._store.fingerprint, *parts).hex()
 
     def _transformed(
         self, photo: Photo, target: Target, key: tuple[int, int]
@@ -375,26 +388,3 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         except Exception as error:
             error.add_note(f"in the transform of image {target['image_id']}")
             raise
-
-
-def _first_fault(faults: Sequence[SampleError]) -> SampleError:
-    """The error that a dataset with unreadable annotations raises where none may be left out."""
-    first, more = faults[0], len(faults) - 1
-    others = (
-        f"(and {more} more that cannot be read; on_bad='skip' leaves them out and reports them)"
-    )
-    return SampleError(first.sample_id, first.field, f"{first.problem} {others}")
-
-
-def default_config(stored_cameras: CameraPolicy, filters: LabelFilter) -> LabelConfig:
-    """How a Dataset labels.
-
-    Without what needs drawing, but for the mask's overlap where the pose is estimated or a filter
-    looks at it.
-    """
-    return LabelConfig(
-        surface_share=False,
-        mask_iou=stored_cameras == "hypothesis"
-        or filters.min_mask_iou is not None
-        or filters.min_confidence is not None,
-    )

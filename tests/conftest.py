@@ -35,6 +35,7 @@ PROCESS = frozenset(
         "cli/test_cli.py::test_help_answers_without_loading_torch",
         "cli/test_cli.py::test_stdout_of_a_process_is_one_json",
         "cli/test_cli.py::test_the_module_can_be_run_and_leaves_no_traceback",
+        "cli/test_label_tables.py",
         "datasets/synthetic/test_world.py::test_another_process_draws_the_same_scene",
         "datasets/test_loading.py",
         "smal/files/test_pickle_writer.py"
@@ -85,6 +86,7 @@ LONG = frozenset(
         "::test_visible_vertices_are_those_with_a_free_line_of_sight_in_200_posed_views",
         "labels/pose/test_choice.py",
         "labels/test_label_many.py::test_many_labels_are_those_of_one_by_one_to_the_last_bit",
+        "report/table/test_label_table.py",
         "report/test_report.py::test_400_cards_stay_below_5_megabytes_and_load_nothing",
         "smal/files/test_model_files.py::test_the_quadruped_survives_a_smal_file_bit_by_bit",
         "test_docstring_examples.py",

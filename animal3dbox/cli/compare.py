@@ -28,7 +28,7 @@ from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.tables import Table
 from animal3dbox.files import user_path, write_whole
 from animal3dbox.report.gallery import small_picture
-from animal3dbox.report.label_table import text_cell
+from animal3dbox.report.labels_csv import text_cell
 
 SAME_K = 1e-3
 """Greatest difference of two intrinsics that are one, as a part of the focal length."""

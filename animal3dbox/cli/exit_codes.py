@@ -11,7 +11,7 @@ class ExitCode(IntEnum):
         USAGE: an option is wrong, or two contradict each other; tyro uses the same code.
         INPUT: the input cannot be found, or cannot be read as a whole.
         FAULTY: done, but some samples were faulty and are listed.
-        OUTPUT: the results could not be written.
+        OUTPUT: the results could not be written, or not all of them.
         INTERRUPTED: the user stopped it (Ctrl-C); as shells write it.
         CLOSED_PIPE: nobody reads what is printed any more, as after `| head`; as shells write it.
     """

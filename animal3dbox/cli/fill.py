@@ -8,19 +8,19 @@ from dataclasses import replace
 
 import msgspec
 import torch
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import Dataset
 from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import LabelJob
+from animal3dbox.cli.worker_batches import AT_ONCE, worker_batches
 from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.label_store import NOT_STORED
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.errors import ConfigError
 
-AT_ONCE = 64
-"""Images that are labelled together."""
+REMEDY = "--resume keeps the labels that are in the cache"
 
 
 class LabelledShard(Dataset[tuple[Case, ...]]):
@@ -46,27 +46,24 @@ def run_fill(job: LabelJob) -> ExitCode:
             "give --out for labels and pictures, or --cache to fill a Dataset's label cache, not"
             " both"
         )
-    if job.cache.workers < 0:
-        raise ConfigError(f"--workers must not be negative, got {job.cache.workers}")
     torch.set_num_threads(1)
-    dataset = _dataset_of(job)
-    first, step = shard_of(job.cache.shard)
-    indices = range(first, len(dataset), step)
-    loader = DataLoader(
-        LabelledShard(dataset, indices), batch_size=None, num_workers=job.cache.workers
-    )
-    for _ in tqdm(loader, desc="labelling", unit=f"{AT_ONCE} images", disable=job.json or None):
-        pass
+    dataset = dataset_of(job)
+    number, of = shard_of(job.cache.shard)
+    indices = range(number - 1, len(dataset), of)
+    with worker_batches(LabelledShard(dataset, indices), job.cache.workers, REMEDY) as batches:
+        unit, is_silent = f"{AT_ONCE} images", job.json or None
+        for _ in tqdm(batches, desc="labelling", unit=unit, disable=is_silent):
+            pass
     animals = sum(dataset.source.animals(index) for index in indices)
     return _report(dataset, job, len(indices), animals)
 
 
-def _dataset_of(job: LabelJob) -> AnnotatedDataset:
+def dataset_of(job: LabelJob) -> AnnotatedDataset:
     """The job's Dataset, whose bad samples are counted, not raised."""
     body = job.body.source(job.dataset.model)
     config = replace(
         job.config,
-        surface_share=False,
+        surface_share=job.cache.surface_share,
         mask_iou=job.cache.mask_iou or job.camera.stored_camera == "hypothesis",
     )
     return AnnotatedDataset(
@@ -82,9 +79,10 @@ def _dataset_of(job: LabelJob) -> AnnotatedDataset:
         scale=job.scale_source,
         stored_cameras=job.camera.stored_camera,
         misplaced=job.misplaced,
-        optional=job.dataset.optional or "fault",
+        optional=job.dataset.optional or ("drop" if job.cache.folder is None else "fault"),
         visibility=job.dataset.visibility,
         categories=job.dataset.categories,
+        keep=job.dataset.keep,
         apply_orientation=job.dataset.applies_orientation,
         cache=job.cache.folder,
         reuse=job.cache.resume,
@@ -93,13 +91,13 @@ def _dataset_of(job: LabelJob) -> AnnotatedDataset:
 
 
 def shard_of(shard: str | None) -> tuple[int, int]:
-    """First index and step of a shard "i/n", counted from 1."""
+    """The numbers of a shard "i/n", counted from 1; without one, the whole is the only shard."""
     if shard is None:
-        return 0, 1
+        return 1, 1
     parts = re.fullmatch(r"(\d+)/(\d+)", shard)
     if parts is None or not 1 <= int(parts[1]) <= int(parts[2]):
         raise ConfigError(f"--shard must be i/n with i from 1 to n, such as 3/8, got {shard!r}")
-    return int(parts[1]) - 1, int(parts[2])
+    return int(parts[1]), int(parts[2])
 
 
 def _report(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> ExitCode:

@@ -65,6 +65,8 @@ class LabelJob:
     """a dataset's folder or its annotation file"""
     out: Path | None = None
     """folder for labels.json, labels.csv, overlays, gallery.html and report.json"""
+    table: Path | None = None
+    """folder for a table with a row for every animal, in parts, and no pictures"""
     dataset: KeypointDatasetOptions
     body: BodyOptions
     method: MethodOptions

@@ -11,6 +11,7 @@ from tqdm import tqdm
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.fill import run_fill
 from animal3dbox.cli.jobs import LabelJob
+from animal3dbox.cli.table import run_table
 from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.presets import PresetBodies, species_notes
 from animal3dbox.datasets.bodies.sources import BodySource
@@ -32,8 +33,10 @@ AT_ONCE = 16
 
 
 def run_label(job: LabelJob) -> ExitCode:
-    """Write labels and pictures of a dataset, or fill a cache for one."""
+    """Write labels and pictures of a dataset, or a table, or fill a cache for one."""
     _ = job.config, job.scale_source  # made now, so that what they refuse is told at once
+    if job.table is not None:
+        return run_table(job)
     return _write_labels(job) if job.cache.folder is None else run_fill(job)
 
 
@@ -106,8 +109,8 @@ def _checked_folder(job: LabelJob) -> Path:
     """The folder that is written to; raises a ConfigError for options that are for a cache."""
     if job.out is None:
         raise ConfigError(
-            "give --out for labels, pictures and a report, or --cache to fill a Dataset's label"
-            " cache"
+            "give --out for labels, pictures and a report, --table for a table, or --cache to fill"
+            " a Dataset's label cache"
         )
     for name, value in (
         ("--shard", job.cache.shard),
@@ -115,7 +118,10 @@ def _checked_folder(job: LabelJob) -> Path:
         ("--workers", job.cache.workers),
     ):
         if value:
-            raise ConfigError(f"{name} is for filling a label cache: give --cache, or leave it out")
+            raise ConfigError(
+                f"{name} is for filling a label cache or writing a table: give --cache or --table,"
+                " or leave it out"
+            )
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
     return job.out

@@ -16,7 +16,7 @@ import tyro
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import COMMANDS, Job
 from animal3dbox.cli.runners import run_job
-from animal3dbox.errors import Animal3DBoxError, ConfigError
+from animal3dbox.errors import Animal3DBoxError, ConfigError, WorkerError
 from animal3dbox.files import user_path
 
 
@@ -64,6 +64,8 @@ def exit_code(job: Job) -> ExitCode:
         return ExitCode.INTERRUPTED
     except ConfigError as error:
         return _complain(error, ExitCode.USAGE)
+    except WorkerError as error:
+        return _complain(error, ExitCode.OUTPUT)
     except Animal3DBoxError as error:
         return _complain(error, ExitCode.INPUT)
     except OSError as error:  # a full disk, a folder that may not be written

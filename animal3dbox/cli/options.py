@@ -270,18 +270,23 @@ class ScaleOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class CacheOptions:
-    """How a Dataset's label cache is filled, on one machine or on many."""
+    """How a Dataset's label cache is filled or a table is written, on one machine or on many."""
 
     folder: Annotated[Path | None, arg(name="cache")] = None
-    """fill this label cache of a Dataset with the same options, instead of writing to --out"""
+    """fill this label cache of a Dataset with the same options, instead of writing to --out; with
+    --table: labels that are in it are used, and new ones stored"""
     shard: str | None = None
-    """with --cache: i/n, only the images i, i + n, ... counted from 1"""
+    """with --cache or --table: i/n, only the images i, i + n, ... counted from 1"""
     resume: bool = False
-    """with --cache: keep the labels that are in it"""
+    """with --cache or --table: keep the labels that are there, and make the others"""
     workers: int = 0
-    """with --cache: processes"""
+    """with --cache or --table: processes"""
     mask_iou: bool = False
-    """with --cache and --stored-camera exact: measure the masks' overlap, for filters that ask"""
+    """with --cache or --table, and --stored-camera exact: measure the masks' overlap"""
+    surface_share: bool = False
+    """with --cache or --table: measure how much of each side of the animal is seen"""
+    part_rows: int = 4096
+    """with --table: rows of a part, about; a part is written after a minute in any case"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from animal3dbox.report.label_fits import read_label_fits as read_label_fits
     from animal3dbox.report.label_reading import read_label_rows as read_label_rows
     from animal3dbox.report.label_reading import read_labels_json as read_labels_json
-    from animal3dbox.report.label_table import write_labels_csv as write_labels_csv
     from animal3dbox.report.label_targets import target_of_row as target_of_row
+    from animal3dbox.report.labels_csv import write_labels_csv as write_labels_csv
     from animal3dbox.report.overlay import draw_cuboid as draw_cuboid
     from animal3dbox.report.overlay import draw_label as draw_label
     from animal3dbox.report.prediction_overlay import draw_predictions as draw_predictions
@@ -57,6 +57,11 @@ if TYPE_CHECKING:
     from animal3dbox.report.summary import FLAGS as FLAGS
     from animal3dbox.report.summary import Summary as Summary
     from animal3dbox.report.summary import flags_of as flags_of
+    from animal3dbox.report.table.keys import missing_indices as missing_indices
+    from animal3dbox.report.table.label_table import label_table as label_table
+    from animal3dbox.report.table.part_writer import PartWriter as PartWriter
+    from animal3dbox.report.table.parts import write_part as write_part
+    from animal3dbox.report.table.plan import table_plan as table_plan
 
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
@@ -75,7 +80,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
             "write_labels_json",
         ),
         "label_fits": ("read_label_fits",),
-        "label_table": ("write_labels_csv",),
+        "labels_csv": ("write_labels_csv",),
         "label_reading": ("read_label_rows", "read_labels_json"),
         "label_targets": ("target_of_row",),
         "overlay": ("draw_cuboid", "draw_label"),
@@ -83,5 +88,10 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "rerun_view": ("write_rerun",),
         "run": ("Labelled", "write_run"),
         "summary": ("FLAGS", "Summary", "flags_of"),
+        "table.keys": ("missing_indices",),
+        "table.label_table": ("label_table",),
+        "table.part_writer": ("PartWriter",),
+        "table.parts": ("write_part",),
+        "table.plan": ("table_plan",),
     },
 )

@@ -25,7 +25,7 @@ from animal3dbox.report.label_files import (
     animal_row,
     write_labels_json,
 )
-from animal3dbox.report.label_table import write_labels_csv
+from animal3dbox.report.labels_csv import write_labels_csv
 from animal3dbox.report.overlay import draw_label
 from animal3dbox.report.summary import Summary, flags_of, summarize
 from animal3dbox.smal.model import SmalModel

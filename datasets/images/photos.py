@@ -196,15 +196,30 @@ def stored_size(path: Path, sample_id: str, *, upright: bool = False) -> tuple[i
 
 
 def checked_facts(
-    path: Path, sample_id: str, expected_hw: tuple[int, int], *, upright: bool = False
+    path: Path | str, sample_id: str, expected_hw: tuple[int, int], *, upright: bool = False
 ) -> PhotoFacts:
-    """The header's facts of an image file that is as large as annotated, its pixels not decoded.
+    """The header's facts of an image file that is whole and as large as annotated.
 
-    Raises SampleError if it is no image, or of another size.
+    Pixels are not decoded, but of a JPEG that ends within its picture. So a JPEG or PNG that was
+    cut off is refused; other formats, and damage within the pixels of a whole JPEG, are not looked
+    at.
+
+    Raises:
+        SampleError: no image, a truncated one, too large a one, or one of another size.
+
     """
+    content = whole_jpeg(path)
+    header = None if content is None else jpeg_header(content)
+    if header is not None and header.is_silent and _is_expected(header.image_hw, expected_hw):
+        return PhotoFacts()
     with _open_image(path, sample_id) as image:
         _check_size(image, sample_id, expected_hw, upright=upright)
-        return facts_of(image, upright=upright)
+        facts = facts_of(image, upright=upright)
+        if image.format == "JPEG" and content is None:
+            decode_as_stored(image)
+        elif image.format == "PNG":
+            image.verify()
+        return facts
 
 
 def _used_size(image: Image.Image, *, upright: bool) -> tuple[int, int]:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from typing import get_args
 
@@ -87,25 +88,35 @@ class LabelStore:
         self.cache: LabelCache | None = None
         self._reported: set[str] = set()
         self._fit_notice = FitNotice()
+        self._bodies = bodies
         if cache is not None:
-            try:
-                scale_digest = content_digest(scale)
-            except TypeError as error:
-                raise ConfigError(
-                    f"scale has no name in a cache, for {error}: make it a dataclass of numbers and"
-                    " words, or leave out cache"
-                ) from error
-            fingerprint = digest(
-                code_digest(),
-                bodies,
-                content_digest(config),
-                scale_digest,
-                stored_cameras.encode(),
-                misplaced.encode(),
-                optional.encode(),
-                b"" if calibration is None else calibration.digest.encode(),
-            )
-            self.cache = LabelCache(user_path(cache), fingerprint)
+            self.cache = LabelCache(user_path(cache), self.fingerprint)
+
+    @cached_property
+    def fingerprint(self) -> bytes:
+        """16 bytes that name everything that labels depend on, but the animals.
+
+        Raises:
+            ConfigError: the scale's content has no name.
+
+        """
+        try:
+            scale_digest = content_digest(self.scale)
+        except TypeError as error:
+            raise ConfigError(
+                f"scale has no name in a cache or a table, for {error}: make it a dataclass of"
+                " numbers and words, or do without"
+            ) from error
+        return digest(
+            code_digest(),
+            self._bodies,
+            content_digest(self.config),
+            scale_digest,
+            self.stored_cameras.encode(),
+            self.misplaced.encode(),
+            self.optional.encode(),
+            b"" if self.calibration is None else self.calibration.digest.encode(),
+        )
 
     def request(self, sample: ImageSample, place: int, facts: PhotoFacts) -> LabelRequest:
         """The request for an animal's label, its mask not decoded yet.
@@ -174,33 +185,6 @@ class LabelStore:
             if not isinstance(outcome, SampleError):
                 cases += self._put_into_cache(request, outcome)
         return [outcomes[place] for place in range(len(requests))], cases
-
-    def fill(self, samples: Sequence[tuple[ImageSample, PhotoFacts]]) -> list[Case]:
-        """Store the labels of all animals of some samples, made together.
-
-        Returns:
-            A case for each animal with a fault or a rejection, which is stored too, and for each
-            problem of the cache.
-
-        """
-        names: list[str] = []
-        requests: list[LabelRequest | SampleError] = []
-        for sample, facts in samples:
-            for place, entry in enumerate(sample.animals):
-                if entry.vocabulary is None:
-                    continue  # a box that the dataset gives is never stored
-                names.append(entry.sample_id)
-                try:
-                    requests.append(self.request(sample, place, facts))
-                except SampleError as error:
-                    requests.append(error)
-        outcomes, cases = self.labels(requests)
-        for name, outcome in zip(names, outcomes, strict=True):
-            if isinstance(outcome, SampleError):
-                cases.append(fault_case(outcome))
-            elif isinstance(outcome, Rejection):
-                cases.append(rejected_case(name, outcome))
-        return cases
 
     def _from_cache(
         self, request: LabelRequest, cases: list[Case]

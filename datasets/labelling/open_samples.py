@@ -6,6 +6,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.images.photos import Photo
 from animal3dbox.datasets.labelling.image_samples import ImageSample, SampleSource
 from animal3dbox.datasets.labelling.label_requests import LabelRequest
@@ -52,7 +53,8 @@ def open_samples(
         if isinstance(photo, SampleError):
             opened.append(photo)
         elif not isinstance(sample, SampleError):
-            opened.append((sample, photo, _requests(sample, photo, classes, store)))
+            requests = requests_of_sample(sample, photo.facts, classes, store)
+            opened.append((sample, photo, requests))
     if not masks:
         return opened
     return [
@@ -76,14 +78,22 @@ def _attempt(read: Callable[..., T], *arguments: object) -> T | SampleError:
         return error
 
 
-def _requests(
-    sample: ImageSample, photo: Photo, classes: Mapping[str, int], store: LabelStore
+def requests_of_sample(
+    sample: ImageSample, facts: PhotoFacts, classes: Mapping[str, int], store: LabelStore
 ) -> list[RequestOrError]:
-    """The requests for the labels of a sample's animals, their masks not decoded yet."""
+    """The requests for the labels of a sample's animals, their masks not decoded yet.
+
+    Args:
+        sample: the image.
+        facts: of its picture's header.
+        classes: the categories that animals may be of.
+        store: will be asked for the labels.
+
+    """
     requests: list[RequestOrError] = []
     for place, entry in enumerate(sample.animals):
         if entry.category in classes:
-            requests.append(_attempt(store.request, sample, place, photo.facts))
+            requests.append(_attempt(store.request, sample, place, facts))
         else:
             known = ", ".join([*classes][:20])
             problem = f"{entry.category!r} is none of the classes {known}"

@@ -20,7 +20,7 @@ from animal3dbox.files import write_whole
 from animal3dbox.report.ecology.camtrap_package import CamtrapPackage, read_camtrap_package
 from animal3dbox.report.ecology.edge_boxes import EdgeBox, rows_with_boxes, turned_notes
 from animal3dbox.report.label_files import AnimalRow
-from animal3dbox.report.label_table import distance_source
+from animal3dbox.report.labels_csv import distance_source
 
 TIMESTAMP = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(Z|[+-]\d\d:?\d\d)")
 

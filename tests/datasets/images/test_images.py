@@ -17,7 +17,7 @@ from PIL import EpsImagePlugin, Image, ImageFile
 
 from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
 from animal3dbox.datasets.images.named_files import portable_name, resolve_inside
-from animal3dbox.datasets.images.photos import MAX_PIXELS, read_image
+from animal3dbox.datasets.images.photos import MAX_PIXELS, checked_facts, read_image
 from animal3dbox.errors import SampleError
 
 Picture = NDArray[np.uint8]
@@ -268,6 +268,19 @@ def test_a_damaged_file_is_refused(
     path = tmp_path / "photo.jpg"
     path.write_bytes(data(jpeg(noise)))
     assert "photo.jpg cannot be decoded" in refusal(lambda: read_image(path, "s7"))
+
+
+@pytest.mark.parametrize("format", ["JPEG", "PNG"])
+def test_a_picture_that_was_cut_off_is_refused_when_its_header_is_read(
+    tmp_path: Path, noise: Picture, format: str
+) -> None:
+    path = stored(tmp_path, Image.fromarray(noise), format)
+    assert checked_facts(path, "s7", (40, 60)) == PhotoFacts()
+    whole = path.read_bytes()
+    path.write_bytes(whole + b"\0" * 7)  # some cameras fill a file up
+    assert checked_facts(path, "s7", (40, 60)) == PhotoFacts()
+    path.write_bytes(whole[: len(whole) // 2])
+    assert "photo.jpg cannot be decoded" in refusal(lambda: checked_facts(path, "s7", (40, 60)))
 
 
 def test_damaged_bytes_never_raise_anything_but_a_refusal(tmp_path: Path, noise: Picture) -> None:

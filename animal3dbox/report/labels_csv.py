@@ -10,16 +10,32 @@ from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import FACE_NAMES
 from animal3dbox.report.label_files import AnimalRow
 
+FIELD_COLUMNS = {
+    "flank_confidence": ("flank_confidence",),
+    "box": ("x0", "y0", "x1", "y1"),
+    "face_share": tuple(f"share_{name}" for name in FACE_NAMES),
+    "surface_share": tuple(f"surface_{name}" for name in FACE_NAMES),
+}
+"""The fields of a row of labels.json that have columns of their own -> these, in the order of
+their numbers."""
 CSV_COLUMNS = (
     *("image", "animal", "side", "viewpoint", "sample_id", "category"),
-    *("flank", "flank_confidence", "flags", "distance_m", "distance_source"),
-    *("x0", "y0", "x1", "y1"),
-    *(f"share_{name}" for name in FACE_NAMES),
-    *(f"surface_{name}" for name in FACE_NAMES),
+    *("flank", *FIELD_COLUMNS["flank_confidence"], "flags", "distance_m", "distance_source"),
+    *FIELD_COLUMNS["box"],
+    *FIELD_COLUMNS["face_share"],
+    *FIELD_COLUMNS["surface_share"],
     *("azimuth_deg", "elevation_deg", "confidence"),
     *SIGHTING_FIELDS,
 )
 """The columns of labels.csv; an empty cell is unknown."""
+DECIMALS = {
+    **dict.fromkeys(FIELD_COLUMNS["flank_confidence"], 3),
+    "distance_m": 3,
+    **dict.fromkeys(FIELD_COLUMNS["box"], 1),
+    **dict.fromkeys((*FIELD_COLUMNS["face_share"], *FIELD_COLUMNS["surface_share"]), 4),
+    **{"azimuth_deg": 1, "elevation_deg": 1, "confidence": 3},
+}
+"""The columns that hold numbers -> the decimals that labels.csv has of them."""
 FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
 """What a cell begins with that spreadsheets take for a formula."""
 UNSURE_FOCAL = ("guessed", "estimated")
@@ -51,35 +67,59 @@ def write_labels_csv(
     write_whole(path, text.getvalue().encode())
 
 
-def _cells(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int]:
-    """Column -> cell of one animal; empty where nothing is known."""
-    shares = dict(zip(FACE_NAMES, row.face_share, strict=True))
-    surface = dict(zip(FACE_NAMES, row.surface_share or [None] * len(FACE_NAMES), strict=True))
+def csv_values(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int | float | None]:
+    """Column -> value of one animal, numbers as they are; None where nothing is known.
+
+    Args:
+        row: of labels.json.
+        raised: what its report flags.
+
+    """
+    fields = {
+        column: number
+        for field, columns in FIELD_COLUMNS.items()
+        for column, number in zip(columns, _numbers(row, field, len(columns)), strict=True)
+    }
     return {
-        "image": text_cell(row.image),
+        **fields,
+        "image": row.image,
         "animal": row.animal,
-        "side": row.side or "",
+        "side": row.side,
         "viewpoint": row.viewpoint,
-        "sample_id": text_cell(row.sample_id),
-        "category": text_cell(row.category),
-        "flank": row.flank or "",
-        "flank_confidence": _cell(row.flank_confidence, 3),
+        "sample_id": row.sample_id,
+        "category": row.category,
+        "flank": row.flank,
         "flags": ";".join(_flags(row, raised)),
-        "distance_m": "" if row.scale_m_per_unit is None else _cell(row.distance, 3),
+        "distance_m": None if row.scale_m_per_unit is None else row.distance,
         "distance_source": distance_source(row),
-        **{name: _cell(px, 1) for name, px in zip(("x0", "y0", "x1", "y1"), row.box, strict=True)},
-        **{f"share_{name}": _cell(share, 4) for name, share in shares.items()},
-        **{f"surface_{name}": _cell(share, 4) for name, share in surface.items()},
-        "azimuth_deg": _cell(row.azimuth_deg, 1),
-        "elevation_deg": _cell(row.elevation_deg, 1),
-        "confidence": _cell(row.confidence, 3),
-        **{name: text_cell(value) for name, value in row.sighting.known.items()},
+        "azimuth_deg": row.azimuth_deg,
+        "elevation_deg": row.elevation_deg,
+        "confidence": row.confidence,
+        **row.sighting.known,
     }
 
 
-def _cell(number: float | None, decimals: int) -> str:
-    """A number with so many decimals; empty if it is not known."""
-    return "" if number is None else f"{number:.{decimals}f}"
+def _numbers(row: AnimalRow, field: str, count: int) -> Sequence[float | None]:
+    """The numbers of a field, one or several; of one that is not known, None so many times."""
+    value = getattr(row, field)
+    if value is None:
+        return (None,) * count
+    return value if isinstance(value, list) else (value,)
+
+
+def _cells(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int]:
+    """Column -> cell of one animal; empty where nothing is known."""
+    return {name: _cell(name, value) for name, value in csv_values(row, raised).items()}
+
+
+def _cell(column: str, value: str | int | float | None) -> str | int:
+    """A cell: text that no spreadsheet runs, a number with the decimals of its column."""
+    if value is None:
+        return ""
+    if isinstance(value, str):
+        return text_cell(value)
+    decimals = DECIMALS.get(column)
+    return int(value) if decimals is None else f"{value:.{decimals}f}"
 
 
 def text_cell(text: str) -> str:

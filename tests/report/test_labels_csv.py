@@ -12,7 +12,7 @@ from animal3dbox.datasets.labelling.scale import in_metres
 from animal3dbox.datasets.sightings import Sighting
 from animal3dbox.geometry.cuboid import FACE_NAMES
 from animal3dbox.report.label_files import animal_row
-from animal3dbox.report.label_table import CSV_COLUMNS, write_labels_csv
+from animal3dbox.report.labels_csv import CSV_COLUMNS, write_labels_csv
 
 DOCS = Path(__file__).parents[2] / "docs" / "formats.md"
 NAME = 'dogs, "wet"/ö\n.jpg'

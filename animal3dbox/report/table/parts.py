@@ -1,0 +1,234 @@
+"""The parts of a table: files of a folder, each written whole or not at all.
+
+A part is Parquet where pyarrow is installed (the extra `parquet`), else CSV compressed by gzip; a
+folder holds one of the two. Its name is made of its shard and its rows' keys: whoever writes the
+same rows again writes the same file.
+"""
+
+import csv
+import gzip
+import io
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from animal3dbox.datasets.storage.fingerprint import digest
+from animal3dbox.errors import ConfigError, DatasetFormatError
+from animal3dbox.files import write_whole
+from animal3dbox.report.labels_csv import text_cell
+from animal3dbox.report.table.columns import KINDS, Value
+
+if TYPE_CHECKING:
+    import pyarrow
+
+PartFormat = Literal["parquet", "csv.gz"]
+WHOLE_TABLE = (1, 1)
+_NAME = re.compile(r"shard-(\d+)-of-(\d+)-([0-9a-f]{16})\.(parquet|csv\.gz)")
+EXTRA = "pip install 'animal3dbox[parquet]'"
+
+
+@dataclass(frozen=True)
+class Part:
+    """One file of a table.
+
+    Attributes:
+        path: of the file.
+        shard: which it is a part of, and of how many: (i, n), counted from 1.
+        format: "parquet" or "csv.gz".
+    """
+
+    path: Path
+    shard: tuple[int, int]
+    format: PartFormat
+
+
+def parts_of(folder: Path) -> list[Part]:
+    """The parts in a table's folder, by their names; none if there is no folder."""
+    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    matches = (match for name in names if (match := _NAME.fullmatch(name)))
+    return [
+        Part(
+            folder / match[0],
+            (int(match[1]), int(match[2])),
+            "parquet" if match[4] == "parquet" else "csv.gz",
+        )
+        for match in matches
+    ]
+
+
+def part_format(folder: Path) -> PartFormat:
+    """The format of a folder's parts: of those that are there, else the one that can be written.
+
+    Raises:
+        ConfigError: they are Parquet and pyarrow is missing, or there are parts of both.
+
+    """
+    formats = {part.format for part in parts_of(folder)}
+    if len(formats) > 1:
+        raise ConfigError(f"{folder} holds parts in Parquet and in CSV: keep those of one of them")
+    has_pyarrow = find_spec("pyarrow") is not None
+    if formats == {"parquet"} and not has_pyarrow:
+        raise ConfigError(f"{folder} holds parts in Parquet, which need pyarrow: {EXTRA}")
+    return next(iter(formats), "parquet" if has_pyarrow else "csv.gz")
+
+
+@contextmanager
+def locked_shard(folder: Path, shard: tuple[int, int] = WHOLE_TABLE) -> Iterator[None]:
+    """Let nobody else write a shard of a table while a ``with`` block lasts.
+
+    Who holds the lock and is killed, loses it. The folder is made if it is missing, and what a
+    killed writer left unfinished is removed. On Windows nothing is locked.
+
+    Raises:
+        ConfigError: another process writes the shard, or the folder cannot be made.
+
+    """
+    stem = f".shard-{shard[0]}-of-{shard[1]}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / f"{stem}.lock").open("wb")
+    except OSError as error:
+        raise ConfigError(f"the table's folder {folder} cannot be made: {error}") from error
+    with file:
+        if os.name == "posix":
+            import fcntl
+
+            try:  # a lock of the process, which its forked workers do not inherit
+                fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise ConfigError(
+                    f"another process writes this table into {folder}: wait for its end, or give"
+                    " another folder or --shard"
+                ) from error
+        for unfinished in folder.glob(f"{stem}-*"):
+            unfinished.unlink(missing_ok=True)
+        yield
+
+
+def write_part(
+    folder: Path, table: Mapping[str, Sequence[Any]], shard: tuple[int, int] = WHOLE_TABLE
+) -> Path | None:
+    """Write rows as one part of a table, whole or not at all.
+
+    Args:
+        folder: of the table, made if it is missing.
+        table: as label_table gives it.
+        shard: that the rows are of.
+
+    Returns:
+        The file; None if there are no rows.
+
+    Raises:
+        ConfigError: see part_format.
+        OSError: it cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> from animal3dbox.datasets import SyntheticDataset
+        >>> from animal3dbox.report import label_table
+        >>> table = label_table(SyntheticDataset(2, seed=0, image_hw=(120, 160)), [0, 1])
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = write_part(Path(folder), table)
+        ...     read_part(parts_of(Path(folder))[0], ["image"])["image"]
+        ['0-000000', '0-000001']
+    """
+    keys = table["key"]
+    if not keys:
+        return None
+    format = part_format(folder)
+    name = digest(*(key.encode() for key in keys)).hex()[:16]
+    path = folder / f"shard-{shard[0]}-of-{shard[1]}-{name}.{format}"
+    write_whole(path, _parquet(table) if format == "parquet" else _compressed_csv(table))
+    return path
+
+
+def read_part(part: Part, columns: Sequence[str]) -> dict[str, list[Value]]:
+    """Columns of a part.
+
+    Raises:
+        DatasetFormatError: the file is damaged or lacks a column.
+
+    """
+    try:
+        if part.format == "parquet":
+            import pyarrow.parquet
+
+            read = pyarrow.parquet.read_table(part.path, columns=list(columns))
+            return {name: read.column(name).to_pylist() for name in columns}
+        rows = [*_csv_rows(part.path)]
+        return {name: [_value(row[name], KINDS[name]) for row in rows] for name in columns}
+    except (OSError, EOFError, ValueError, KeyError, csv.Error) as error:
+        raise DatasetFormatError(
+            f"{part.path} cannot be read ({error}): delete it and --resume, which makes its rows"
+            " anew"
+        ) from error
+
+
+def arrow_table(table: Mapping[str, Sequence[Any]]) -> "pyarrow.Table":
+    """The rows as an Arrow table whose columns have the types of their kinds, known or not.
+
+    Raises:
+        ConfigError: pyarrow is missing.
+
+    """
+    if find_spec("pyarrow") is None:
+        raise ConfigError(f"Parquet needs pyarrow: {EXTRA}")
+    import pyarrow
+
+    types = {
+        "text": pyarrow.string(),
+        "number": pyarrow.float64(),
+        "whole": pyarrow.int64(),
+        "flag": pyarrow.bool_(),
+    }
+    schema = pyarrow.schema([(name, types[KINDS[name]]) for name in table])
+    return pyarrow.table(dict(table), schema=schema)
+
+
+def _parquet(table: Mapping[str, Sequence[Any]]) -> bytes:
+    import pyarrow.parquet
+
+    buffer = io.BytesIO()
+    pyarrow.parquet.write_table(arrow_table(table), buffer, compression="zstd")
+    return buffer.getvalue()
+
+
+def _compressed_csv(table: Mapping[str, Sequence[Any]]) -> bytes:
+    """The rows as CSV, compressed; the same bytes at any time."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table)
+    cells = [[*map(partial(_cell, KINDS[name]), values)] for name, values in table.items()]
+    writer.writerows(zip(*cells, strict=True))
+    return gzip.compress(text.getvalue().encode("utf-8", "surrogateescape"), 6, mtime=0)
+
+
+def _cell(kind: str, value: Value) -> str:
+    """A cell: empty where nothing is known, numbers with all their digits, flags in words."""
+    if value is None:
+        return ""
+    if kind == "text":
+        return text_cell(str(value))
+    return str(value).lower() if kind == "flag" else repr(value)
+
+
+def _csv_rows(path: Path) -> Iterator[dict[str, str]]:
+    with gzip.open(path, "rt", encoding="utf-8", errors="surrogateescape", newline="") as file:
+        yield from csv.DictReader(file)
+
+
+def _value(cell: str, kind: str) -> Value:
+    """The value of a cell; None of an empty one."""
+    if not cell:
+        return None
+    if kind == "text":
+        return cell[1:] if cell[0] == "'" and text_cell(cell[1:]) == cell else cell
+    if kind == "flag":
+        return cell == "true"
+    return int(cell) if kind == "whole" else float(cell)
