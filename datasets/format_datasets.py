@@ -29,6 +29,8 @@ from animal3dbox.files import user_path
 from animal3dbox.smal.keypoints.vocabularies import vocabulary_of_option
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
+INDEXES = "indexes"
+"""Name of the folder of indexes in that of a label cache."""
 Split = Literal["train", "test", "all"]
 
 
@@ -43,6 +45,8 @@ class ReadingOptions(Options, total=False):
     categories: Sequence[str]
     keep: Sequence[Keep]
     apply_orientation: bool
+    check_paths: bool
+    index: Path | str | None
 
 
 class AnnotatedDataset(LabelDataset):
@@ -67,6 +71,10 @@ class AnnotatedDataset(LabelDataset):
         keep: what the file says and meta["sightings"] holds only if asked: ("location",).
         apply_orientation: whether pictures and masks are turned as their EXIF headers say, of
             annotations that were made on turned pictures; False: pixels are as stored.
+        check_paths: whether every picture is looked up now, so that a missing one is a fault before
+            anything is read; else, of COCO (other formats always look), when it is read.
+        index: folder of the index by which a COCO file is opened again in seconds; None: in the
+            label cache's folder, if there is a cache, else none is kept.
         **options: LabelDataset's.
 
     Raises:
@@ -101,6 +109,8 @@ class AnnotatedDataset(LabelDataset):
         categories: Sequence[str] = (),
         keep: Sequence[Keep] = (),
         apply_orientation: bool = False,
+        check_paths: bool = False,
+        index: Path | str | None = None,
         **options: Unpack[Options],
     ) -> None:
         if isinstance(categories, str):
@@ -125,6 +135,8 @@ class AnnotatedDataset(LabelDataset):
                 categories=tuple(categories),
                 keep=tuple(keep),
                 apply_orientation=apply_orientation,
+                check_paths=check_paths,
+                index_folder=_index_folder(index, options.get("cache")),
             ),
         )
         own_body = body_source(body, model=fitted) if isinstance(body, str) else body
@@ -137,6 +149,13 @@ class AnnotatedDataset(LabelDataset):
         kind, *lines = super().__repr__().split("\n")
         where = f"    Root location: {self.root}\n    Split: {self.split}"
         return "\n".join([kind, *lines[:1], where, *lines[1:]])
+
+
+def _index_folder(index: Path | str | None, cache: Path | str | None) -> Path | None:
+    """The folder of indexes: the one that is given, or one in the label cache's folder."""
+    if index is not None:
+        return user_path(index)
+    return None if cache is None else user_path(cache) / INDEXES
 
 
 def _split_file(root: Path, format: str, split: Split) -> Path:

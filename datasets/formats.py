@@ -4,7 +4,7 @@ READERS lists the formats of annotated animals; a new one is a reader in readers
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -26,8 +26,9 @@ from animal3dbox.datasets.readers.deeplabcut import reader as deeplabcut
 from animal3dbox.datasets.readers.mesh_folder import reader as mesh_folder
 from animal3dbox.datasets.readers.tolerance import of_categories
 from animal3dbox.datasets.record_changes import of_unicode, with_focal, without_places
-from animal3dbox.datasets.records import RecordSet
+from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.datasets.storage.json_files import decode_json
+from animal3dbox.datasets.storage.records_on_demand import RecordsOnDemand
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
@@ -100,8 +101,20 @@ def _read_coco(path: Path, options: ReadOptions) -> ReadDataset:
         options.vocabulary,
         tolerance=options.tolerance(),
         categories=options.categories,
+        check_paths=options.check_paths,
+        index_folder=options.index_folder,
     )
     return ReadDataset(records, None)
+
+
+def _has_index(path: Path, format: str, options: ReadOptions) -> bool:
+    """Whether a file has been opened before as COCO's, so that nobody need look what it is."""
+    if format not in ("auto", coco.FORMAT) or options.check_paths or options.index_folder is None:
+        return False
+    reading = coco.CocoReading(
+        path, options.images, options.vocabulary, options.tolerance(), options.categories
+    )
+    return path.is_file() and reading.has_index(options.index_folder)
 
 
 def _read_mesh_folder(path: Path, options: ReadOptions) -> ReadDataset:
@@ -289,9 +302,12 @@ def read_dataset(
         raise ConfigError(f"format must be auto, {' or '.join(FORMATS)}, got {format!r}")
     if not path.exists():
         raise DatasetNotFoundError(f"there is no file or folder {path}")
-    _refuse_cuboids(path, format)
-    kind = recognised_format(path) if format == "auto" else format
     options = options or ReadOptions()
+    if _has_index(path, format, options):
+        kind = coco.FORMAT
+    else:
+        _refuse_cuboids(path, format)
+        kind = recognised_format(path) if format == "auto" else format
     if options.visibility == "scores" and kind not in (coco.FORMAT, animal3d.FORMAT):
         raise ConfigError(f"visibility 'scores' is for COCO and Animal3D, and {path} is {kind}")
     dataset = _read_as(kind, path, options)
@@ -325,6 +341,13 @@ def _read_as(kind: str, path: Path, options: ReadOptions) -> ReadDataset:
         ) from error
 
 
+def _has_known_pose(animals: Sequence[AnimalRecord]) -> bool:
+    """Whether the camera of any animal is known exactly."""
+    if isinstance(animals, RecordsOnDemand):
+        return False
+    return any(record.pose is not None for record in animals)
+
+
 def bodies_for(dataset: ReadDataset, own: BodySource | None) -> BodySource:
     """The user's body for all animals if there is one, else the dataset's own bodies, else a fit.
 
@@ -334,11 +357,12 @@ def bodies_for(dataset: ReadDataset, own: BodySource | None) -> BodySource:
         ConfigError: a user's body for a dataset whose cameras are known in the frame of its own.
 
     """
-    if own is not None and any(record.pose is not None for record in dataset.records.records):
+    animals = dataset.records.records
+    if own is not None and _has_known_pose(animals):
         raise ConfigError(
             f"{own.name} cannot be the body of all animals: this dataset's cameras are known only"
             " to its own meshes; leave it out"
         )
     if own is None and isinstance(dataset.bodies, ParametersBody):
-        return own_or_fitted(dataset.bodies, dataset.records.records)
+        return own_or_fitted(dataset.bodies, animals)
     return own or dataset.bodies or body_source(DEFAULT_BODY)

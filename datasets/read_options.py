@@ -32,6 +32,10 @@ class ReadOptions:
         keep: what of the file travels into labels only if asked for: "location", the place.
         apply_orientation: whether pictures and masks are turned as their EXIF headers say, of
             annotations that were made on turned pictures; else pixels are as stored.
+        check_paths: whether every picture is looked up when the dataset is opened; else, of COCO
+            (other formats always do), only when it is read.
+        index_folder: folder of indexes that spare later openings most of the reading (COCO,
+            without check_paths); None: none is kept.
 
     Example:
         >>> ReadOptions(images=Path("photos"), focal_px=1200.0).focal_px
@@ -48,6 +52,8 @@ class ReadOptions:
     categories: tuple[str, ...] = ()
     keep: tuple[Keep, ...] = ()
     apply_orientation: bool = False
+    check_paths: bool = True
+    index_folder: Path | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (("optional", BadParts), ("visibility", Visibility)):

@@ -3,6 +3,7 @@
 A reader checks the form of what its files say, not the sense; labelling does the rest.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -227,7 +228,8 @@ class RecordSet:
 
     Attributes:
         name: the format's name.
-        records: the animals in the file's order.
+        records: the animals in the file's order, in memory, or decoded when they are asked for
+            (storage/records_on_demand.py).
         faults: one error a sample that is unusable; nothing is dropped without one.
         notes: what a careful person should know of the dataset, in whole sentences.
         categories: every category that the file knows, in its order, whether an animal has it or
@@ -242,7 +244,7 @@ class RecordSet:
     """
 
     name: str
-    records: tuple[AnimalRecord, ...]
+    records: Sequence[AnimalRecord]
     faults: tuple[SampleError, ...]
     notes: tuple[str, ...] = ()
     categories: tuple[str, ...] = ()

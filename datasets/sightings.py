@@ -103,6 +103,12 @@ _VALUES = attrgetter(*(key for keys in KEYS.values() for key in keys))
 _NOTHING = _VALUES(NO_KEYS)
 
 
+def is_silent(element: SightingKeys) -> bool:
+    """Whether an element of a file says nothing of when, where and of whom a picture is."""
+    silent: bool = _VALUES(element) == _NOTHING
+    return silent
+
+
 def sighting_of(element: SightingKeys, image: Sighting = NO_SIGHTING) -> Sighting:
     """What an element of a file says of a picture, and what its image says beside it.
 

@@ -9,9 +9,9 @@ import numpy as np
 from animal3dbox.datasets.bodies.sources import ParametersBody
 from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.images.photos import Photo
-from animal3dbox.datasets.labelling.file_source import record_content
 from animal3dbox.datasets.labelling.image_index import entry_of
 from animal3dbox.datasets.labelling.image_samples import ImageSample
+from animal3dbox.datasets.labelling.record_stores import record_content
 from animal3dbox.datasets.labelling.scene_store import AnnotatedScene, SceneStore, png_of
 from animal3dbox.datasets.records import AnimalRecord, CuboidImage
 from animal3dbox.datasets.storage.fingerprint import content_digest

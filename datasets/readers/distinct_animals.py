@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,21 +33,26 @@ MOST_IN = 0.9
 """The part of keypoints that a box must hold to be theirs."""
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Checked = tuple[tuple[AnimalRecord, ...], tuple[SampleError, ...]]
 """Records, and an error for each other one."""
 
 
-def distinct_animals(records: Sequence[AnimalRecord], tolerance: Tolerance) -> Checked:
+def distinct_animals(
+    records: Sequence[AnimalRecord], tolerance: Tolerance, *, others_may_be_corners: bool = True
+) -> Checked:
     """The records without those that are another one's, and an error for each of these.
 
     Args:
         records: as they were read, in order.
         tolerance: how bad boxes are taken.
+        others_may_be_corners: whether every box of the file's other animals, if there are any, may
+            be two corners.
 
     """
     named, faults = _of_own_images(records)
     once, repeated = _each_once(named)
-    boxed, boxes = _with_own_boxes(once, tolerance)
+    boxed, boxes = _with_own_boxes(once, tolerance, others_may_be_corners)
     return boxed, (*faults, *repeated, *boxes)
 
 
@@ -79,15 +85,9 @@ def _of_own_images(records: Sequence[AnimalRecord]) -> Checked:
         others = [] if path is None else [name for name in names[path] if name != record.image_id]
         has_own_name = path is None or path.as_posix().endswith(record.image_id)
         if moved and some_are_in_place:
-            problem = (
-                f"there is no file of this name, and {_end_of(path)!r} is not taken for it, since"
-                " other images are where their names say; correct the name or add the file"
-            )
+            problem = not_taken(path)
         elif others and not has_own_name:
-            problem = (
-                f"is the file of {others[0]!r}, too: two images of a dataset are two files; give"
-                " the folder in which both names are right (--images)"
-            )
+            problem = taken_twice(others[0])
         else:
             kept.append(record)
             continue
@@ -95,14 +95,33 @@ def _of_own_images(records: Sequence[AnimalRecord]) -> Checked:
     return tuple(kept), tuple(faults)
 
 
+def not_taken(path: Path | None) -> str:
+    """The problem of a name without a file, of a dataset whose other names have theirs."""
+    return (
+        f"there is no file of this name, and {_end_of(path)!r} is not taken for it, since other"
+        " images are where their names say; correct the name or add the file"
+    )
+
+
+def taken_twice(other: str) -> str:
+    """The problem of a name whose file is that of another name, too."""
+    return (
+        f"is the file of {other!r}, too: two images of a dataset are two files; give the folder in"
+        " which both names are right (--images)"
+    )
+
+
 def _is_elsewhere(record: AnimalRecord) -> bool:
     """Whether a record's image was found without all of the folders that its name says."""
-    if record.image_path is None:
+    return record.image_path is not None and is_elsewhere(record.image_id, record.image_path)
+
+
+def is_elsewhere(name: str, file: Path) -> bool:
+    """Whether a file was found without all of the folders that its name says."""
+    path = file.as_posix()
+    if path.endswith(name):  # as nearly always
         return False
-    path = record.image_path.as_posix()
-    if path.endswith(record.image_id):  # as nearly always
-        return False
-    return not is_end_of_path(record.image_id, path)
+    return not is_end_of_path(name, path)
 
 
 def _end_of(path: Path | None) -> str:
@@ -143,7 +162,9 @@ def _is_same(one: AnimalRecord, other: AnimalRecord) -> bool:
     return bool(np.abs(points - second[both, :2]).max() <= most)
 
 
-def _with_own_boxes(records: Sequence[AnimalRecord], tolerance: Tolerance) -> Checked:
+def _with_own_boxes(
+    records: Sequence[AnimalRecord], tolerance: Tolerance, others_may_be_corners: bool
+) -> Checked:
     """Records whose boxes are x, y, width and height, not two corners.
 
     Read as width and height, a corner makes a box that reaches beyond the image; where one does,
@@ -151,8 +172,10 @@ def _with_own_boxes(records: Sequence[AnimalRecord], tolerance: Tolerance) -> Ch
     be, too.
     """
     suspects = [(record, *_as_corners(record)) for record in records]
-    is_file_of_corners = any(evident for _, _, evident in suspects) and all(
-        possible for record, possible, _ in suspects if record.box is not None
+    is_file_of_corners = (
+        others_may_be_corners
+        and any(evident for _, _, evident in suspects)
+        and all(possible for record, possible, _ in suspects if record.box is not None)
     )
     kept, faults = [], []
     for record, possible, evident in suspects:
@@ -178,30 +201,58 @@ def _refuse_corners(record: AnimalRecord) -> None:
 
 
 def _as_corners(record: AnimalRecord) -> tuple[bool, bool]:
-    """Whether a box may be two corners that were read as a corner, a width and a height.
+    """Whether a record's box may be two corners, and evidently is; see may_be_corners."""
+    if record.box is None:
+        return False, False
+    image_hw = np.array([record.image_hw])
+    possible, evident = may_be_corners(record.box[None], record.keypoints_2d[None], image_hw)
+    return bool(possible[0]), bool(evident[0])
+
+
+def has_evident_corners(records: Sequence[AnimalRecord]) -> bool:
+    """Whether a box of some animals evidently is two corners."""
+    return any(_as_corners(record)[1] for record in records)
+
+
+def may_be_corners(boxes: Array, keypoints: Array, image_hw: NDArray[Any]) -> tuple[Flags, Flags]:
+    """Whether boxes may be two corners that were read as a corner, a width and a height.
+
+    Args:
+        boxes: (N, 4) xyxy px, as they were read.
+        keypoints: (N, J, 3) of the same animals, the third number 0 where one is missing.
+        image_hw: (N, 2) height and width of their images.
 
     Returns:
-        possible: the keypoints lie between these corners, and fill them better.
-        evident: besides, they fill them much better, and as it was read the box reaches beyond
-            the image.
+        possible: (N,) the keypoints lie between these corners, and fill them better.
+        evident: (N,) besides, they fill them much better, and as it was read the box reaches
+            beyond the image.
     """
-    box, points = record.box, record.keypoints_2d[record.keypoints_2d[:, 2] > 0, :2]
-    if box is None or len(points) < LEAST_POINTS:
-        return False, False
-    near, far = box[:2], box[2:] - box[:2] - 0.5
-    margin = AROUND * float(np.ptp(points, axis=0).max())
-    inside = ((points >= near - margin) & (points <= far + margin)).all(1)
-    possible = bool((far > near).all() and inside.mean() >= MOST_IN)
-    extent = np.concatenate((points.min(0), points.max(0)))
-    gain = _overlap(np.concatenate((near, far)), extent) - _overlap(box, extent)
-    possible = possible and gain > 0
-    frame = np.array(record.image_hw[::-1], dtype=np.float64)
-    reaches_beyond = bool((box[2:] > (1 + BEYOND_FRAME) * frame).any())
-    return possible, possible and gain > BETTER and reaches_beyond
+    is_marked, points = keypoints[..., 2] > 0, keypoints[..., :2]
+    count = is_marked.sum(1)
+    far_off = np.float64(np.inf)
+    lowest = np.where(is_marked[..., None], points, far_off).min(1, initial=far_off)
+    highest = np.where(is_marked[..., None], points, -far_off).max(1, initial=-far_off)
+    has_points = count >= LEAST_POINTS
+    lowest[~has_points] = highest[~has_points] = 0.0
+    near, far = boxes[:, :2], boxes[:, 2:] - boxes[:, :2] - 0.5
+    margin = AROUND * (highest - lowest).max(1)[:, None]
+    inside = (points >= (near - margin)[:, None]) & (points <= (far + margin)[:, None])
+    inside_count = (inside.all(2) & is_marked).sum(1)
+    possible = (far > near).all(1) & (inside_count / np.maximum(count, 1) >= MOST_IN)
+    extent = np.concatenate((lowest, highest), axis=1)
+    gain = _overlap(np.concatenate((near, far), axis=1), extent) - _overlap(boxes, extent)
+    possible &= has_points & (gain > 0)
+    reaches_beyond = (boxes[:, 2:] > (1 + BEYOND_FRAME) * image_hw[:, ::-1]).any(1)
+    return possible, possible & (gain > BETTER) & reaches_beyond
 
 
-def _overlap(one: Array, other: Array) -> float:
-    """The intersection over union of two boxes (4,) xyxy."""
-    common = np.prod(np.maximum(np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2]), 0))
-    areas = np.prod(one[2:] - one[:2]) + np.prod(other[2:] - other[:2])
-    return float(common / max(float(areas - common), 1e-9))
+def _overlap(some: Array, others: Array) -> Array:
+    """The intersections over unions (N,) of pairs of boxes (N, 4) xyxy."""
+    least_far, greatest_near = (
+        np.minimum(some[:, 2:], others[:, 2:]),
+        np.maximum(some[:, :2], others[:, :2]),
+    )
+    common = np.maximum(least_far - greatest_near, 0).prod(1)
+    areas = (some[:, 2:] - some[:, :2]).prod(1) + (others[:, 2:] - others[:, :2]).prod(1)
+    overlaps: Array = common / np.maximum(areas - common, 1e-9)
+    return overlaps

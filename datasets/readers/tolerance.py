@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.records import CuboidSet, RecordSet
+from animal3dbox.datasets.storage.records_on_demand import RecordsOnDemand
 from animal3dbox.errors import ConfigError, SampleError
 
 Array = NDArray[np.float64]
@@ -146,8 +147,8 @@ def of_categories(records: RecordSet, categories: Sequence[str]) -> RecordSet:
         ConfigError: the dataset has no such category.
 
     """
-    if not categories:
-        return records
+    if not categories or isinstance(records.records, RecordsOnDemand):
+        return records  # the latter's reader has chosen already
     names = dict.fromkeys((*records.categories, *(one.category for one in records.records)))
     known = {name.casefold(): name for name in names}
     if unknown := [name for name in categories if name.casefold() not in known]:

@@ -34,7 +34,7 @@ LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless")
 """Libraries whose versions may change a label's last digits."""
 
 
-def digest(*parts: bytes) -> bytes:
+def digest(*parts: bytes | bytearray | memoryview) -> bytes:
     """16 bytes that name a sequence of parts.
 
     Each part is preceded by its length, so that ("ab", "c") and ("a", "bc") differ.

@@ -40,7 +40,18 @@ def decode_json(path: Path, kind: Any) -> Any:
         DatasetFormatError: not JSON (NaN and Infinity are not), or of another form.
 
     """
-    data = read_json_bytes(path)
+    return decode_json_bytes(read_json_bytes(path), kind, path)
+
+
+def decode_json_bytes(data: bytes, kind: Any, path: Path) -> Any:
+    """The content of a JSON file that has been read, with the errors of decode_json.
+
+    Args:
+        data: the file's bytes, without a byte order mark.
+        kind: any type that msgspec decodes.
+        path: the file, named in errors.
+
+    """
     try:
         return msgspec.json.decode(data, type=kind)
     except msgspec.ValidationError as error:

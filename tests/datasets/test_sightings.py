@@ -150,14 +150,15 @@ def test_a_dataset_gives_the_same_in_its_targets_from_the_cache_too(
 def test_what_is_said_of_an_animal_is_no_part_of_its_label(file: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     CocoKeypointsDataset(file, body="preset", cache=cache, on_bad="skip").warm([0, 1])
-    entries = {path: path.read_bytes() for path in cache.rglob("*") if path.is_file()}
+    entries = {path: path.read_bytes() for path in cache.rglob("*.labels")}
     content = json.loads(file.read_text())
     for animal in content["annotations"]:
         animal["individual_id"] = "Simba"
     write_coco(file.parent, content)
     dataset = CocoKeypointsDataset(file, body="preset", cache=cache, on_bad="skip")
     assert sightings_of(dataset, 1)[0]["individual"] == "Simba"
-    assert {path: path.read_bytes() for path in cache.rglob("*") if path.is_file()} == entries
+    assert entries
+    assert {path: path.read_bytes() for path in cache.rglob("*.labels")} == entries
 
 
 def test_the_time_is_the_headers_where_the_file_says_none(file: Path) -> None:

@@ -12,13 +12,13 @@ import msgspec
 
 from animal3dbox.datasets.readers.elements import decoded
 from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting, SightingKeys, sighting_of
-from animal3dbox.datasets.storage.json_files import decode_json
+from animal3dbox.datasets.storage.json_files import decode_json_bytes
 from animal3dbox.errors import ConfigError, DatasetFormatError, SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.keypoints.vocabulary_match import NameMatch, is_misspelt, match_by_name
 
 
-class _Category(msgspec.Struct):
+class Category(msgspec.Struct):
     """One element of "categories": a species, or whatever else the dataset distinguishes."""
 
     id: int | str | float
@@ -34,16 +34,31 @@ class CocoFile(msgspec.Struct):
 
     images: list[msgspec.Raw] | dict[str, str]
     annotations: list[msgspec.Raw]
-    categories: list[_Category] = []
+    categories: list[Category] = []
 
 
-class _ImageName(SightingKeys):
+@dataclass(frozen=True)
+class CocoElements:
+    """Some images and annotations of a COCO file, undecoded, each with its place in its list.
+
+    Attributes:
+        images: place and content, or AnimalPose's id -> name.
+        annotations: place and content.
+        is_animalpose: whether images are a dictionary, as in AnimalPose's json.
+    """
+
+    images: Sequence[tuple[int, msgspec.Raw]] | dict[str, str]
+    annotations: Sequence[tuple[int, msgspec.Raw]]
+    is_animalpose: bool = False
+
+
+class ImageName(SightingKeys):
     """The part of an image's element that names it, readable even where the rest is not."""
 
     file_name: str
 
 
-class _Image(_ImageName):
+class ImageElement(ImageName):
     """One element of "images", by the keys that we use."""
 
     id: int | str
@@ -51,7 +66,7 @@ class _Image(_ImageName):
     width: int | None = None
 
 
-class _AnnotationIds(msgspec.Struct):
+class AnnotationIds(msgspec.Struct):
     """The ids of an annotation and of its image, readable even where the rest is not."""
 
     image_id: int | str
@@ -64,12 +79,14 @@ class CocoImage:
     """One image of a file with the annotations that belong to it.
 
     Attributes:
+        place: in the file's list of images.
         name: the image's file, as the dataset names it.
         image_hw: height and width, each None if the file does not say it.
         annotations: place in the file and content of each annotation, without crowds.
         sighting: when, where and of whom it is, as the file says.
     """
 
+    place: int
     name: str
     image_hw: tuple[int | None, int | None]
     annotations: list[tuple[int, msgspec.Raw]]
@@ -84,32 +101,36 @@ class CocoParts:
         images: the usable images in the file's order.
         faults: one error an unusable image, or annotation that belongs to no image.
         crowds: number of annotations of groups, which are left out.
-        is_animalpose: whether images are a dictionary, as in AnimalPose's json.
     """
 
     images: tuple[CocoImage, ...]
     faults: tuple[SampleError, ...]
     crowds: int
-    is_animalpose: bool
 
 
-def read_coco_file(path: Path) -> CocoFile:
-    """The content of a COCO file; raises DatasetFormatError if it has no annotation."""
-    file: CocoFile = decode_json(path, CocoFile)
+def coco_file(data: bytes, path: Path) -> CocoFile:
+    """The content of a COCO file; raises DatasetFormatError if it has no annotation.
+
+    Args:
+        data: its bytes, which images and annotations stay in.
+        path: named in errors.
+
+    """
+    file: CocoFile = decode_json_bytes(data, CocoFile, path)
     if not file.annotations:
         raise DatasetFormatError(f"{path} has an empty list of annotations")
     return file
 
 
-def take_apart(file: CocoFile) -> CocoParts:
+def take_apart(elements: CocoElements) -> CocoParts:
     """The annotations of a file by image, and an error for each that belongs to none."""
-    images, faults = _images(file.images)
+    images, faults = _images(elements.images)
     by_id = {key: image for key, image in images if image is not None}
     ambiguous = {key for key, image in images if image is None}
     crowds, first_of_id, copies = 0, dict[str, int](), dict[bytes, int]()
-    for i, raw in enumerate(file.annotations):
+    for i, raw in elements.annotations:
         try:
-            ids = decoded(raw, _AnnotationIds, f"annotation {i}")
+            ids = decoded(raw, AnnotationIds, f"annotation {i}")
             name, key = f"annotation {i}", str(ids.image_id)
             if key in ambiguous:
                 raise SampleError(
@@ -138,7 +159,7 @@ def take_apart(file: CocoFile) -> CocoParts:
             by_id[key].annotations.append((i, raw))
         except SampleError as error:
             faults.append(error)
-    return CocoParts(tuple(by_id.values()), tuple(faults), crowds, isinstance(file.images, dict))
+    return CocoParts(tuple(by_id.values()), tuple(faults), crowds)
 
 
 def _without_id(raw: msgspec.Raw) -> bytes:
@@ -150,19 +171,20 @@ def _without_id(raw: msgspec.Raw) -> bytes:
 
 
 def _images(
-    entries: Sequence[msgspec.Raw] | dict[str, str],
+    entries: Sequence[tuple[int, msgspec.Raw]] | dict[str, str],
 ) -> tuple[list[tuple[str, CocoImage | None]], list[SampleError]]:
     """Ids and images, None for an id that several images have; and an error a faulty image."""
     if isinstance(entries, dict):
-        return [(key, CocoImage(name, (None, None), [])) for key, name in entries.items()], []
+        pairs = enumerate(entries.items())
+        return [(key, CocoImage(i, name, (None, None), [])) for i, (key, name) in pairs], []
     by_id: dict[str, CocoImage | None] = {}
     faults, names = [], Counter[str]()
-    for i, raw in enumerate(entries):
+    for i, raw in entries:
         try:
-            name = decoded(raw, _ImageName, f"image {i}").file_name
+            name = decoded(raw, ImageName, f"image {i}").file_name
             if not name.strip():
                 raise SampleError(f"image {i}", "file_name", f"is {name!r}, which names no file")
-            image = decoded(raw, _Image, name)
+            image = decoded(raw, ImageElement, name)
             names[name] += 1
             key = str(image.id)
             if names[name] > 1:
@@ -176,7 +198,7 @@ def _images(
                 raise SampleError(
                     name, "id", f"{key} is the id of another image, too: give each its own"
                 )
-            by_id[key] = CocoImage(name, (image.height, image.width), [], sighting_of(image))
+            by_id[key] = CocoImage(i, name, (image.height, image.width), [], sighting_of(image))
         except SampleError as error:
             faults.append(error)
     return list(by_id.items()), faults
@@ -201,11 +223,11 @@ class Species:
     misspelt: bool = False
 
 
-def species_by_id(file: CocoFile, own: Vocabulary | None) -> dict[str, Species]:
+def species_by_id(categories: Sequence[Category], own: Vocabulary | None) -> dict[str, Species]:
     """Category id -> species, for all categories of a file.
 
     Args:
-        file: a file with categories, each of which may name keypoints of its own.
+        categories: of a file, each of which may name keypoints of its own.
         own: the user's vocabulary, which a file without names is taken to have in this order;
             None: the one that the names fit.
 
@@ -215,7 +237,7 @@ def species_by_id(file: CocoFile, own: Vocabulary | None) -> dict[str, Species]:
 
     """
     by_id: dict[str, Species] = {}
-    for category in file.categories:
+    for category in categories:
         key = _key(category.id)
         if key in by_id:
             raise DatasetFormatError(
@@ -260,7 +282,7 @@ def _key(number: int | str | float) -> str:
     return str(int(number) if is_whole else number)
 
 
-def _species(category: _Category, own: Vocabulary | None) -> Species:
+def _species(category: Category, own: Vocabulary | None) -> Species:
     """The species of one category; see species_by_id."""
     if not category.keypoints:
         if own is None:

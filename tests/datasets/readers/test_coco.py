@@ -25,7 +25,8 @@ from animal3dbox.datasets.formats import read_dataset, recognised_format
 from animal3dbox.datasets.images.rle import decode_counts
 from animal3dbox.datasets.images.segmentation import polygon_mask
 from animal3dbox.datasets.read_options import ReadOptions
-from animal3dbox.datasets.readers.coco.reader import HIDDEN_CONFIDENCE, read_coco
+from animal3dbox.datasets.readers.coco.animal import HIDDEN_CONFIDENCE
+from animal3dbox.datasets.readers.coco.reader import read_coco
 from animal3dbox.errors import ConfigError, DatasetFormatError, DatasetNotFoundError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.smal.keypoints.vocabularies import AP10K

@@ -1,0 +1,97 @@
+"""The folder of a dataset's pictures, and where each of its names leads in it."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from animal3dbox.datasets.images.named_files import (
+    is_absolute_name,
+    portable_name,
+    resolve_inside,
+)
+from animal3dbox.datasets.images.photos import is_file, stored_size
+from animal3dbox.errors import SampleError
+
+LOOKED_AT = 100
+"""So many names at most are looked up to see whether pictures are where their names say."""
+SEARCHED = 10
+"""So many of them at most are searched for elsewhere: that goes through whole folders."""
+_PLAIN_NAME = re.compile(r"(?!\.{1,2}(?:/|$))[^/\\\0]+(?:/(?!\.{1,2}(?:/|$))[^/\\\0]+)*")
+
+
+def is_plain_name(name: str) -> bool:
+    r"""Whether a name leads to a file below a folder without being looked up.
+
+    Example:
+        >>> [is_plain_name(name) for name in ("a/b.jpg", "../b.jpg", "C:/b.jpg", "a\\b.jpg", "")]
+        [True, False, False, False, False]
+    """
+    return _PLAIN_NAME.fullmatch(name) is not None and not is_absolute_name(name)
+
+
+@dataclass
+class PictureFolder:
+    """The pictures of a dataset, looked up while its annotations are read, or later.
+
+    Attributes:
+        root: the folder.
+        checks: whether every picture is looked up now; else only those whose names are not plain,
+            or whose size the annotations do not say.
+        was_asked: whether anything was looked up, so that what was read holds for these pictures.
+    """
+
+    root: Path
+    checks: bool = True
+    was_asked: bool = field(default=False, init=False)
+
+    @cached_property
+    def home(self) -> Path:
+        """The folder without links."""
+        return self.root.resolve()
+
+    def name(self, name: str) -> str:
+        """A picture's name as outputs may hold it; see portable_name."""
+        if is_plain_name(name):
+            return name
+        self.was_asked = True
+        return portable_name(self.root, name)
+
+    def path(self, name: str, sample_id: str) -> Path:
+        """A picture's file, or if it is not looked up now, where its name says.
+
+        Raises:
+            SampleError: it was looked up, and is not there; see resolve_inside.
+
+        """
+        if not self.checks and is_plain_name(name):
+            return self.home / name
+        self.was_asked = True
+        return resolve_inside(self.root, name, sample_id, "file_name")
+
+    def stored_size(self, name: str, sample_id: str, *, upright: bool) -> tuple[int, int]:
+        """Height and width of a picture by its header; see photos.stored_size."""
+        self.was_asked = True
+        path = resolve_inside(self.root, name, sample_id, "file_name")
+        return stored_size(path, sample_id, upright=upright)
+
+    def is_elsewhere(self, names: Sequence[str]) -> bool:
+        """Whether a dataset's pictures are not where its names say, but somewhere below the folder.
+
+        Without any picture, none is elsewhere.
+
+        Args:
+            names: a few of the dataset's, LOOKED_AT or so, which decide.
+
+        """
+        if any(is_file(self.home / name) for name in names):
+            return False
+        return any(map(self._is_found, names[:: max(len(names) // SEARCHED, 1)]))
+
+    def _is_found(self, name: str) -> bool:
+        try:
+            resolve_inside(self.root, name, name, "file_name")
+        except SampleError:
+            return False
+        return True
