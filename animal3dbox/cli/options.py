@@ -287,6 +287,10 @@ class CacheOptions:
     """with --cache or --table: measure how much of each side of the animal is seen"""
     part_rows: int = 4096
     """with --table: rows of a part, about; a part is written after a minute in any case"""
+    engine: Literal["processes", "ray"] = "processes"
+    """with --table: what runs the workers: processes of this command, or actors of Ray Data"""
+    address: str | None = None
+    """with --engine ray: of a running cluster, such as auto; none: a local one is started"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,8 @@
 """The command `label --table`: a row for every animal of a dataset, in parts of a folder."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager, closing
 from pathlib import Path
 
 import msgspec
@@ -12,6 +13,7 @@ from tqdm import tqdm
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.fill import dataset_of, shard_of
 from animal3dbox.cli.jobs import LabelJob
+from animal3dbox.cli.ray_tables import ray_tables
 from animal3dbox.cli.worker_batches import AT_ONCE, worker_batches
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.errors import ConfigError
@@ -49,18 +51,29 @@ def run_table(job: LabelJob) -> ExitCode:
         plan = table_plan(dataset, folder, shard=shard, resume=job.cache.resume)
         writer = PartWriter(plan, job.cache.part_rows)
         at_once = min(AT_ONCE, job.cache.part_rows)
-        rows = TableBatches(dataset, plan.indices, at_once)
-        with worker_batches(rows, job.cache.workers, REMEDY) as batches, writer:
+        with _tables(dataset, plan.indices, at_once, job) as tables, writer:
             unit, is_silent = f"{at_once} images", job.json or None
-            for table in tqdm(batches, desc="labelling", unit=unit, disable=is_silent):
+            total = -(-len(plan.indices) // at_once)
+            for table in tqdm(tables, desc="labelling", unit=unit, total=total, disable=is_silent):
                 writer.add(table)
     return _report(writer, job, folder)
+
+
+def _tables(
+    dataset: LabelDataset, indices: Sequence[int], at_once: int, job: LabelJob
+) -> AbstractContextManager[Iterable[Table]]:
+    """The rows of some indices, so many at a time, by the engine that the job names."""
+    if job.cache.engine == "ray":
+        return closing(ray_tables(job, indices, at_once))
+    return worker_batches(TableBatches(dataset, indices, at_once), job.cache.workers, REMEDY)
 
 
 def _checked_folder(job: LabelJob) -> Path:
     """The folder of the table; raises a ConfigError for options that are for other outputs."""
     if job.table is None:
         raise ConfigError("give --table for a table of labels")
+    if job.cache.address is not None and job.cache.engine != "ray":
+        raise ConfigError("--address is of a cluster of --engine ray: give it, or leave both out")
     if job.out is not None:
         raise ConfigError("give --out for labels and pictures, or --table for a table, not both")
     return job.table
