@@ -4,12 +4,14 @@ import ast
 import importlib
 import re
 import runpy
+import sys
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
+from commands import ran
 from page_links import anchors_of, is_external, pages, targets_of
 from small_animals import model_of
 
@@ -232,17 +234,48 @@ def test_no_picture_of_the_documents_is_larger_than_300_kilobytes() -> None:
     assert [path.name for path in pictures if path.stat().st_size > 300_000] == []
 
 
-def test_the_readme_shows_the_example_that_is_run() -> None:
-    example = (ROOT / "examples" / "label_one_animal.py").read_text().split('"""\n\n', 1)[1]
-    assert f"```python\n{example}```" in (ROOT / "README.md").read_text()
-    assert len([line for line in example.splitlines() if line.strip()]) <= 20
+@pytest.mark.parametrize(
+    ("page", "example"),
+    [("README.md", "label_a_photograph"), ("docs/from-arrays.md", "label_one_animal")],
+)
+def test_the_page_shows_the_example_that_is_run(page: str, example: str) -> None:
+    code = (ROOT / "examples" / f"{example}.py").read_text().split('"""\n\n', 1)[1]
+    assert f"```python\n{code}```" in (ROOT / page).read_text()
+    assert len([line for line in code.splitlines() if line.strip()]) <= 20
 
 
-def test_the_readmes_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_overlap_of_the_example_s_box_is_as_the_page_has_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     names = runpy.run_path(str(ROOT / "examples" / "label_one_animal.py"))
     assert "side, seen from" in capsys.readouterr().out
-    exec(code_with("README.md", "box_iou("), names)  # noqa: S102
+    exec(code_with("docs/from-arrays.md", "box_iou("), names)  # noqa: S102
     assert 0.5 < float(names["iou"]) <= 1
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 150
+
+
+def test_the_readme_s_numbers_are_those_that_benchmarks_recorded() -> None:
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    try:
+        record_numbers = importlib.import_module("record_numbers")
+    finally:
+        sys.path.pop(0)
+    numbers = record_numbers.read_numbers()
+    assert len(numbers) == len(record_numbers.NUMBERS)
+    assert record_numbers.table(numbers) in (ROOT / "README.md").read_text()
+
+
+def test_numbers_are_recorded_from_the_lines_that_benchmarks_print() -> None:
+    record_numbers = runpy.run_path(str(ROOT / "benchmarks" / "record_numbers.py"))
+    line = "own: fitted body    K known    n  305 (0 without) |   2.5 /   7.9 %"
+    before = {"distance, own bodies": {"value": "9", "command": "c"}, "other": {"value": "1"}}
+    after = record_numbers["recorded"]([line, "own: true body   K known n 305"], before)
+    assert after["distance, own bodies"]["value"] == "2.5 / 7.9 % (n 305)"
+    assert after["other"] == before["other"]
+    assert before["distance, own bodies"]["value"] == "9"
 
 
 def test_the_readmes_test_command_is_what_ci_runs() -> None:
@@ -260,15 +293,26 @@ def code_with(page: str, words: str) -> str:
     return str(block)
 
 
-def test_the_readme_s_training_loop_runs(
+def test_the_readme_s_code_runs_from_top_to_bottom(
     animals: Path,
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(code_with("README.md", "AnnotatedDataset("), {"PATH": animals, "augment": None})  # noqa: S102
-    assert "left out: " in capsys.readouterr().out
+    assert ran("label", animals, "--out", "labels", "--body", "preset")[0] == 0
+    known: dict[str, Any] = {"PATH": animals, "augment": None, "epoch": 0, "index": 0}
+    for words in ("AnnotatedDataset(", "csv.DictReader(", "RandomVirtualCamera("):
+        if words == "RandomVirtualCamera(":
+            known["image"], known["target"] = known["dataset"][0]
+        exec(code_with("README.md", words), known)  # noqa: S102
+    known["images"], known["targets"] = known["dataset"].collate_fn([known["dataset"][0]])
+    known["predictions"] = [{**one, "scores": one["labels"] * 0 + 0.5} for one in known["targets"]]
+    exec(code_with("README.md", "check_targets("), known)  # noqa: S102
+    printed = capsys.readouterr().out
+    assert "left out: " in printed
+    assert "undecided" in printed or "left" in printed
+    assert printed.strip().endswith("1.0")
     assert (tmp_path / "labels-cache").is_dir()
 
 

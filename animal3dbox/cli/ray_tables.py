@@ -50,9 +50,7 @@ class TableActor:
         return arrow_table(label_table(self.dataset, batch[INDEX].tolist()))
 
 
-def ray_tables(
-    job: LabelJob, indices: Sequence[int], at_once: int
-) -> Generator[Table, None, None]:
+def ray_tables(job: LabelJob, indices: Sequence[int], at_once: int) -> Generator[Table, None, None]:
     """The rows of indices, so many indices at a time, in the order in which they are finished.
 
     Args:
@@ -82,8 +80,8 @@ def ray_tables(
             yield batch.to_pydict()
     except ray.exceptions.RayError as error:
         raise WorkerError(
-            f"Ray could not make the rows ({_last_line(error)}): the same command with --resume goes"
-            " on from the rows that are there"
+            f"Ray could not make the rows ({_last_line(error)}): the same command with --resume"
+            " goes on from the rows that are there"
         ) from error
     finally:
         if job.cache.address is None:
