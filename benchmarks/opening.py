@@ -4,7 +4,7 @@ Makes the file (17 keypoints, no polygons; every fourth image has two animals) a
 pictures; then opens it in fresh processes, and prints CPU seconds and peak memory of each.
 
 Run: python benchmarks/opening.py /tmp/opening --animals 1000000
-     python benchmarks/opening.py /tmp/opening --animals 20000 --whole
+     python benchmarks/opening.py /tmp/opening --animals 20000 --pictures 200
 """
 
 import argparse

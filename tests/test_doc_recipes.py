@@ -108,3 +108,14 @@ def test_the_left_flanks_of_the_camera_traps_page_are_those_of_the_table(
         )
     run_code_of("camera-traps.md", {})
     assert capsys.readouterr().out == "1 of 4 animals show their left flank\n"
+
+
+def test_a_whole_image_box_of_torchvision_s_pixels_stays_the_whole_image() -> None:
+    known = {
+        "image": torch.zeros(3, 100, 200, dtype=torch.uint8),
+        "boxes": torch.tensor([[0.0, 0, 200, 100]]),
+        "labels": torch.tensor([1]),
+    }
+    names = run_code_of("coming-from.md", known)
+    assert names["image"].shape == (3, 480, 640)
+    torch.testing.assert_close(names["target"]["boxes"], torch.tensor([[0.0, 0, 640, 480]]))

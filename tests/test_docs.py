@@ -5,6 +5,7 @@ import importlib
 import re
 import runpy
 import sys
+import textwrap
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -226,6 +227,15 @@ def test_broken_links_are_found() -> None:
     page = ROOT / "docs" / "paper.md"
     assert broken_links(page, text) == ["no.md", "solver.md#no", "no.png"]
     assert broken_links(page, "# One\n[e](#one) [f](#two)") == ["#two"]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_code_in_a_page_is_python_and_not_indented_by_less_than_the_site_needs(page: str) -> None:
+    """Python-Markdown takes a block for a part of a list's entry from four spaces on."""
+    text = (ROOT / page).read_text()
+    assert re.findall(r"^ {1,3}```.*$", text, re.MULTILINE) == []
+    for indent, code in re.findall(r"^( *)```python\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+        ast.parse(textwrap.dedent(code) if indent else code)
 
 
 def test_no_picture_of_the_documents_is_larger_than_300_kilobytes() -> None:

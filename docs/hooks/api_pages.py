@@ -62,15 +62,14 @@ def page_name(door: str) -> str:
 def api_pages() -> dict[str, str]:
     """Page -> its text, in the language of mkdocstrings.
 
-    A name that several doors export is described at the nearest to its home; others link there.
+    A name that several doors export is described at the outermost of them; the others link there.
     """
     sources = {door: path.read_text() for door, path in doors().items()}
     homes = {door: homes_of(door, source) for door, source in sources.items()}
     described_at: dict[str, str] = {}
     for door in sorted(homes, key=len):
         for home in homes[door].values():
-            if home not in described_at or home.startswith(f"{door}."):
-                described_at[home] = door
+            described_at.setdefault(home, door)
     pages = {}
     for door, source in sources.items():
         summary = (ast.get_docstring(ast.parse(source)) or "").split("\n\n")[0]
