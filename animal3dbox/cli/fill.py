@@ -86,6 +86,8 @@ def _dataset_of(job: LabelJob) -> AnnotatedDataset:
         visibility=job.dataset.visibility,
         categories=job.dataset.categories,
         apply_orientation=job.dataset.applies_orientation,
+        check_paths=job.dataset.check_paths,
+        index=job.dataset.index,
         cache=job.cache.folder,
         reuse=job.cache.resume,
         calibration=job.calibration,
