@@ -3,6 +3,9 @@
 Makes the file (17 keypoints, no polygons; every fourth image has two animals) and, where asked,
 pictures; then opens it in fresh processes, and prints CPU seconds and peak memory of each.
 
+Then compares names, order and records with those of the plain reader, of 1,000 random images or,
+with --whole, of all.
+
 Run: python benchmarks/opening.py /tmp/opening --animals 1000000
      python benchmarks/opening.py /tmp/opening --animals 20000 --pictures 200
 """
@@ -10,6 +13,7 @@ Run: python benchmarks/opening.py /tmp/opening --animals 1000000
 import argparse
 import json
 import os
+import random
 import resource
 import shutil
 import subprocess
@@ -155,6 +159,66 @@ def measure(job: dict[str, Any]) -> None:
     print(json.dumps(result))
 
 
+class _ImageOfAnnotation(msgspec.Struct):
+    """The part of an annotation that says whose it is."""
+
+    image_id: int
+
+
+class _File(msgspec.Struct):
+    """A file taken apart without the package's readers."""
+
+    images: list[dict[str, Any]]
+    annotations: list[msgspec.Raw]
+    categories: msgspec.Raw
+
+
+def compare(file: Path, pictures: Path, *, whole: bool) -> None:
+    """Compare what an index says of a file with what the plain reader says of its elements."""
+    from animal3dbox.datasets.readers.coco import reader as coco
+    from animal3dbox.datasets.readers.coco.animal import with_confidence
+    from animal3dbox.datasets.readers.coco.opening import opened_plainly
+    from animal3dbox.datasets.readers.tolerance import Tolerance
+    from animal3dbox.datasets.storage.fingerprint import content_digest
+
+    found = coco.read_coco(file, pictures, check_paths=False)
+    content = msgspec.json.decode(file.read_bytes(), type=_File)
+    names = {image["id"]: image["file_name"] for image in content.images}
+    members: dict[int, list[msgspec.Raw]] = {number: [] for number in names}
+    for raw in content.annotations:
+        members[msgspec.json.decode(raw, type=_ImageOfAnnotation).image_id].append(raw)
+    expected = [
+        names[number] + (f"#{k}" if k else "")
+        for number in names
+        for k in range(len(members[number]))
+    ]
+    place_of = {name: place for place, name in enumerate(expected)}
+    step = 1 if whole else max(len(expected) // 20_000, 1)
+    looked_at = range(0, len(expected), step)
+    ids_right = sum(found.records[place].sample_id == expected[place] for place in looked_at)
+    print(f"{len(found.records)} of {len(expected)} animals, {len(found.faults)} faults", end="; ")
+    print(f"{ids_right} of {len(looked_at)} names are right", end="; ")
+    some = [*names] if whole else random.Random(0).sample([*names], min(1000, len(names)))
+    part = file.with_suffix(".part.json")
+    chosen = {
+        "images": [image for image in content.images if image["id"] in set(some)],
+        "annotations": [raw for number in some for raw in members[number]],
+        "categories": content.categories,
+    }
+    part.write_bytes(msgspec.json.encode(chosen))
+    options = coco.CocoReading(part, pictures, None, Tolerance(), ())
+    plain = coco.CocoContent(options, checks=False)
+    opened = opened_plainly(plain.ranges, plain.reading, plain.read)
+    records = [
+        with_confidence(one.record, opened.counts.graded > 0) for one in opened.plain.animals
+    ]
+    same = sum(
+        content_digest(found.records[place_of[record.sample_id]]) == content_digest(record)
+        for record in records
+    )
+    print(f"{same} of {len(records)} records are the plain reader's")
+
+
 def peak_mb() -> float:
     """The most memory that this process has held, in megabytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -185,6 +249,7 @@ def main() -> None:
     parser.add_argument("--animals", type=int, default=10_000)
     parser.add_argument("--pictures", type=int, default=0, help="of so many images, the first ones")
     parser.add_argument("--keep", action="store_true", help="use the file that is there")
+    parser.add_argument("--whole", action="store_true", help="compare every record")
     parser.add_argument("--job", help="for the processes that this one starts")
     options = parser.parse_args()
     if options.job:
@@ -208,6 +273,7 @@ def main() -> None:
     in_fresh_process("first opening", job)
     in_fresh_process("later opening", job)
     in_fresh_process("shard of 100", {**job, "shard": True})
+    compare(file, pictures, whole=options.whole)
 
 
 if __name__ == "__main__":

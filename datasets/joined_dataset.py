@@ -4,13 +4,13 @@ import bisect
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
-from pathlib import Path
 
 import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
 from animal3dbox.datasets.batches import collate
+from animal3dbox.datasets.images.remote_files import picture_path
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.dataset_options import SampleIndex
 from animal3dbox.datasets.labelling.load_report import Case, LoadReport
@@ -206,7 +206,7 @@ class JoinedDataset(Dataset[tuple[Tensor, Target] | Skipped]):
         path = self.datasets[source].source.sample(place).image_path
         return CuboidImage(
             image_id=f"{self.names[source]}/{target['image_id']}",
-            image_path=Path(path) if path else None,
+            image_path=picture_path(path),
             image_hw=(image.shape[-2], image.shape[-1]),
             K=target["K"].double().numpy(),
             upright=target["meta"]["turned_upright"],

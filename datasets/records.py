@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.masks import record_mask
+from animal3dbox.datasets.images.remote_files import PicturePath
 from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import SampleError
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
@@ -23,7 +24,7 @@ class AnimalRecord:
     Attributes:
         sample_id: the image, as its dataset names it, and "#k" for the animals after the first.
         image_id: the image, as its dataset names it.
-        image_path: the image's file; None for an image that is only in memory.
+        image_path: the image's file or URL; None for an image that is only in memory.
         image_hw: height and width that the annotations are for.
         vocabulary: names of the J keypoints.
         keypoints_2d: (J, 3) x, y, confidence; 0 where missing.
@@ -66,7 +67,7 @@ class AnimalRecord:
 
     sample_id: str
     image_id: str
-    image_path: Path | None
+    image_path: PicturePath | None
     image_hw: tuple[int, int]
     vocabulary: Vocabulary
     keypoints_2d: NDArray[np.float64]
@@ -110,7 +111,7 @@ class CuboidRecord:
     Attributes:
         sample_id: the image, as its dataset names it, and "#k" for the boxes after the first.
         image_id: the image, as its dataset names it.
-        image_path: the image's file; None for an image that is only in memory.
+        image_path: the image's file or URL; None for an image that is only in memory.
         image_hw: height and width that the annotations are for.
         category: the thing's category, as the dataset calls it.
         K: (3, 3) intrinsics in px.
@@ -145,7 +146,7 @@ class CuboidRecord:
 
     sample_id: str
     image_id: str
-    image_path: Path | None
+    image_path: PicturePath | None
     image_hw: tuple[int, int]
     category: str
     K: NDArray[np.float64]
@@ -168,14 +169,14 @@ class CuboidImage:
 
     Attributes:
         image_id: the image, as its dataset names it.
-        image_path: the image's file; None for an image that is only in memory.
+        image_path: the image's file or URL; None for an image that is only in memory.
         image_hw: height and width that the annotations are for.
         K: (3, 3) intrinsics in px.
         upright: whether the picture is turned as its header says; else its pixels are as stored.
     """
 
     image_id: str
-    image_path: Path | None
+    image_path: PicturePath | None
     image_hw: tuple[int, int]
     K: NDArray[np.float64]
     upright: bool = False

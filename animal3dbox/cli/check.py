@@ -186,6 +186,8 @@ def _dataset_of(job: CheckJob) -> AnnotatedDataset:
         visibility=job.dataset.visibility,
         categories=job.dataset.categories,
         apply_orientation=job.dataset.applies_orientation,
+        check_paths=job.dataset.check_paths,
+        index=job.dataset.index,
         body=job.body,
         on_bad="skip",
         stored_cameras=job.stored_camera,

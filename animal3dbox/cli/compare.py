@@ -15,6 +15,7 @@ from animal3dbox.cli.export import is_labels, read_cuboids
 from animal3dbox.cli.jobs import CompareJob
 from animal3dbox.datasets.cuboid_formats import CuboidOptions
 from animal3dbox.datasets.exchange.export import in_metres
+from animal3dbox.datasets.images.remote_files import PicturePath
 from animal3dbox.datasets.readers.predictions.camera_poses import Cameras
 from animal3dbox.datasets.readers.predictions.reader import read_predictions
 from animal3dbox.datasets.readers.predictions.truth import unique_image
@@ -132,7 +133,7 @@ def _image_of(
 
 
 def _pictures(
-    job: CompareJob, boxes: Sequence[ComparedBox], files: dict[str, Path | None]
+    job: CompareJob, boxes: Sequence[ComparedBox], files: dict[str, PicturePath | None]
 ) -> tuple[dict[str, bytes], list[str]]:
     """The pictures for the page as PNG by image, and notes on them; the whole ones are written.
 

@@ -84,6 +84,8 @@ def dataset_of(job: LabelJob) -> AnnotatedDataset:
         categories=job.dataset.categories,
         keep=job.dataset.keep,
         apply_orientation=job.dataset.applies_orientation,
+        check_paths=job.dataset.check_paths,
+        index=job.dataset.index,
         cache=job.cache.folder,
         reuse=job.cache.resume,
         calibration=job.calibration,

@@ -104,6 +104,12 @@ class KeypointDatasetOptions(DatasetOptions):
     """what stands beside a keypoint: 0, 1 or 2, or how sure a network was of it"""
     categories: tuple[str, ...] = ()
     """names of those that are read; none: all with an animal's keypoints"""
+    check_paths: bool = False
+    """look up every picture before the first is labelled, where that is not done anyway (COCO with
+    --cache, --table or check): a missing one is an error at once"""
+    index: Path | None = None
+    """of COCO with --cache, --table or check: folder of the index by which the file is opened again
+    in seconds; default: in the cache's folder"""
     keep: tuple[Literal["location"], ...] = ()
     """what the dataset's file says and labels hold only if asked: the place of the camera"""
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from animal3dbox.datasets.images.photos import is_file, read_image
+from animal3dbox.datasets.images.remote_files import PicturePath
 from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.errors import SampleError
 from animal3dbox.evaluate.comparison import ComparedBox, cuboids_of
@@ -22,7 +23,7 @@ BLANK = 70
 
 
 def comparison_pictures(
-    boxes: Sequence[ComparedBox], files: dict[str, Path | None], faults: list[SampleError]
+    boxes: Sequence[ComparedBox], files: dict[str, PicturePath | None], faults: list[SampleError]
 ) -> Iterator[tuple[str, NDArray[np.uint8]]]:
     """Each image's name and its picture (H, W, 3) uint8 RGB, the worst match first.
 
@@ -50,9 +51,9 @@ def _worst(boxes: Sequence[ComparedBox]) -> float:
     return min(box.iou_3d if box.iou_3d is not None else (box.iou_2d or 0.0) for box in boxes)
 
 
-def _pixels(box: ComparedBox, file: Path | None) -> NDArray[np.uint8]:
+def _pixels(box: ComparedBox, file: PicturePath | None) -> NDArray[np.uint8]:
     """The pixels (H, W, 3) of a box's image; raises SampleError."""
-    if file is None or not is_file(file):
+    if file is None or (isinstance(file, Path) and not is_file(file)):
         problem = "there is no such picture: give the folder that names are relative to (--images)"
         raise SampleError(box.image_id, "file_path", problem)
     return read_image(file, box.image_id, box.record.image_hw)

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 import torch
@@ -30,6 +30,7 @@ from animal3dbox.smal.array_skinning import (
 from animal3dbox.smal.keypoints.landmark_places import LandmarkPlaces
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.linear_blend_skinning import PosedBody, linear_blend_skinning
+from animal3dbox.smal.model_origin import model_of
 
 SPINE_JOINTS = tuple(range(7))
 """The joints from the pelvis to the last vertebra before the neck, in every SMAL topology."""
@@ -283,6 +284,11 @@ class SmalModel:
     def __getstate__(self) -> dict[str, Any]:
         """The fields alone: what is worked out from them is not sent to other processes."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
+        """Where it was loaded from, if it is as it was loaded; else its fields."""
+        origin = self.__dict__.get("origin")
+        return super().__reduce_ex__(protocol) if origin is None else (model_of, (origin,))
 
     def keypoints(self, vertices: Tensor) -> Tensor:
         """The landmarks (..., L, 3) on bodies (..., V, 3), in the order of `landmarks`."""

@@ -179,9 +179,10 @@ def _write_picture(image: CuboidImage, path: Path) -> list[str]:
         SampleError: the file cannot be decoded, or is of another size than the boxes are for.
 
     """
-    if image.image_path is None or not is_file(image.image_path):
+    path_or_url = image.image_path
+    if path_or_url is None or (isinstance(path_or_url, Path) and not is_file(path_or_url)):
         return [image.image_id]
-    photo = read_photo(image.image_path, image.image_id, image.image_hw, upright=image.upright)
+    photo = read_photo(path_or_url, image.image_id, image.image_hw, upright=image.upright)
     content = BytesIO()
     Image.fromarray(photo.pixels).save(content, "PNG")
     write_whole(path, content.getvalue())

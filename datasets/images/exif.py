@@ -8,7 +8,6 @@ import re
 import warnings
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 
 from PIL import ExifTags, Image
 
@@ -19,6 +18,7 @@ from animal3dbox.datasets.images.orientation import (
     exif_tags,
     stored_width_height,
 )
+from animal3dbox.datasets.images.remote_files import PictureSource, local_source, readable
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
 """Pillow's formats that a file may have, whatever its name.
@@ -68,18 +68,19 @@ class PhotoFacts:
         return {"exif_orientation": self.orientation, "turned_upright": self.upright}
 
 
-def header_facts(path: Path, *, upright: bool = False) -> PhotoFacts:
+def header_facts(source: PictureSource, *, upright: bool = False) -> PhotoFacts:
     """The facts of a file's header, its pixels not decoded; the defaults of a file without one.
 
     Args:
-        path: a picture.
+        source: a picture's file, URL or content.
         upright: whether its pixels are used turned as the header says, not as stored.
 
     """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path, formats=FORMATS) as image:
+            local = readable(local_source(source, ""))
+            with Image.open(local, formats=FORMATS) as image:
                 return facts_of(image, upright=upright)
     except (OSError, SyntaxError, ValueError, NotImplementedError, Image.DecompressionBombError):
         return PhotoFacts()  # reading the picture says what is wrong with it

@@ -38,13 +38,15 @@ _COLOUR = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 """OpenCV would turn a picture by its EXIF orientation, which Pillow does not."""
 
 
-def whole_jpeg(path: Path | str) -> bytes | None:
-    """The bytes of a JPEG file that ends where its picture does; None of every other file.
+def whole_jpeg(source: Path | str | bytes) -> bytes | None:
+    """The bytes of a JPEG, a file or its content, that ends where its picture does; None of others.
 
     One that was cut off ends within its picture, and what that is Pillow says.
     """
+    if isinstance(source, bytes):
+        return source if source.startswith(_BEGIN) and source.endswith(_END) else None
     try:
-        with io.FileIO(path) as file:
+        with io.FileIO(source) as file:
             if file.read(len(_BEGIN)) != _BEGIN:
                 return None
             file.seek(0)

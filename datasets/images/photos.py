@@ -32,7 +32,8 @@ from animal3dbox.datasets.images.orientation import (
     stored_width_height,
     turned_upright,
 )
-from animal3dbox.errors import SampleError
+from animal3dbox.datasets.images.remote_files import PictureSource, local_source, readable
+from animal3dbox.errors import ConfigError, SampleError
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 """Suffixes of the files that are images where nothing but their folder names them."""
@@ -70,14 +71,14 @@ def is_file(path: Path) -> bool:
 
 
 def read_image(
-    path: Path, sample_id: str, expected_hw: tuple[int, int] | None = None
+    path: PictureSource, sample_id: str, expected_hw: tuple[int, int] | None = None
 ) -> NDArray[np.uint8]:
     """The pixels (H, W, 3) of an image file as stored, uint8 RGB; see read_photo."""
     return read_photo(path, sample_id, expected_hw).pixels
 
 
 def read_photo(
-    path: Path | str,
+    source: PictureSource,
     sample_id: str,
     expected_hw: tuple[int, int] | None = None,
     *,
@@ -86,7 +87,8 @@ def read_photo(
     """The photograph in an image file: its pixels, and the facts of its header.
 
     Args:
-        path: a file in one of exif.FORMATS; its name does not matter.
+        source: a file in one of exif.FORMATS, whose name does not matter, the URL of one that
+            fsspec reads, or its content.
         sample_id: named in every error.
         expected_hw: height and width that the annotations were made for; None: any.
         upright: whether the pixels are turned as the header says; else they are as stored.
@@ -95,7 +97,8 @@ def read_photo(
         SampleError: no image, a truncated one, too large a one, or one of another size.
 
     """
-    content = whole_jpeg(path)
+    local = local_source(source, sample_id)
+    content = whole_jpeg(local)
     header = None if content is None else jpeg_header(content)
     if content is None or header is None:
         content = b""  # left to Pillow
@@ -103,7 +106,7 @@ def read_photo(
         pixels = opencv_pixels(content, header.image_hw)
         if pixels is not None:
             return Photo(pixels, PhotoFacts())
-    with _open_image(path, sample_id) as image:
+    with _open_image(local, sample_id, name=_name_of(source)) as image:
         facts = facts_of(image, upright=upright)
         if content and not facts.upright and has_plain_pixels(image):
             _check_size(image, sample_id, expected_hw, upright=upright)
@@ -154,30 +157,37 @@ def _decoded(
 
 
 @contextmanager
-def _open_image(path: Path | str, sample_id: str) -> Iterator[Image.Image]:
-    """The image of a file for a with block, of which only the header has been read.
+def _open_image(
+    source: PictureSource, sample_id: str, *, name: str | None = None
+) -> Iterator[Image.Image]:
+    """The image of a file, URL or content for a with block; only its header has been read.
 
     Whatever Pillow complains of inside the block is an error that names the sample.
     """
+    name = name or _name_of(source)
     try:
         with warnings.catch_warnings():
             # MAX_PIXELS decides what is too large, in _check_size.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path, formats=FORMATS) as image:
+            local = readable(local_source(source, sample_id))
+            with Image.open(local, formats=FORMATS) as image:
                 yield image
     except Image.DecompressionBombError as error:
-        raise SampleError(
-            sample_id, "image", f"{Path(path).name} is too large to decode: {error}"
-        ) from error
+        raise SampleError(sample_id, "image", f"{name} is too large to decode: {error}") from error
     except (OSError, SyntaxError, ValueError, NotImplementedError) as error:
-        if isinstance(error, SampleError):
+        if isinstance(error, SampleError | ConfigError):
             raise
         raise SampleError(
-            sample_id, "image", f"{Path(path).name} cannot be decoded ({error}); replace the file"
+            sample_id, "image", f"{name} cannot be decoded ({error}); replace the file"
         ) from error
 
 
-def stored_size(path: Path, sample_id: str, *, upright: bool = False) -> tuple[int, int]:
+def _name_of(source: PictureSource) -> str:
+    """What a picture is called in an error."""
+    return "its content" if isinstance(source, bytes) else Path(source).name
+
+
+def stored_size(path: PictureSource, sample_id: str, *, upright: bool = False) -> tuple[int, int]:
     """Height and width of an image file's pixels by its header, which are not decoded.
 
     Args:
@@ -196,7 +206,7 @@ def stored_size(path: Path, sample_id: str, *, upright: bool = False) -> tuple[i
 
 
 def checked_facts(
-    path: Path | str, sample_id: str, expected_hw: tuple[int, int], *, upright: bool = False
+    path: PictureSource, sample_id: str, expected_hw: tuple[int, int], *, upright: bool = False
 ) -> PhotoFacts:
     """The header's facts of an image file that is whole and as large as annotated.
 
@@ -208,11 +218,12 @@ def checked_facts(
         SampleError: no image, a truncated one, too large a one, or one of another size.
 
     """
-    content = whole_jpeg(path)
+    local = local_source(path, sample_id)
+    content = whole_jpeg(local)
     header = None if content is None else jpeg_header(content)
     if header is not None and header.is_silent and _is_expected(header.image_hw, expected_hw):
         return PhotoFacts()
-    with _open_image(path, sample_id) as image:
+    with _open_image(local, sample_id, name=_name_of(path)) as image:
         _check_size(image, sample_id, expected_hw, upright=upright)
         facts = facts_of(image, upright=upright)
         if image.format == "JPEG" and content is None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
+from animal3dbox.datasets.images.remote_files import PicturePath
 from animal3dbox.datasets.labelling.image_samples import sample_of_record
 from animal3dbox.datasets.labelling.keypoint_places import keypoints_problem
 from animal3dbox.datasets.labelling.label_records import fit_arguments
@@ -160,7 +161,7 @@ def _usable(
     """The animals that a body can be fitted to, by vocabulary and in the order of their names."""
     usable: Usable = defaultdict(list)
     left_out, faults = 0, []
-    headers: dict[Path, PhotoFacts] = {}
+    headers: dict[PicturePath, PhotoFacts] = {}
     for record in sorted(records, key=lambda one: (one.sample_id, one.image_id)):
         if not bodies.can_fit(record):
             left_out += 1

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from animal3dbox.datasets.bodies.sources import BodySource
+from animal3dbox.datasets.images.remote_files import PicturePath, picture_path
 from animal3dbox.datasets.labelling.image_index import (
     AnimalEntry,
     IndexRow,
@@ -52,7 +53,7 @@ class RecordStore(Protocol):
         """What is said of an image."""
         ...
 
-    def picture(self, sample: ImageSample) -> Path | None:
+    def picture(self, sample: ImageSample) -> PicturePath | None:
         """The file of a sample's picture, None of one in memory; raises SampleError."""
         ...
 
@@ -92,7 +93,7 @@ class PackedRecords:
         self,
         records: Sequence[Any],
         groups: dict[str, list[int]],
-        paths: dict[str, Path | None],
+        paths: dict[str, PicturePath | None],
         unread: frozenset[str],
     ) -> Iterator[IndexRow]:
         """The rows of the index of all images, of the places of their records."""
@@ -129,17 +130,17 @@ class PackedRecords:
             animals=animals,
             unpack=partial(self._unpacked, path, first, animals),
             bodies=self.bodies,
-            listed=None if animals else replace(self._listed[index], image_path=_path(path)),
+            listed=None if animals else replace(self._listed[index], image_path=picture_path(path)),
         )
 
-    def picture(self, sample: ImageSample) -> Path | None:
+    def picture(self, sample: ImageSample) -> PicturePath | None:
         """The file of a sample's picture, as its reader found it; None of one in memory."""
-        return _path(sample.image_path)
+        return picture_path(sample.image_path)
 
     def _unpacked(
         self, image_path: str, first: int, animals: tuple[AnimalEntry, ...]
     ) -> tuple[Record, ...]:
-        path = _path(image_path)
+        path = picture_path(image_path)
         masks = (
             {"mask_path": Path(animal.mask_path)} if animal.mask_path else {} for animal in animals
         )
@@ -192,7 +193,7 @@ class StoredRecords:
             bodies=self.bodies,
         )
 
-    def picture(self, sample: ImageSample) -> Path | None:
+    def picture(self, sample: ImageSample) -> PicturePath | None:
         """The file of a sample's picture; raises SampleError unless there is one, and one only."""
         return self.records.picture(sample.image_id)
 
@@ -218,10 +219,6 @@ def record_content(record: Record, packed: bytes, bodies: BodySource | None) -> 
 @lru_cache(maxsize=16)
 def _vocabulary_digest(vocabulary: Vocabulary) -> bytes:
     return content_digest(vocabulary)
-
-
-def _path(name: str) -> Path | None:
-    return Path(name) if name else None
 
 
 def _label_content(record: Any) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.named_files import is_end_of_path
+from animal3dbox.datasets.images.remote_files import PicturePath
 from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
@@ -73,7 +74,7 @@ def _of_own_images(records: Sequence[AnimalRecord]) -> Checked:
     It is not if it is another name's file, too, but for the name that it has; or if it was found
     without the folder that its name begins with, while other images lie in theirs.
     """
-    names: dict[Path, dict[str, None]] = {}
+    names: dict[PicturePath, dict[str, None]] = {}
     for record in records:
         if record.image_path is not None:
             names.setdefault(record.image_path, {})[record.image_id] = None
@@ -83,7 +84,7 @@ def _of_own_images(records: Sequence[AnimalRecord]) -> Checked:
     for record, moved in zip(records, is_moved, strict=True):
         path = record.image_path
         others = [] if path is None else [name for name in names[path] if name != record.image_id]
-        has_own_name = path is None or path.as_posix().endswith(record.image_id)
+        has_own_name = not isinstance(path, Path) or path.as_posix().endswith(record.image_id)
         if moved and some_are_in_place:
             problem = not_taken(path)
         elif others and not has_own_name:
@@ -95,7 +96,7 @@ def _of_own_images(records: Sequence[AnimalRecord]) -> Checked:
     return tuple(kept), tuple(faults)
 
 
-def not_taken(path: Path | None) -> str:
+def not_taken(path: PicturePath | None) -> str:
     """The problem of a name without a file, of a dataset whose other names have theirs."""
     return (
         f"there is no file of this name, and {_end_of(path)!r} is not taken for it, since other"
@@ -113,7 +114,8 @@ def taken_twice(other: str) -> str:
 
 def _is_elsewhere(record: AnimalRecord) -> bool:
     """Whether a record's image was found without all of the folders that its name says."""
-    return record.image_path is not None and is_elsewhere(record.image_id, record.image_path)
+    path = record.image_path
+    return isinstance(path, Path) and is_elsewhere(record.image_id, path)
 
 
 def is_elsewhere(name: str, file: Path) -> bool:
@@ -124,8 +126,8 @@ def is_elsewhere(name: str, file: Path) -> bool:
     return not is_end_of_path(name, path)
 
 
-def _end_of(path: Path | None) -> str:
-    return "/".join(path.parts[-2:]) if path is not None else ""
+def _end_of(path: PicturePath | None) -> str:
+    return "/".join(path.parts[-2:]) if isinstance(path, Path) else ""
 
 
 def _each_once(records: Sequence[AnimalRecord]) -> Checked:

@@ -3,9 +3,9 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Self
 
+from animal3dbox.datasets.images.remote_files import PicturePath
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 
@@ -61,8 +61,8 @@ class RecordsOnDemand(Sequence[AnimalRecord], ABC):
         """The animal at a place."""
 
     @abstractmethod
-    def picture(self, name: str) -> Path:
-        """The file of an image's picture; raises SampleError unless there is one, and one only."""
+    def picture(self, name: str) -> PicturePath:
+        """The file or URL of an image's picture; raises SampleError unless there is just one."""
 
     @abstractmethod
     def changed(self, change: Change) -> Self:

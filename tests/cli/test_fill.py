@@ -106,8 +106,8 @@ def test_images_that_cannot_be_used_are_told_before_an_epoch_meets_them(
     dataset = small_dataset(copied)
     faulty = dataset.source.sample(1), dataset.source.sample(2)
     junk, resized = (sample.records[0].image_path for sample in faulty)
-    assert junk is not None
-    assert resized is not None
+    assert isinstance(junk, Path)
+    assert isinstance(resized, Path)
     junk.write_bytes(b"junk")
     Image.new("RGB", (8, 9)).save(resized)
     code, out, _ = run(

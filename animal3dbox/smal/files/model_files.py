@@ -24,6 +24,7 @@ from animal3dbox.smal.keypoints.smal_topology import (
     joint_names,
 )
 from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.model_origin import ModelOrigin, model_content, remember
 from animal3dbox.smal.safe_pickle.arrays import Array, Place, read_array, read_array_list
 from animal3dbox.smal.safe_pickle.reader import DEFAULT_LIMITS, read_pickle
 from animal3dbox.smal.safe_pickle.stream import PickleLimits, describe
@@ -95,6 +96,8 @@ class _Content:
 def load_model(path: Path, landmarks: LandmarkIds | None = None) -> SmalModel:
     """Read a body model, by its file's suffix: .safetensors, or .pkl and .pickle as load_smal does.
 
+    It is sent to other processes as the file's path and digest, and loaded there once.
+
     Args:
         path: the file.
         landmarks: as load_smal's, for pickles.
@@ -111,16 +114,23 @@ def load_model(path: Path, landmarks: LandmarkIds | None = None) -> SmalModel:
         ...     load_model(Path(folder, "quadruped.safetensors")).vertex_count
         5852
     """
-    if path.suffix.lower() == SAFETENSORS_SUFFIX:
-        if landmarks is not None:
-            raise ConfigError(f"landmarks are for pickles; {path} holds its own")
-        return load_safetensors(path)
-    if path.suffix.lower() in PICKLE_SUFFIXES:
-        return load_smal(path, landmarks)
-    raise ConfigError(
-        f"a body model's file must end in {', '.join((SAFETENSORS_SUFFIX, *PICKLE_SUFFIXES))}, got"
-        f" {path}"
-    )
+    suffix = path.suffix.lower()
+    if suffix not in (SAFETENSORS_SUFFIX, *PICKLE_SUFFIXES):
+        raise ConfigError(
+            f"a body model's file must end in {', '.join((SAFETENSORS_SUFFIX, *PICKLE_SUFFIXES))},"
+            f" got {path}"
+        )
+    if suffix == SAFETENSORS_SUFFIX and landmarks is not None:
+        raise ConfigError(f"landmarks are for pickles; {path} holds its own")
+    model = load_safetensors(path) if suffix == SAFETENSORS_SUFFIX else load_smal(path, landmarks)
+    places = None if landmarks is None else tuple((k, tuple(v)) for k, v in landmarks.items())
+    home = path.absolute()
+    return remember(model, ModelOrigin(_load_again, (home, places), home, model_content(home)))
+
+
+def _load_again(path: Path, landmarks: tuple[tuple[str, tuple[int, ...]], ...] | None) -> SmalModel:
+    """The model that load_model gave of the same arguments."""
+    return load_model(path, None if landmarks is None else dict(landmarks))
 
 
 def load_smal(

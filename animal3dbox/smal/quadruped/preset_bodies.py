@@ -19,6 +19,7 @@ from torch import Tensor
 
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.model import SmalModel
+from animal3dbox.smal.model_origin import ModelOrigin, remember
 
 _ASSET = "quadruped.npz"
 _KEYPOINTS = 26
@@ -70,7 +71,7 @@ def load_quadruped() -> SmalModel:
     # Not a BLAS product, whose last digits depend on the threads: caches are named by these numbers
     places = torch.from_numpy(np.einsum("jv,vc->jc", joints.numpy(), v_template.numpy()))
     parents = tuple(int(p) for p in arrays["parents"])
-    return SmalModel(
+    model = SmalModel(
         v_template=v_template,
         faces=torch.from_numpy(_whole_faces(arrays["faces"].astype(np.int64), symmetry)),
         shapedirs=torch.from_numpy(_whole(columns, seam)),
@@ -83,6 +84,7 @@ def load_quadruped() -> SmalModel:
         symmetry=torch.from_numpy(symmetry),
         extra_landmarks=dict(list(_landmarks(arrays).items())[_KEYPOINTS:]),
     )
+    return remember(model, ModelOrigin(load_quadruped))
 
 
 @cache

@@ -138,6 +138,11 @@ def _keypoints(
     AnimalPose nests them, three numbers a list.
     """
     items = entry.keypoints or [0.0] * (3 * count)
+    if len(items) == 3 * count and {list, type(None)}.isdisjoint(map(type, items)):
+        # As in most files; in rows, one by one, a sample would take 0.24 instead of 0.18 ms
+        # (benchmarks/opening.py, "shard of 100").
+        rows = np.array(items, dtype=np.float64).reshape(count, 3)
+        return tolerance.keypoints(rows, sample_id, "keypoints")
     flat: list[float | None] = []
     for item in items:
         flat += item if isinstance(item, list) else [item]
@@ -183,5 +188,7 @@ def with_confidence(record: AnimalRecord, graded: bool) -> AnimalRecord:
     """
     rows = record.keypoints_2d
     hidden = HIDDEN_CONFIDENCE if graded else 1.0
-    confidence = np.select([rows[:, 2] >= 2, rows[:, 2] >= 1], [1.0, hidden], 0.0)
-    return replace(record, keypoints_2d=np.concatenate((rows[:, :2], confidence[:, None]), axis=1))
+    is_visible, is_marked = rows[:, 2] >= 2, rows[:, 2] >= 1
+    keypoints = rows.copy()
+    keypoints[:, 2] = np.where(is_visible, 1.0, np.where(is_marked, hidden, 0.0))
+    return replace(record, keypoints_2d=keypoints)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.photos import MAX_PIXELS
-from animal3dbox.datasets.images.picture_folder import is_plain_name
+from animal3dbox.datasets.images.picture_folder import PictureFolder
 from animal3dbox.datasets.readers.coco.file import Species
 from animal3dbox.datasets.readers.distinct_animals import may_be_corners
 from animal3dbox.datasets.readers.tolerance import LEAST_SCORE, Visibility
@@ -85,12 +85,13 @@ class CleanImages:
     has_place: Flags
 
 
-def clean_images(data: bytes, ranges: ElementRanges) -> CleanImages:
+def clean_images(data: bytes, ranges: ElementRanges, pictures: PictureFolder) -> CleanImages:
     """The images of a file that are clean by themselves, and that no other shares its name with.
 
     Args:
         data: the file.
         ranges: of its images.
+        pictures: the folder of pictures, which knows the names that need no looking up.
 
     """
     names: list[str] = []
@@ -104,7 +105,7 @@ def clean_images(data: bytes, ranges: ElementRanges) -> CleanImages:
                 continue
             name = element.file_name
             numbers[i] = id_number(element.id)
-            names.append(name if name.strip() and is_plain_name(name) else "")
+            names.append(name if name.strip() and pictures.takes_plainly(name) else "")
             if max(element.height, element.width) <= MAX_PIXELS:
                 image_hw[i] = element.height, element.width
             if not is_silent(element):

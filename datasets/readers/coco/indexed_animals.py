@@ -11,6 +11,7 @@ import numpy as np
 
 from animal3dbox.datasets.images.named_files import plain_name
 from animal3dbox.datasets.images.picture_folder import LOOKED_AT, PictureFolder
+from animal3dbox.datasets.images.remote_files import PicturePath, PictureUrl, is_remote
 from animal3dbox.datasets.readers.coco.animal import AnimalReading, CocoEntry, with_confidence
 from animal3dbox.datasets.readers.coco.file import (
     Category,
@@ -200,15 +201,17 @@ class IndexedAnimals(RecordsOnDemand):
             record = change(record)
         return record
 
-    def picture(self, name: str) -> Path:
-        """The file of an image's picture.
+    def picture(self, name: str) -> PicturePath:
+        """The file of an image's picture, or its URL, which is not looked up.
 
         Raises:
             SampleError: there is none of its name, or it is another image's.
 
         """
+        if is_remote(name):  # nobody's that is in the folder has such a name
+            return PictureUrl(name)
         path = PictureFolder(self.file.root).path(name, name)
-        if path == self._pictures.home / name:
+        if isinstance(path, PictureUrl) or path == self._pictures.home / name:
             return path
         if is_elsewhere(name, path):
             raise SampleError(name, "image", not_taken(path))

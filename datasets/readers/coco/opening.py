@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from animal3dbox.datasets.images.picture_folder import PictureFolder
 from animal3dbox.datasets.readers.coco.animal import AnimalReading
 from animal3dbox.datasets.readers.coco.clean_elements import (
     NO_ID,
@@ -119,7 +120,7 @@ def opened_coco(ranges: CocoRanges, reading: AnimalReading, read: frozenset[str]
     """
     if isinstance(ranges.images, dict):
         return opened_plainly(ranges, reading, read)
-    images = _distinct_images(ranges.data, ranges.images)
+    images = _distinct_images(ranges.data, ranges.images, reading.pictures)
     scan = AnnotationScan(images, reading.species, read, reading.tolerance.visibility)
     annotations = scan.annotations(ranges.data, ranges.annotations)
     odd = _odd_images(ranges, images, annotations)
@@ -136,9 +137,9 @@ def opened_coco(ranges: CocoRanges, reading: AnimalReading, read: frozenset[str]
     return _put_together(_clean_part(images, annotations, scan, odd=odd, clean=clean), plain)
 
 
-def _distinct_images(data: bytes, ranges: ElementRanges) -> CleanImages:
+def _distinct_images(data: bytes, ranges: ElementRanges, pictures: PictureFolder) -> CleanImages:
     """The images of a file, those not clean that share their name or id with another one."""
-    images = clean_images(data, ranges)
+    images = clean_images(data, ranges, pictures)
     numbers, names = images.numbers.copy(), set[str]()
     for place in np.nonzero(numbers == NO_ID)[0].tolist():
         raw = ranges.element(data, place)

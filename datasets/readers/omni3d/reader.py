@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from animal3dbox.datasets.images.remote_files import PicturePath
 from animal3dbox.datasets.readers.cuboid_checks import (
     Metric,
     check_metric,
@@ -199,7 +200,7 @@ def images_by_id(
         root = image_root(path, images, [_ids_of(raw).file_path for raw in raws[:TRIED]])
     by_id: dict[Key, CuboidImage | None] = {}
     faults: list[SampleError] = []
-    paths: dict[Path, Key] = {}
+    paths: dict[PicturePath, Key] = {}
     for number, raw in enumerate(raws):
         try:
             key, image = cuboid_image(

@@ -1,0 +1,144 @@
+"""Pictures at URLs and in bytes, by fsspec's file system in memory."""
+
+import io
+import pickle
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import fsspec
+import numpy as np
+import pytest
+from coco_dataset import coco_content, write_coco
+from photo_dataset import HW
+from PIL import ExifTags, Image
+
+from animal3dbox.datasets import CocoKeypointsDataset
+from animal3dbox.datasets.images.exif import header_facts
+from animal3dbox.datasets.images.photos import checked_facts, read_photo
+from animal3dbox.datasets.images.remote_files import PictureUrl, is_remote, without_secrets
+from animal3dbox.errors import ConfigError, SampleError
+
+STORE = "memory://animals"
+
+
+@pytest.fixture
+def store() -> Iterator[Any]:
+    """An empty store in memory."""
+    memory = fsspec.filesystem("memory")
+    memory.store.clear()
+    yield memory
+    memory.store.clear()
+
+
+def put(store: Any, name: str, content: bytes) -> str:
+    """Store a content; gives its URL."""
+    url = f"{STORE}/{name}"
+    store.pipe(url, content)
+    return url
+
+
+def picture(format: str = "JPEG", **options: Any) -> bytes:
+    """A picture with an orientation and a focal length in its header."""
+    pixels = np.random.default_rng(0).integers(0, 256, (*HW, 3), dtype=np.uint8)
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = 3
+    exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 50
+    content = io.BytesIO()
+    Image.fromarray(pixels).save(content, format, exif=exif, **options)
+    return content.getvalue()
+
+
+@pytest.mark.parametrize("format", ["JPEG", "PNG"])
+def test_pixels_and_header_are_those_of_the_file(store: Any, tmp_path: Path, format: str) -> None:
+    content = picture(format)
+    file, url = tmp_path / "a.jpg", put(store, "a.jpg", content)
+    file.write_bytes(content)
+    for upright in (False, True):
+        expected = read_photo(file, "a", HW, upright=upright)
+        assert expected.facts.orientation == 3
+        assert expected.facts.focal_px is not None
+        for source in (url, content):
+            photo = read_photo(source, "a", HW, upright=upright)
+            assert np.array_equal(photo.pixels, expected.pixels)
+            assert photo.facts == expected.facts
+            assert checked_facts(source, "a", HW, upright=upright) == expected.facts
+            assert header_facts(source, upright=upright) == expected.facts
+
+
+def test_what_is_wrong_at_a_url_names_the_sample(store: Any) -> None:
+    with pytest.raises(SampleError, match=r"^me: image: memory://animals/no.jpg cannot be read"):
+        read_photo(f"{STORE}/no.jpg", "me")
+    broken = put(store, "broken.jpg", picture()[:500])
+    with pytest.raises(SampleError, match=r"^me: image: broken.jpg cannot be decoded"):
+        read_photo(broken, "me")
+    with pytest.raises(SampleError, match=r"^me: image: its content cannot be decoded"):
+        read_photo(b"no picture", "me")
+    with pytest.raises(SampleError, match=r"me: image: nowhere://a.jpg cannot be read"):
+        read_photo("nowhere://a.jpg", "me")
+
+
+def test_what_is_secret_in_a_url_is_not_printed() -> None:
+    assert without_secrets("s3://me:word@bucket/a.jpg?key=7") == "s3://bucket/a.jpg"
+    with pytest.raises(SampleError) as caught:
+        read_photo("nowhere://me:word@bucket/a.jpg?key=7", "me")
+    assert "word" not in str(caught.value)
+    assert "key=7" not in str(caught.value)
+
+
+def test_files_of_this_machine_and_chains_are_no_urls() -> None:
+    assert is_remote("https://host/a.jpg")
+    for name in ("file:///etc/passwd", "local://a.jpg", "filecache::s3://b/a.jpg", "C:/a.jpg"):
+        assert not is_remote(name)
+    assert not is_remote("s3://a::file:///etc/passwd")
+
+
+def remote_dataset(store: Any, root: Path, **options: Any) -> CocoKeypointsDataset:
+    """Three pictures in a store, the second of which is missing, and the annotations here."""
+    content = coco_content(root)
+    for number, image in enumerate(content["images"]):
+        file = root / "images" / image["file_name"]
+        if number != 1:
+            put(store, image["file_name"], file.read_bytes())
+        image["file_name"] = f"{STORE}/{image['file_name']}"
+        file.unlink()
+    path = write_coco(root, content)
+    return CocoKeypointsDataset(path, body="dog", on_bad="skip", **options)
+
+
+def test_a_dataset_reads_pictures_at_urls(store: Any, tmp_path: Path) -> None:
+    dataset = remote_dataset(store, tmp_path, index=tmp_path / "indexes")
+    assert dataset.image_id(0) == f"{STORE}/a.jpg"
+    source = dataset.source
+    assert source.photo(source.sample(0)).pixels.shape == (*HW, 3)
+    assert source.sample(0).records[0].image_path == PictureUrl(f"{STORE}/a.jpg")
+    assert "memory://animals/sub/b.jpg cannot be read" in dataset[1].cases[0].problem  # type: ignore[union-attr]
+    assert [*(tmp_path / "indexes").glob("*.index")]
+    received: CocoKeypointsDataset = pickle.loads(pickle.dumps(dataset))
+    assert received.source.sample(0).image_path == f"{STORE}/a.jpg"
+
+
+def test_records_that_are_all_there_have_urls_too(store: Any, tmp_path: Path) -> None:
+    dataset = remote_dataset(store, tmp_path, check_paths=True)
+    source = dataset.source
+    assert source.photo(source.sample(0)).pixels.shape == (*HW, 3)
+    assert source.sample(0).records[0].image_path == PictureUrl(f"{STORE}/a.jpg")
+
+
+def test_urls_of_pictures_that_were_downloaded_are_their_files(tmp_path: Path) -> None:
+    content = coco_content(tmp_path)
+    for image in content["images"]:
+        image["file_name"] = f"https://animals.org/photos/{image['file_name']}"
+    dataset = CocoKeypointsDataset(write_coco(tmp_path, content), body="dog")
+    assert [dataset.image_id(index) for index in range(len(dataset))] == ["a.jpg", "sub/b.jpg"]
+
+
+def test_without_the_extra_the_error_names_it(
+    tmp_path: Path, store: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "fsspec", None)
+    with pytest.raises(ConfigError, match=r"pip install 'animal3dbox\[remote\]'"):
+        read_photo("s3://bucket/a.jpg", "me")
+    with pytest.raises(ConfigError, match=r"pip install 'animal3dbox\[remote\]'"):
+        remote_dataset(store, tmp_path)
