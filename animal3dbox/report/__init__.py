@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from animal3dbox.report.table.part_writer import PartWriter as PartWriter
     from animal3dbox.report.table.parts import write_part as write_part
     from animal3dbox.report.table.plan import table_plan as table_plan
+    from animal3dbox.report.table.table_gallery import write_table_gallery as write_table_gallery
 
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
@@ -93,5 +94,6 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "table.part_writer": ("PartWriter",),
         "table.parts": ("write_part",),
         "table.plan": ("table_plan",),
+        "table.table_gallery": ("write_table_gallery",),
     },
 )

@@ -51,13 +51,16 @@ class Card:
     overlay: str | None
 
 
-def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
+def write_gallery(
+    path: Path, cards: Sequence[Card], summary: Summary, source_of_cards: str = ""
+) -> int:
     """Write the page; returns how many cards it shows.
 
     Args:
         path: the HTML file.
         cards: in any order.
         summary: what became of all animals.
+        source_of_cards: which animals the cards are of, if not of all, a clause.
 
     Example:
         >>> import tempfile
@@ -74,19 +77,17 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
     """
     worst_first = sorted(cards, key=lambda card: card.confidence)
     articles = _fitting(worst_first)
-    note = (
-        ""
-        if len(articles) == len(worst_first)
-        else f"The {len(articles)} worst of {len(worst_first)} animals are shown;"
-        " all are in labels.json."
-    )
+    note = f"Shown are {source_of_cards}." if source_of_cards else ""
+    if len(articles) < len(worst_first):
+        all_are = "" if source_of_cards else "; all are in labels.json"
+        note += f" The {len(articles)} worst of {len(worst_first)} animals are shown{all_are}."
     page = render(
         "animal3dbox.report",
         "gallery.html",
         summary=summary,
         funnel=_funnel(summary),
         most=max(summary.animals, 1),
-        note=note,
+        note=note.strip(),
         articles=articles,
     )
     write_whole(path, page.encode())

@@ -25,6 +25,7 @@ from animal3dbox.report.label_files import (
     animal_row,
     write_labels_json,
 )
+from animal3dbox.report.label_words import words_of_label
 from animal3dbox.report.labels_csv import write_labels_csv
 from animal3dbox.report.overlay import draw_label
 from animal3dbox.report.summary import Summary, flags_of, summarize
@@ -249,19 +250,6 @@ def _card(
 ) -> Card:
     """The gallery's card of a label."""
     quality = label.quality
-    facts = [
-        f"side {label.side or 'none'}, seen from {label.viewpoint}"
-        f" (azimuth {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)",
-        f"flank {label.flank} ({label.flank_confidence:.0%})",
-    ]
-    if quality.reprojection_error_px is not None:
-        facts.append(
-            f"keypoints {quality.reprojection_error_px:.1f} px off, {quality.n_inliers} of"
-            f" {quality.n_keypoints} fit"
-        )
-    if quality.mask_iou is not None:
-        facts.append(f"mask overlap {quality.mask_iou:.2f}")
-    facts += [f"⚑ {flag}" for flag in flags] + list(quality.warnings)
     return Card(
         title=title,
         picture=picture,
@@ -269,6 +257,6 @@ def _card(
         confidence=label.confidence,
         error_px=quality.reprojection_error_px,
         mask_iou=quality.mask_iou,
-        facts=tuple(facts),
+        facts=words_of_label(label).facts(flags),
         overlay=overlay,
     )
