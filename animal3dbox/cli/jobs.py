@@ -77,6 +77,8 @@ class LabelJob:
     """what `animal3dbox calibrate` learned of this dataset; for bodies without a template"""
     misplaced: Literal["fault", "flag"] = "fault"
     """keypoints beside the frame, or the animal's own box or mask: an error, or a flag"""
+    pictures: Literal["all", "flagged", "none"] = "all"
+    """with --out: of which animals pictures are drawn; flagged: of rejected ones, too"""
     outline: bool = True
     """draw the outlines of fitted bodies into the pictures"""
     json: bool = False

@@ -41,7 +41,8 @@ from animal3dbox.report.label_files import (
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.label_words import words_of_label
 from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid, draw_label, enlarged
-from animal3dbox.report.run import Labelled, overlay_name, write_run
+from animal3dbox.report.run import overlay_name, write_run
+from animal3dbox.report.run_rows import Labelled
 from animal3dbox.report.summary import FLAGS, Summary, flags_of, summarize
 
 Picture = NDArray[np.uint8]
