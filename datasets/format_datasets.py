@@ -143,6 +143,7 @@ class AnnotatedDataset(LabelDataset):
         bodies = bodies_for(dataset, own_body)
         if isinstance(bodies, ParametersBody | MeshFolderBodies | OwnOrFittedBodies):
             bodies = bodies.packed()
+        self.bodies = bodies
         super().__init__(FileSource(dataset.records, bodies), **options)
 
     def __repr__(self) -> str:

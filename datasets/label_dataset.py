@@ -366,6 +366,11 @@ class LabelDataset(Dataset[tuple[Tensor, Target] | Skipped]):
             )
 
     @property
+    def config(self) -> LabelConfig:
+        """How its labels are made."""
+        return self._store.config
+
+    @property
     def labels_digest(self) -> str:
         """32 hex digits that name everything that its outcomes depend on, but the animals.
 

@@ -35,6 +35,7 @@ PROCESS = frozenset(
         "cli/test_cli.py::test_help_answers_without_loading_torch",
         "cli/test_cli.py::test_stdout_of_a_process_is_one_json",
         "cli/test_cli.py::test_the_module_can_be_run_and_leaves_no_traceback",
+        "cli/test_label_runs.py",
         "cli/test_label_tables.py",
         "datasets/synthetic/test_world.py::test_another_process_draws_the_same_scene",
         "datasets/test_loading.py",

@@ -23,7 +23,8 @@ from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
-from animal3dbox.report.run import Labelled, write_run
+from animal3dbox.report.run import write_run
+from animal3dbox.report.run_rows import Labelled
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.quadruped.preset_bodies import preset_betas
 

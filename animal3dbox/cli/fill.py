@@ -19,6 +19,7 @@ from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.label_store import NOT_STORED
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.errors import ConfigError
+from animal3dbox.labels.config import LabelConfig
 
 REMEDY = "--resume keeps the labels that are in the cache"
 
@@ -58,14 +59,24 @@ def run_fill(job: LabelJob) -> ExitCode:
     return _report(dataset, job, len(indices), animals)
 
 
-def dataset_of(job: LabelJob) -> AnnotatedDataset:
-    """The job's Dataset, whose bad samples are counted, not raised."""
-    body = job.body.source(job.dataset.model)
-    config = replace(
+def dataset_config(job: LabelJob) -> LabelConfig:
+    """How a Dataset of the job's options labels: what is dear to measure only where it is asked."""
+    return replace(
         job.config,
         surface_share=job.cache.surface_share,
         mask_iou=job.cache.mask_iou or job.camera.stored_camera == "hypothesis",
     )
+
+
+def dataset_of(job: LabelJob, config: LabelConfig | None = None) -> AnnotatedDataset:
+    """The job's Dataset, whose bad samples are counted, not raised.
+
+    Args:
+        job: its options.
+        config: how it labels; None: dataset_config(job).
+
+    """
+    body = job.body.source(job.dataset.model)
     return AnnotatedDataset(
         job.path,
         format=job.dataset.format,
@@ -75,7 +86,7 @@ def dataset_of(job: LabelJob) -> AnnotatedDataset:
         body=body,
         on_bad="skip",
         focal_px=job.camera.focal_px,
-        config=config,
+        config=config or dataset_config(job),
         scale=job.scale_source,
         stored_cameras=job.camera.stored_camera,
         misplaced=job.misplaced,

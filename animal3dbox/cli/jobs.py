@@ -77,6 +77,8 @@ class LabelJob:
     """what `animal3dbox calibrate` learned of this dataset; for bodies without a template"""
     misplaced: Literal["fault", "flag"] = "fault"
     """keypoints beside the frame, or the animal's own box or mask: an error, or a flag"""
+    pictures: Literal["all", "flagged", "none"] = "all"
+    """with --out: of which animals pictures are drawn; flagged: of rejected ones, too"""
     outline: bool = True
     """draw the outlines of fitted bodies into the pictures"""
     json: bool = False
@@ -326,6 +328,27 @@ class ConvertModelJob:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GalleryJob:
+    """Draw a sample of a table of labels: the least confident ones, and some at random.
+
+    Example: animal3dbox gallery table --worst 200 --random 50
+    """
+
+    path: Annotated[Positional[Path], arg(metavar="TABLE")]
+    """the folder that label --table wrote"""
+    out: Path | None = None
+    """the HTML file; default: beside the table, TABLE-gallery.html"""
+    worst: int = 200
+    """labels of least confidence"""
+    random: int = 50
+    """labels drawn from the others"""
+    seed: int = 0
+    """another seed draws others"""
+    images: Path | None = None
+    """folder that the images' names are relative to, if they were moved"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class VocabulariesJob:
     """List the keypoint vocabularies, or where on a body each keypoint of one is.
 
@@ -348,6 +371,7 @@ Job = (
     | InspectJob
     | ConvertModelJob
     | CalibrateJob
+    | GalleryJob
     | VocabulariesJob
 )
 """Any command with its options."""
@@ -363,6 +387,7 @@ COMMANDS: dict[str, Callable[..., Job]] = {
     "inspect": InspectJob,
     "convert-model": ConvertModelJob,
     "calibrate": CalibrateJob,
+    "gallery": GalleryJob,
     "vocabularies": VocabulariesJob,
 }
 """Every command by its name on the command line, in the order of `--help`."""

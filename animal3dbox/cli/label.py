@@ -1,35 +1,44 @@
 """The command `label`: a dataset in, labels and pictures out."""
 
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import msgspec
 import torch
+from torch.utils.data import Dataset
 from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
-from animal3dbox.cli.fill import run_fill
+from animal3dbox.cli.fill import dataset_of, run_fill
 from animal3dbox.cli.jobs import LabelJob
 from animal3dbox.cli.table import run_table
+from animal3dbox.cli.worker_batches import worker_batches
 from animal3dbox.datasets.bodies.fitted import FittedBodies
 from animal3dbox.datasets.bodies.presets import PresetBodies, species_notes
-from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.formats import bodies_for, read_dataset
-from animal3dbox.datasets.images.photos import Photo, read_photo
-from animal3dbox.datasets.labelling.calibrate import lesson_notes
-from animal3dbox.datasets.labelling.file_source import has_camera
-from animal3dbox.datasets.labelling.label_records import check_camera_policy, label_records
-from animal3dbox.datasets.labelling.label_requests import LabelRequest, requests_of_image
-from animal3dbox.datasets.records import AnimalRecord, RecordSet
+from animal3dbox.datasets.format_datasets import AnnotatedDataset
+from animal3dbox.datasets.label_dataset import LabelDataset
+from animal3dbox.datasets.labelling.animal_outcomes import AnimalOutcome
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import portable_path
-from animal3dbox.labels.calibration import Calibration, calibration_of
-from animal3dbox.report.run import Labelled, RunWriter
+from animal3dbox.report.run import ROWS, RunWriter, make_results_folder
+from animal3dbox.report.run_rows import DrawnAnimal, Labelled, Pictures, drawn_animal
 from animal3dbox.report.summary import Summary
+from animal3dbox.report.table.keys import (
+    animal_key,
+    missing_indices,
+    table_length,
+    unread_animal,
+)
+from animal3dbox.report.table.parts import locked_shard
+from animal3dbox.report.table.plan import check_known
+from animal3dbox.smal.keypoints.vocabulary import Vocabulary
+from animal3dbox.smal.model import SmalModel
 
 AT_ONCE = 16
-"""Animals labelled together."""
+"""Images labelled and drawn together."""
+REMEDY = "the same command with --resume goes on from the animals that are labelled"
 
 
 def run_label(job: LabelJob) -> ExitCode:
@@ -40,156 +49,143 @@ def run_label(job: LabelJob) -> ExitCode:
     return _write_labels(job) if job.cache.folder is None else run_fill(job)
 
 
+class DrawnBatches(Dataset[list[DrawnAnimal]]):
+    """The animals of some indices of a dataset's table, labelled and drawn, AT_ONCE at a time.
+
+    Args:
+        dataset: whose animals.
+        indices: as label_table has them.
+        pictures: which animals get some.
+        fitted: the model that was fitted, whose outlines are drawn; None: no outlines.
+
+    """
+
+    def __init__(
+        self,
+        dataset: LabelDataset,
+        indices: Sequence[int],
+        *,
+        pictures: Pictures,
+        fitted: SmalModel | None,
+    ) -> None:
+        self.dataset, self.indices = dataset, indices
+        self.pictures, self.fitted = pictures, fitted
+
+    def __len__(self) -> int:
+        return -(-len(self.indices) // AT_ONCE)
+
+    def __getitem__(self, place: int) -> list[DrawnAnimal]:
+        indices = self.indices[place * AT_ONCE : (place + 1) * AT_ONCE]
+        count, digest = len(self.dataset), self.dataset.labels_digest
+        outcomes = self.dataset.outcomes(
+            [index for index in indices if index < count], pictures=self.pictures != "none"
+        )
+        unread = (unread_animal(self.dataset, index) for index in indices if index >= count)
+        return [
+            *(self._drawn(one, digest) for one in outcomes),
+            *(
+                drawn_animal(one.fault, one.number, key=one.key(digest), is_unread=True)
+                for one in unread
+            ),
+        ]
+
+    def _drawn(self, animal: AnimalOutcome, digest: str) -> DrawnAnimal:
+        outcome = animal.outcome
+        result = (
+            outcome
+            if isinstance(outcome, SampleError)
+            else Labelled(
+                outcome,
+                animal.image_id,
+                animal.entry.category,
+                animal.pixels,
+                sighting=animal.sighting,
+                upright=animal.facts.upright,
+            )
+        )
+        return drawn_animal(
+            result,
+            animal.number,
+            key=animal_key(digest, animal.image_id, animal.number, animal.entry),
+            fitted=self.fitted,
+            pictures=self.pictures,
+        )
+
+
 def _write_labels(job: LabelJob) -> ExitCode:
     """Label the animals of a dataset and write labels, pictures and a report."""
     out = _checked_folder(job)
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
-    calibration = calibration_of(job.calibration)
-    own_body = job.body.source(job.dataset.model)
-    options = job.body.read_options(job.dataset, job.camera.focal_px)
-    dataset = read_dataset(job.path, job.dataset.format, options)
-    bodies, records = bodies_for(dataset, own_body), dataset.records
-    for note in _notes(records, bodies, calibration):
+    dataset = dataset_of(job, job.config)
+    bodies = dataset.bodies
+    for note in _notes(dataset):
         print(note, file=sys.stderr)
-    check_camera_policy(
-        job.camera.stored_camera,
-        any(has_camera(record) for record in records.records),
-        records.notes,
-    )
-    writer = RunWriter(
-        out,
-        source=portable_path(job.path),
-        body=bodies.name,
-        config=job.config,
-        fitted=bodies.model if job.outline and isinstance(bodies, FittedBodies) else None,
-    )
-    writer.add(records.faults)
-    turned: set[str] = set()
-    progress = tqdm(
-        total=len(records.records), desc="labelling", unit="animal", disable=job.json or None
-    )
-    for batch in image_batches(records.records):
-        writer.add(_labelled(batch, bodies, job, calibration, turned=turned))
-        progress.update(len(batch))
-    progress.close()
+    make_results_folder(out)
+    with locked_shard(out / ROWS):
+        writer = RunWriter(
+            out,
+            source=portable_path(job.path),
+            body=bodies.name,
+            config=job.config,
+            resume=job.cache.resume,
+        )
+        fitted = bodies.model if job.outline and isinstance(bodies, FittedBodies) else None
+        _label_all(dataset, writer, job, fitted)
+        summary = writer.finish()
     if job.dataset.applies_orientation:
-        print(f"{len(turned)} pictures were turned by their EXIF orientation", file=sys.stderr)
-    summary = writer.finish()
+        print(
+            f"{len(writer.turned)} pictures were turned by their EXIF orientation", file=sys.stderr
+        )
     _print(summary, job, out)
     has_none = summary.animals > 0 and not summary.kept + summary.flagged
     return ExitCode.FAULTY if summary.faulty or has_none else ExitCode.OK
 
 
-def _notes(
-    records: RecordSet, bodies: BodySource, calibration: Calibration | None
-) -> Iterator[str]:
+def _label_all(
+    dataset: LabelDataset, writer: RunWriter, job: LabelJob, fitted: SmalModel | None
+) -> None:
+    """Give a run's writer all animals that it does not have yet."""
+    indices: Sequence[int] = range(table_length(dataset))
+    if writer.known_keys:
+        check_known(dataset, indices, writer.known_keys, writer.out)
+        indices = missing_indices(dataset, indices, writer.known_keys)
+    drawn = DrawnBatches(dataset, indices, pictures=job.pictures, fitted=fitted)
+    with worker_batches(drawn, job.cache.workers, REMEDY) as batches, writer:
+        unit, is_silent = f"{AT_ONCE} images", job.json or None
+        for animals in tqdm(batches, desc="labelling", unit=unit, disable=is_silent):
+            writer.add([one for one in animals if one.row.key not in writer.known_keys])
+
+
+def _notes(dataset: AnnotatedDataset) -> Iterator[str]:
     """What a careful person should know before the labels, in whole sentences."""
-    words = {record.vocabulary.name: record.vocabulary for record in records.records}
-    yield from records.notes
-    yield from lesson_notes(calibration, bodies, words.values())
+    yield from dataset.notes
+    categories, words = Counter[str](), dict[str, Vocabulary]()
+    for index in range(len(dataset)):
+        for entry in dataset.source.sample(index).animals:
+            categories[entry.category] += 1
+            if entry.vocabulary is not None:
+                words[entry.vocabulary.name] = entry.vocabulary
     for vocabulary in words.values():
         yield from vocabulary.notes
-    if isinstance(bodies, FittedBodies | PresetBodies):
-        yield from species_notes(bodies.species, records.records)
-
-
-def image_batches(records: Sequence[AnimalRecord]) -> Iterator[list[AnimalRecord]]:
-    """Records in order, AT_ONCE or more at a time: those of an image, if they follow, together."""
-    batch: list[AnimalRecord] = []
-    for record in records:
-        if len(batch) >= AT_ONCE and record.image_id != batch[-1].image_id:
-            yield batch
-            batch = []
-        batch.append(record)
-    if batch:
-        yield batch
+    if isinstance(dataset.bodies, FittedBodies | PresetBodies):
+        yield from species_notes(dataset.bodies.species, categories.elements())
 
 
 def _checked_folder(job: LabelJob) -> Path:
-    """The folder that is written to; raises a ConfigError for options that are for a cache."""
+    """The folder that is written to; raises a ConfigError for options that are for others."""
     if job.out is None:
         raise ConfigError(
             "give --out for labels, pictures and a report, --table for a table, or --cache to fill"
             " a Dataset's label cache"
         )
-    for name, value in (
-        ("--shard", job.cache.shard),
-        ("--resume", job.cache.resume),
-        ("--workers", job.cache.workers),
-    ):
-        if value:
-            raise ConfigError(
-                f"{name} is for filling a label cache or writing a table: give --cache or --table,"
-                " or leave it out"
-            )
+    if job.cache.shard:
+        raise ConfigError(
+            "--shard is for filling a label cache or writing a table: give --cache or --table, or"
+            " leave it out"
+        )
     if job.out.exists() and not job.out.is_dir():
         raise ConfigError(f"--out {job.out} is a file: give a folder")
     return job.out
-
-
-def _labelled(
-    records: Sequence[AnimalRecord],
-    bodies: BodySource,
-    job: LabelJob,
-    calibration: Calibration | None,
-    *,
-    turned: set[str],
-) -> list[Labelled | SampleError]:
-    """Animals read and labelled together, in order; images that were turned join `turned`.
-
-    The animals of an image are one sample: a focal length that nothing tells is one for all.
-    """
-    results: list[Labelled | SampleError | None] = [None] * len(records)
-    photos: dict[int, Photo] = {}
-    requests: dict[int, LabelRequest] = {}
-    for place, record in enumerate(records):
-        try:
-            photos[place] = _photo(record)
-            turned |= {record.image_id} if photos[place].facts.upright else set()
-        except SampleError as error:
-            results[place] = error
-    by_image: dict[str, list[int]] = {}
-    for place in photos:
-        by_image.setdefault(records[place].image_id, []).append(place)
-    for places in by_image.values():
-        facts = [photos[place].facts for place in places]
-        own = requests_of_image([records[place] for place in places], bodies, facts)
-        requests |= dict(zip(places, own, strict=True))
-    outcomes = label_records(
-        list(requests.values()),
-        job.config,
-        scale=job.scale_source,
-        stored_cameras=job.camera.stored_camera,
-        calibration=calibration,
-        misplaced=job.misplaced,
-        optional=job.dataset.optional or "drop",
-    )
-    for place, outcome in zip(requests, outcomes, strict=True):
-        if isinstance(outcome, SampleError):
-            results[place] = outcome
-        else:
-            record, photo = records[place], photos[place]
-            sighting = record.sighting.with_picture_time(photo.facts.time)
-            results[place] = Labelled(
-                outcome,
-                record.image_id,
-                record.category,
-                photo.pixels,
-                sighting=sighting,
-                upright=photo.facts.upright,
-            )
-    return [result for result in results if result is not None]
-
-
-def _photo(record: AnimalRecord) -> Photo:
-    """The picture of an animal; raises SampleError."""
-    if record.image_path is None:
-        raise SampleError(
-            record.sample_id,
-            "image",
-            "is only in memory: write the dataset first (animal3dbox synth)",
-        )
-    return read_photo(record.image_path, record.sample_id, record.image_hw, upright=record.upright)
 
 
 def _print(summary: Summary, job: LabelJob, out: Path) -> None:

@@ -284,9 +284,9 @@ class CacheOptions:
     shard: str | None = None
     """with --cache or --table: i/n, only the images i, i + n, ... counted from 1"""
     resume: bool = False
-    """with --cache or --table: keep the labels that are there, and make the others"""
+    """keep the labels that are there, and make the others; of --out those of an unfinished run"""
     workers: int = 0
-    """with --cache or --table: processes"""
+    """processes; the results are the same"""
     mask_iou: bool = False
     """with --cache or --table, and --stored-camera exact: measure the masks' overlap"""
     surface_share: bool = False

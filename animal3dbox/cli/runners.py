@@ -19,6 +19,7 @@ RUNNERS: Mapping[type, tuple[str, str]] = {
     jobs.InspectJob: ("inspect", "run_inspect"),
     jobs.ConvertModelJob: ("convert", "run_convert"),
     jobs.CalibrateJob: ("calibrate", "run_calibrate"),
+    jobs.GalleryJob: ("gallery", "run_gallery"),
     jobs.VocabulariesJob: ("vocabularies", "run_vocabularies"),
 }
 """A job's type -> the module of this package, and the function in it, that does the job."""

@@ -22,6 +22,7 @@ from animal3dbox.report.table.label_table import label_table
 from animal3dbox.report.table.part_writer import PartWriter
 from animal3dbox.report.table.parts import locked_shard
 from animal3dbox.report.table.plan import table_plan
+from animal3dbox.report.table.source_file import write_source
 
 REMEDY = "the same command with --resume goes on from the rows that are there"
 
@@ -49,6 +50,7 @@ def run_table(job: LabelJob) -> ExitCode:
         print(note, file=sys.stderr)
     with locked_shard(folder, shard):
         plan = table_plan(dataset, folder, shard=shard, resume=job.cache.resume)
+        write_source(folder, dataset, job.path)
         writer = PartWriter(plan, job.cache.part_rows)
         at_once = min(AT_ONCE, job.cache.part_rows)
         with _tables(dataset, plan.indices, at_once, job) as tables, writer:

@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     from animal3dbox.report.overlay import draw_label as draw_label
     from animal3dbox.report.prediction_overlay import draw_predictions as draw_predictions
     from animal3dbox.report.rerun_view import write_rerun as write_rerun
-    from animal3dbox.report.run import Labelled as Labelled
     from animal3dbox.report.run import write_run as write_run
+    from animal3dbox.report.run_rows import Labelled as Labelled
     from animal3dbox.report.summary import FLAGS as FLAGS
     from animal3dbox.report.summary import Summary as Summary
     from animal3dbox.report.summary import flags_of as flags_of
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from animal3dbox.report.table.part_writer import PartWriter as PartWriter
     from animal3dbox.report.table.parts import write_part as write_part
     from animal3dbox.report.table.plan import table_plan as table_plan
+    from animal3dbox.report.table.table_gallery import write_table_gallery as write_table_gallery
 
 __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
@@ -86,12 +87,14 @@ __getattr__, __dir__, __all__ = lazy_exports(
         "overlay": ("draw_cuboid", "draw_label"),
         "prediction_overlay": ("draw_predictions",),
         "rerun_view": ("write_rerun",),
-        "run": ("Labelled", "write_run"),
+        "run": ("write_run",),
+        "run_rows": ("Labelled",),
         "summary": ("FLAGS", "Summary", "flags_of"),
         "table.keys": ("missing_indices",),
         "table.label_table": ("label_table",),
         "table.part_writer": ("PartWriter",),
         "table.parts": ("write_part",),
         "table.plan": ("table_plan",),
+        "table.table_gallery": ("write_table_gallery",),
     },
 )

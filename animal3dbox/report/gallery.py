@@ -1,8 +1,10 @@
 """One HTML page that shows every label, worst first, with nothing to load from elsewhere."""
 
 import base64
+import heapq
 import io
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,8 @@ from animal3dbox.report.summary import FLAGS, Summary
 
 MAX_BYTES = 4_500_000
 """The page stays below this; of a large dataset it shows the worst labels that fit, and says so."""
+MOST_CARDS = 8000
+"""So many cards are held at once, the worst ones: more than fit, however small they are."""
 WIDTHS = ((420, 82), (320, 75), (240, 68), (180, 60))
 """Width of the pictures and their JPEG quality, best first: the first at which all fit is taken."""
 
@@ -51,13 +55,16 @@ class Card:
     overlay: str | None
 
 
-def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
+def write_gallery(
+    path: Path, cards: Iterable[Card], summary: Summary, source_of_cards: str = ""
+) -> int:
     """Write the page; returns how many cards it shows.
 
     Args:
         path: the HTML file.
         cards: in any order.
         summary: what became of all animals.
+        source_of_cards: which animals the cards are of, if not of all, a clause.
 
     Example:
         >>> import tempfile
@@ -72,21 +79,22 @@ def write_gallery(path: Path, cards: Sequence[Card], summary: Summary) -> int:
         ...     "&lt;a&gt;.jpg" in (Path(folder) / "gallery.html").read_text(), shown
         (True, 1)
     """
-    worst_first = sorted(cards, key=lambda card: card.confidence)
+    count, cards = itertools.count(), iter(cards)
+    counted = (card for card, _ in zip(cards, count, strict=False))
+    worst_first = heapq.nsmallest(MOST_CARDS, counted, key=lambda card: card.confidence)
+    total = next(count)
     articles = _fitting(worst_first)
-    note = (
-        ""
-        if len(articles) == len(worst_first)
-        else f"The {len(articles)} worst of {len(worst_first)} animals are shown;"
-        " all are in labels.json."
-    )
+    note = f"Shown are {source_of_cards}." if source_of_cards else ""
+    if len(articles) < total:
+        all_are = "" if source_of_cards else "; all are in labels.json"
+        note += f" The {len(articles)} worst of {total} animals are shown{all_are}."
     page = render(
         "animal3dbox.report",
         "gallery.html",
         summary=summary,
         funnel=_funnel(summary),
         most=max(summary.animals, 1),
-        note=note,
+        note=note.strip(),
         articles=articles,
     )
     write_whole(path, page.encode())

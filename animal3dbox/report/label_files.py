@@ -1,5 +1,6 @@
 """labels.json: one row an animal, in the documented schema."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -9,7 +10,7 @@ import numpy as np
 
 from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import DatasetFormatError
-from animal3dbox.files import write_whole
+from animal3dbox.files import whole_file
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
 from animal3dbox.labels.fit_parameters import Array, FitParameters
 from animal3dbox.labels.flank import Flank
@@ -253,14 +254,65 @@ def write_labels_json(path: Path, file: LabelFile) -> None:
         ...     '"reason": "no_pose"' in out.read_text()
         True
     """
-    data = msgspec.json.encode(file)
+    write_label_rows(path, file, animals=file.animals, rejected=file.rejected)
+
+
+def write_label_rows(
+    path: Path,
+    head: LabelFile,
+    *,
+    animals: Iterable[AnimalRow],
+    rejected: Iterable[RejectedRow],
+) -> None:
+    """Write labels.json row by row, as write_labels_json writes it, without holding all rows.
+
+    Args:
+        path: the file.
+        head: all but the rows.
+        animals: the rows of labels.
+        rejected: those of animals without one.
+
+    Raises:
+        DatasetFormatError: a number is NaN or infinite where the schema wants a number.
+
+    """
+    empty = msgspec.structs.replace(head, animals=[], rejected=[])
+    start, _, _ = _indented(empty).rpartition(b' "animals"')
+    with whole_file(path) as file:
+        file.write(start + b' "animals": ')
+        for piece in _array(_checked(path, row) for row in animals):
+            file.write(piece)
+        file.write(b',\n "rejected": ')
+        for piece in _array(map(msgspec.json.encode, rejected)):
+            file.write(piece)
+        file.write(b"\n}")
+
+
+def _indented(value: Any) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(value), indent=1)
+
+
+def _array(rows: Iterable[bytes]) -> Iterator[bytes]:
+    """The pieces of an array of JSON objects, indented as a field of the file."""
+    is_empty = True
+    for row in rows:
+        yield b"[\n  " if is_empty else b",\n  "
+        yield msgspec.json.format(row, indent=1).replace(b"\n", b"\n  ")
+        is_empty = False
+    yield b"[]" if is_empty else b"\n ]"
+
+
+def _checked(path: Path, row: AnimalRow) -> bytes:
+    """A row as JSON that reads back in its schema."""
+    data = msgspec.json.encode(row)
     try:
-        msgspec.json.decode(data, type=LabelFile)
+        msgspec.json.decode(data, type=AnimalRow)
     except msgspec.ValidationError as error:
         raise DatasetFormatError(
-            f"{path} is not written, for a value is NaN, infinite or of the wrong type: {error}"
+            f"{path} is not written, for a value of {row.sample_id} is NaN, infinite or of the"
+            f" wrong type: {error}"
         ) from error
-    write_whole(path, msgspec.json.format(data, indent=1))
+    return data
 
 
 def labels_file(path: Path) -> Path:

@@ -2,11 +2,11 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from animal3dbox.datasets.sightings import SIGHTING_FIELDS
-from animal3dbox.files import write_whole
+from animal3dbox.files import whole_file
 from animal3dbox.geometry.cuboid import FACE_NAMES
 from animal3dbox.report.label_files import AnimalRow
 
@@ -43,7 +43,7 @@ UNSURE_FOCAL = ("guessed", "estimated")
 
 
 def write_labels_csv(
-    path: Path, animals: Sequence[AnimalRow], flags: Sequence[Sequence[str]] | None = None
+    path: Path, animals: Iterable[AnimalRow], flags: Iterable[Sequence[str]] | None = None
 ) -> None:
     """Write labels.csv: a row an animal, the columns an ecologist wants.
 
@@ -59,12 +59,17 @@ def write_labels_csv(
         ...     (Path(folder) / "labels.csv").read_text().split(",")[:4]
         ['image', 'animal', 'side', 'viewpoint']
     """
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, CSV_COLUMNS)
-    writer.writeheader()
-    of_each: Sequence[Sequence[str]] = [()] * len(animals) if flags is None else flags
-    writer.writerows(_cells(row, raised) for row, raised in zip(animals, of_each, strict=True))
-    write_whole(path, text.getvalue().encode())
+    if flags is None:
+        pairs: Iterable[tuple[AnimalRow, Sequence[str]]] = ((row, ()) for row in animals)
+    else:
+        pairs = zip(animals, flags, strict=True)
+    with whole_file(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+        writer = csv.DictWriter(text, CSV_COLUMNS)
+        writer.writeheader()
+        writer.writerows(_cells(row, raised) for row, raised in pairs)
+        text.flush()
+        text.detach()
 
 
 def csv_values(row: AnimalRow, raised: Sequence[str]) -> dict[str, str | int | float | None]:

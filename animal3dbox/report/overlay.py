@@ -13,6 +13,7 @@ from animal3dbox.geometry.cuboid import EDGES, FACE_NAMES, FACES, Cuboid
 from animal3dbox.geometry.polygon import clip_to_near
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.report.fitted_outline import draw_fitted_outline
+from animal3dbox.report.label_words import words_of_label
 from animal3dbox.smal.model import SmalModel
 
 Picture = NDArray[np.uint8]
@@ -67,7 +68,7 @@ def draw_label(image: Picture, label: CuboidLabel, fitted: SmalModel | None = No
             if visibility > 0:
                 center = _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5)
                 cv2.circle(canvas, center, radius, POINT, -1, cv2.LINE_AA, SHIFT)
-    return with_words(canvas, words_of(label))
+    return with_words(canvas, words_of_label(label).lines)
 
 
 def enlarged(image: Picture) -> tuple[Picture, float]:
@@ -185,30 +186,6 @@ def _draw_edges(
             continue
         start, end = ends
         cv2.line(canvas, _fixed(*start), _fixed(*end), color, width, cv2.LINE_AA, SHIFT)
-
-
-def words_of(label: CuboidLabel) -> list[str]:
-    """The lines of text that go with a picture: side, viewpoint, shares, fit."""
-    shares = sorted(
-        (
-            (share, name)
-            for name, share in zip(FACE_NAMES, label.face_share.tolist(), strict=True)
-            if share > 0
-        ),
-        reverse=True,
-    )
-    quality = label.quality
-    fit = (
-        []
-        if quality.reprojection_error_px is None
-        else [f"keypoints {quality.reprojection_error_px:.1f} px"]
-    )
-    fit += [] if quality.mask_iou is None else [f"mask IoU {quality.mask_iou:.2f}"]
-    return [
-        f"side: {label.side or 'none'}   view: {label.viewpoint}",
-        "  ".join(f"{name} {100 * share:.0f}%" for share, name in shares),
-        "   ".join(fit),
-    ]
 
 
 def with_words(canvas: Picture, lines: list[str]) -> Picture:

@@ -1,60 +1,33 @@
 """A labelling run written to a folder: labels, tables, pictures and the page."""
 
-import io
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
 
-from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
+from animal3dbox.datasets.labelling.animal_outcomes import animal_number
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.types import CuboidLabel, Rejection
-from animal3dbox.report.gallery import Card, card_picture, write_gallery
-from animal3dbox.report.label_files import (
-    AnimalRow,
-    LabelFile,
-    RejectedRow,
-    animal_row,
-    write_labels_json,
-)
+from animal3dbox.report.gallery import write_gallery
+from animal3dbox.report.label_files import LabelFile, write_label_rows
 from animal3dbox.report.labels_csv import write_labels_csv
-from animal3dbox.report.overlay import draw_label
-from animal3dbox.report.summary import Summary, flags_of, summarize
+from animal3dbox.report.row_spool import RowSpool
+from animal3dbox.report.run_rows import (
+    DrawnAnimal,
+    Labelled,
+    RunRow,
+    drawn_animal,
+    faults_in_order,
+)
+from animal3dbox.report.summary import Summary, SummaryCounts
 from animal3dbox.smal.model import SmalModel
 
-
-@dataclass(frozen=True)
-class Labelled:
-    """The outcome of one animal with its picture, as the writer of a run takes it.
-
-    Attributes:
-        outcome: its label, or why it has none.
-        image_id: its image.
-        category: its species, as the dataset says.
-        picture: (H, W, 3) uint8 RGB.
-        sighting: when, where and of whom the picture is.
-        upright: whether the picture was turned as its file's header says.
-
-    Example:
-        >>> picture = np.zeros((4, 4, 3), dtype=np.uint8)
-        >>> Labelled(Rejection("a.jpg", "no_pose", "none"), "a.jpg", "dog", picture).outcome.reason
-        'no_pose'
-    """
-
-    outcome: CuboidLabel | Rejection
-    image_id: str
-    category: str
-    picture: NDArray[np.uint8]
-    sighting: Sighting = NO_SIGHTING
-    upright: bool = False
+ROWS = ".rows"
+"""The folder below a run's own in which its rows wait for its end."""
 
 
 def write_run(
@@ -79,23 +52,39 @@ def write_run(
         ...     summary.reasons, sorted(path.name for path in Path(folder).glob("*.json"))
         ({'no_pose': 1}, ['labels.json', 'report.json'])
     """
-    writer = RunWriter(out, source=source, body=body, config=config, fitted=fitted)
-    writer.add(results)
+    writer = RunWriter(out, source=source, body=body, config=config)
+    numbers: Counter[str] = Counter()
+    for result in results:
+        number = 0
+        if isinstance(result, Labelled):
+            counted = numbers[result.image_id]
+            number = animal_number(result.outcome.sample_id, result.image_id, counted)
+            numbers[result.image_id] += 1
+        writer.add([drawn_animal(result, number, fitted=fitted)])
     return writer.finish()
 
 
 class RunWriter:
     """Writes a labelling run into a folder: pictures as results come in, then labels and pages.
 
+    Rows wait in a folder of their own, so that a run of any size is not held in memory, and can be
+    gone on with after a kill. At the end that folder goes. The end of a ``with`` block writes the
+    rows that are waiting, also if it ends by an error.
+
     Args:
         out: the folder, made if it is missing; files of an earlier run are replaced.
         source: the dataset, for the page's title.
         body: the body source's name.
         config: how the labels were made.
-        fitted: the model that was fitted, whose outlines the pictures show; None: no outlines.
+        resume: whether rows of an unfinished run are kept.
+
+    Attributes:
+        known_keys: of the rows that are kept.
+        turned: the images that were turned as their headers say.
 
     Raises:
         ConfigError: the folder cannot be made.
+        DatasetFormatError: rows of an unfinished run are damaged.
 
     """
 
@@ -106,100 +95,85 @@ class RunWriter:
         source: str,
         body: str,
         config: LabelConfig,
-        fitted: SmalModel | None = None,
+        resume: bool = False,
     ) -> None:
-        try:
-            (out / "overlays").mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"the results' folder {out} cannot be made: {error}") from error
+        make_results_folder(out)
         self.out, self.source, self.body, self.config = out, source, body, config
-        self.fitted = fitted
-        self._animals: list[AnimalRow] = []
-        self._flags: list[tuple[str, ...]] = []
-        self._rejected: list[RejectedRow] = []
-        self._faults: list[SampleError] = []
-        self._cards: list[Card] = []
-        self._numbers: Counter[str] = Counter()
+        self.spool = RowSpool(out / ROWS)
+        if not resume:
+            self.spool.clear()
+        self.known_keys: set[str] = set()
+        self.turned: set[str] = set()
         self._overlay_names: set[str] = set()
+        for row in self.spool:
+            self.known_keys.add(row.key)
+            self._note_turned(row)
+            if row.overlay is not None:
+                self._overlay_names.add(Path(row.overlay).name.lower())
 
-    def add(self, results: Iterable[Labelled | SampleError]) -> None:
-        """Take finished results; their overlays are written at once, and pictures not held."""
-        for result in results:
-            if isinstance(result, SampleError):
-                self._faults.append(result)
-                continue
-            number = _number(result, self._numbers[result.image_id])
-            self._numbers[result.image_id] += 1
-            if isinstance(result.outcome, Rejection):
-                self._add_rejected(result, result.outcome, number)
-            else:
-                self._add_label(result, result.outcome, number)
+    def __enter__(self) -> "RunWriter":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.spool.flush()
+
+    def add(self, animals: Sequence[DrawnAnimal]) -> None:
+        """Take finished animals; their overlays are written at once, and not held."""
+        for one in animals:
+            self._note_turned(one.row)
+        self.spool.add([self._with_overlay(one) for one in animals])
+
+    def _note_turned(self, row: RunRow) -> None:
+        if row.upright:
+            self.turned.add(row.image)
+
+    def _with_overlay(self, animal: DrawnAnimal) -> RunRow:
+        """The row of an animal, its overlay written and named."""
+        if animal.overlay is None:
+            return animal.row
+        name = overlay_name(animal.row.image, animal.row.number, self._overlay_names)
+        write_whole(self.out / "overlays" / name, animal.overlay)
+        return msgspec.structs.replace(animal.row, overlay=f"overlays/{name}")
 
     def finish(self) -> Summary:
         """Write labels, gallery and report; returns the counts, as in report.json."""
-        summary = summarize(
-            source=self.source,
-            body=self.body,
-            method=self.config.method,
-            animals=self._animals,
-            flags=self._flags,
-            rejected=self._rejected,
-            faults=self._faults,
+        self.spool.flush()
+        rows, counts = self.spool, SummaryCounts()
+        for row in rows:
+            if row.animal is not None:
+                counts.add_label(row.animal, row.flags)
+            elif row.rejected is not None:
+                counts.add_rejected(row.rejected)
+        faults = faults_in_order([row for row in rows if row.fault is not None])
+        summary = counts.summary(
+            source=self.source, body=self.body, method=self.config.method, faults=faults
         )
-        labels = LabelFile(
-            body=self.body,
-            config=asdict(self.config),
-            animals=self._animals,
-            rejected=self._rejected,
+        head = LabelFile(body=self.body, config=asdict(self.config), animals=[], rejected=[])
+        write_label_rows(
+            self.out / "labels.json",
+            head,
+            animals=(row.animal for row in rows if row.animal is not None),
+            rejected=(row.rejected for row in rows if row.rejected is not None),
         )
-        write_labels_json(self.out / "labels.json", labels)
-        write_labels_csv(self.out / "labels.csv", self._animals, self._flags)
-        write_gallery(self.out / "gallery.html", self._cards, summary)
+        write_labels_csv(
+            self.out / "labels.csv",
+            (row.animal for row in rows if row.animal is not None),
+            (row.flags for row in rows if row.animal is not None),
+        )
+        cards = (card for row in rows if (card := row.card) is not None)
+        write_gallery(self.out / "gallery.html", cards, summary)
         report = msgspec.json.format(msgspec.json.encode(summary), indent=1)
         write_whole(self.out / "report.json", report)
+        self.spool.remove()
         return summary
 
-    def _add_rejected(self, result: Labelled, rejection: Rejection, number: int) -> None:
-        row = RejectedRow(
-            sample_id=_name(result, number),
-            image=result.image_id,
-            animal=number,
-            reason=rejection.reason,
-            detail=rejection.detail,
-        )
-        self._rejected.append(row)
-        self._cards.append(
-            Card(
-                title=row.sample_id,
-                picture=card_picture(result.picture),
-                status="rejected",
-                confidence=-1.0,
-                error_px=None,
-                mask_iou=None,
-                facts=(f"{row.reason}: {row.detail}",),
-                overlay=None,
-            )
-        )
 
-    def _add_label(self, result: Labelled, label: CuboidLabel, number: int) -> None:
-        picture, flags = draw_label(result.picture, label, self.fitted), flags_of(label)
-        name = overlay_name(result.image_id, number, self._overlay_names)
-        overlay = f"overlays/{name}"
-        write_whole(self.out / overlay, _png(picture))
-        row = animal_row(
-            label,
-            image=result.image_id,
-            animal=number,
-            category=result.category,
-            sighting=result.sighting,
-            upright=result.upright,
-        )
-        self._animals.append(row)
-        self._flags.append(flags)
-        title, small = _name(result, number), card_picture(picture)
-        seen = ", ".join(f"{name} {value}" for name, value in result.sighting.known.items())
-        card = _card(label, title=title, picture=small, flags=flags, overlay=overlay)
-        self._cards.append(replace(card, facts=(*card.facts, seen)) if seen else card)
+def make_results_folder(out: Path) -> None:
+    """Make the folder of a run; raises a ConfigError if it cannot be made."""
+    try:
+        (out / "overlays").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"the results' folder {out} cannot be made: {error}") from error
 
 
 def overlay_name(image_id: str, number: int, taken: set[str]) -> str:
@@ -223,52 +197,3 @@ def overlay_name(image_id: str, number: int, taken: set[str]) -> str:
         name, copy = f"{stem}_{copy}.png", copy + 1
     taken.add(name.lower())
     return name
-
-
-def _number(result: Labelled, counted: int) -> int:
-    """The animal's number in its image.
-
-    The one its sample_id says ("image#k"), so that a faulty neighbour shifts none.
-    """
-    said = (result.outcome.sample_id or "").removeprefix(f"{result.image_id}#")
-    return int(said) if said.isdecimal() else counted
-
-
-def _png(picture: NDArray[np.uint8]) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "PNG")
-    return buffer.getvalue()
-
-
-def _name(result: Labelled, number: int) -> str:
-    return result.outcome.sample_id or f"{result.image_id}#{number}"
-
-
-def _card(
-    label: CuboidLabel, *, title: str, picture: bytes, flags: Sequence[str], overlay: str
-) -> Card:
-    """The gallery's card of a label."""
-    quality = label.quality
-    facts = [
-        f"side {label.side or 'none'}, seen from {label.viewpoint}"
-        f" (azimuth {label.azimuth_deg:.0f}°, elevation {label.elevation_deg:.0f}°)",
-        f"flank {label.flank} ({label.flank_confidence:.0%})",
-    ]
-    if quality.reprojection_error_px is not None:
-        facts.append(
-            f"keypoints {quality.reprojection_error_px:.1f} px off, {quality.n_inliers} of"
-            f" {quality.n_keypoints} fit"
-        )
-    if quality.mask_iou is not None:
-        facts.append(f"mask overlap {quality.mask_iou:.2f}")
-    facts += [f"⚑ {flag}" for flag in flags] + list(quality.warnings)
-    return Card(
-        title=title,
-        picture=picture,
-        status="flagged" if flags else "kept",
-        confidence=label.confidence,
-        error_px=quality.reprojection_error_px,
-        mask_iou=quality.mask_iou,
-        facts=tuple(facts),
-        overlay=overlay,
-    )

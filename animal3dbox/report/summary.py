@@ -7,6 +7,7 @@ Example:
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import msgspec
 
@@ -141,39 +142,76 @@ def summarize(
         faults: samples that could not be read.
 
     """
-    flagged = sum(bool(raised) for raised in flags)
-    return Summary(
-        source=source,
-        body=body,
-        method=method,
-        animals=len(animals) + len(rejected) + len(faults),
-        kept=len(animals) - flagged,
-        flagged=flagged,
-        rejected=len(rejected),
-        faulty=len(faults),
-        flags=dict(Counter(flag for raised in flags for flag in raised)),
-        reasons=dict(Counter(row.reason for row in rejected)),
-        sides=dict(Counter(row.side or "none" for row in animals)),
-        median_reprojection_error_px=_median(_numbers(animals, "reprojection_error_px")),
-        median_mask_iou=_median(_numbers(animals, "mask_iou")),
-        faults=[
-            FaultRow(sample_id=fault.sample_id or "", field=fault.field, problem=fault.problem)
-            for fault in faults
-        ],
-        masks_left_out=sum(_lost_its_mask(row) for row in animals),
-    )
+    counts = SummaryCounts()
+    for row, raised in zip(animals, flags, strict=True):
+        counts.add_label(row, raised)
+    for refused in rejected:
+        counts.add_rejected(refused)
+    own_faults = [
+        FaultRow(sample_id=fault.sample_id or "", field=fault.field, problem=fault.problem)
+        for fault in faults
+    ]
+    return counts.summary(source=source, body=body, method=method, faults=own_faults)
+
+
+@dataclass
+class SummaryCounts:
+    """The counts of a run while its animals come in, which need not be held for them."""
+
+    kept: int = 0
+    flagged: int = 0
+    flags: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
+    sides: Counter[str] = field(default_factory=Counter)
+    errors_px: list[float] = field(default_factory=list)
+    mask_ious: list[float] = field(default_factory=list)
+    masks_left_out: int = 0
+
+    def add_label(self, row: AnimalRow, raised: Sequence[str]) -> None:
+        """Count a label and the flags that it raised."""
+        self.flagged += bool(raised)
+        self.kept += not raised
+        self.flags.update(raised)
+        self.sides[row.side or "none"] += 1
+        self.masks_left_out += _lost_its_mask(row)
+        for values, name in (
+            (self.errors_px, "reprojection_error_px"),
+            (self.mask_ious, "mask_iou"),
+        ):
+            value = row.quality[name]
+            if isinstance(value, int | float):
+                values.append(float(value))
+
+    def add_rejected(self, row: RejectedRow) -> None:
+        """Count an animal without a label."""
+        self.reasons[row.reason] += 1
+
+    def summary(self, *, source: str, body: str, method: str, faults: list[FaultRow]) -> Summary:
+        """The counts, and the faults; other arguments as summarize has them."""
+        rejected = self.reasons.total()
+        return Summary(
+            source=source,
+            body=body,
+            method=method,
+            animals=self.kept + self.flagged + rejected + len(faults),
+            kept=self.kept,
+            flagged=self.flagged,
+            rejected=rejected,
+            faulty=len(faults),
+            flags=dict(self.flags),
+            reasons=dict(self.reasons),
+            sides=dict(self.sides),
+            median_reprojection_error_px=_median(self.errors_px),
+            median_mask_iou=_median(self.mask_ious),
+            faults=faults,
+            masks_left_out=self.masks_left_out,
+        )
 
 
 def _lost_its_mask(row: AnimalRow) -> bool:
     """Whether a label was made without the mask that its animal has."""
     warnings = row.quality.get("warnings")
     return isinstance(warnings, list) and any(one.startswith(MASK_LEFT_OUT) for one in warnings)
-
-
-def _numbers(animals: Sequence[AnimalRow], quality: str) -> list[float]:
-    """One of the qualities of the animals of which it is known."""
-    values = (row.quality[quality] for row in animals)
-    return [float(value) for value in values if isinstance(value, int | float)]
 
 
 def _median(values: list[float]) -> float | None:

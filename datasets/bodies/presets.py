@@ -78,15 +78,15 @@ class PresetBodies:
         return _preset(self.preset(record.category)).body(record)
 
 
-def species_notes(species: str, records: Iterable[AnimalRecord]) -> tuple[str, ...]:
+def species_notes(species: str, animals: Iterable[str]) -> tuple[str, ...]:
     """A sentence on which presets stand for the animals' categories; none if all are dogs.
 
     Args:
         species: see PresetBodies.
-        records: the animals.
+        animals: their categories.
 
     """
-    categories = Counter(record.category for record in records)
+    categories = Counter(animals)
     if species != AUTO or not categories:
         return ()
     counts = Counter[str]()

@@ -20,7 +20,8 @@ from animal3dbox.labels.fit.fit import fit_animal
 from animal3dbox.labels.fit.fitted_body import FittedBody
 from animal3dbox.report.fitted_outline import OUTLINE, draw_fitted_outline
 from animal3dbox.report.overlay import draw_label, enlarged
-from animal3dbox.report.run import Labelled, write_run
+from animal3dbox.report.run import write_run
+from animal3dbox.report.run_rows import Labelled
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 ANIMAL = synthetic_animal(seed=0, index=2)

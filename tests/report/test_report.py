@@ -39,8 +39,10 @@ from animal3dbox.report.label_files import (
     write_labels_json,
 )
 from animal3dbox.report.label_reading import read_labels_json
-from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid, draw_label, enlarged, words_of
-from animal3dbox.report.run import Labelled, overlay_name, write_run
+from animal3dbox.report.label_words import words_of_label
+from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid, draw_label, enlarged
+from animal3dbox.report.run import overlay_name, write_run
+from animal3dbox.report.run_rows import Labelled
 from animal3dbox.report.summary import FLAGS, Summary, flags_of, summarize
 
 Picture = NDArray[np.uint8]
@@ -283,7 +285,7 @@ def test_a_picture_that_is_small_already_is_not_touched() -> None:
 
 
 def test_the_words_tell_side_view_and_shares(label: CuboidLabel) -> None:
-    side, shares, fit = words_of(label)
+    side, shares, fit = words_of_label(label).lines
     assert side == "side: left   view: front-left"
     assert shares.startswith("left ")
     assert sum(int(part) for part in re.findall(r"(\d+)%", shares)) == pytest.approx(100, abs=2)

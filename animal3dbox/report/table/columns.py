@@ -151,6 +151,17 @@ def unlabelled_values(entry: dict[str, Value]) -> list[Value]:
 _LABEL_NAMES = tuple(KINDS)[sum(len(column.names) for column in ROW_COLUMNS) :]
 
 
+def columns_of(name: str) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """The columns of a field of SCHEMA_FIELDS by its name in a label, and the field's shape.
+
+    Example:
+        >>> columns_of("center")
+        (('center_0', 'center_1', 'center_2'), (3,))
+    """
+    (field,) = (one for one in SCHEMA_FIELDS if one.label_name == name)
+    return _numbers_of(field).names, field.entry_shape or ()
+
+
 def columns_table() -> str:
     """The columns as a Markdown table: that of docs/formats.md."""
     rows = ["| columns | | are |", "| --- | --- | --- |"]

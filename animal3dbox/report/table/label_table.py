@@ -40,7 +40,7 @@ def label_table(dataset: LabelDataset, indices: Sequence[int]) -> Table:
         >>> from animal3dbox.datasets import SyntheticDataset
         >>> table = label_table(SyntheticDataset(2, seed=0, image_hw=(120, 160)), [0, 1])
         >>> table["status"], table["side"], len(table["corners_3d_7_2"])
-        (['labelled', 'labelled'], ['back', 'right'], 2)
+        (['labelled', 'labelled'], ['left', 'top'], 2)
     """
     count = len(dataset)
     for index in indices:
@@ -67,7 +67,7 @@ def _animal_values(animal: AnimalOutcome, labels_digest: str) -> list[Value]:
             animal=animal.number,
             category=entry.category,
             sighting=animal.sighting,
-            upright=entry.upright,
+            upright=animal.facts.upright,
         )
         status: Status = "labelled" if animal.refused_by is None else "filtered"
         reason, problem = animal.refused_by or (None, None)
@@ -92,7 +92,7 @@ def _known(animal: AnimalOutcome) -> dict[str, Value]:
         "category": entry.category,
         "image_height": height,
         "image_width": width,
-        "upright": entry.upright,
+        "upright": animal.facts.upright,
         **animal.sighting.known,
     }
 

@@ -38,7 +38,8 @@ class PartWriter:
         ...     with PartWriter(table_plan(dataset, Path(folder)), part_rows=2) as writer:
         ...         for index in writer.plan.indices:
         ...             writer.add(label_table(dataset, [index]))
-        ...     len([*Path(folder).iterdir()]), dict(writer.status)
+        ...     count = len([*Path(folder).iterdir()])
+        >>> count, dict(writer.status)
         (2, {'labelled': 3})
     """
 

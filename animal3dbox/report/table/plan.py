@@ -98,7 +98,7 @@ def table_plan(
             )
         keys |= own
     is_whole = any(part.shard != shard for part in parts)
-    _check_known(dataset, range(table_length(dataset)) if is_whole else wanted, keys, folder)
+    check_known(dataset, range(table_length(dataset)) if is_whole else wanted, keys, folder)
     indices = missing_indices(dataset, wanted, keys)
     return TablePlan(folder, shard, indices, frozenset(keys), status)
 
@@ -130,13 +130,13 @@ def _checked_keys(dataset: LabelDataset, part: Part, status: Counter[str]) -> se
     return {*map(str, columns["key"])}
 
 
-def _check_known(
+def check_known(
     dataset: LabelDataset, indices: Sequence[int], keys: set[str], folder: Path
 ) -> None:
-    """Raise a ConfigError if there are rows of animals that the dataset does not have."""
+    """Raise a ConfigError if keys of rows in a folder are none of these indices'."""
     strangers = len(keys.difference(key for _, key in row_keys(dataset, indices)))
     if strangers:
         raise ConfigError(
             f"{folder} holds {strangers} rows of animals that the dataset does not have, or whose"
-            " annotations have changed since: give another folder"
+            " annotations, options or code have changed since: give another folder, or begin anew"
         )

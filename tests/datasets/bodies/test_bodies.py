@@ -452,15 +452,15 @@ def test_the_preset_is_the_categorys_or_a_dog() -> None:
 
 
 def test_it_is_told_which_presets_stand_for_which_categories() -> None:
-    records = [replace(RECORD, category=name) for name in ("wolf", "wolf", "okapi", "zebra")]
-    (note,) = species_notes("auto", records)
+    categories = ("wolf", "wolf", "okapi", "zebra")
+    (note,) = species_notes("auto", categories)
     assert note.startswith(
         "species by category: 2 dog, 1 zebra; no preset is like 1 of the animals:"
     )
     assert "'okapi'" in note
-    assert species_notes("auto", records[:2]) == ()
-    assert species_notes("auto", records[3:]) == ("species by category: 1 zebra",)
-    assert species_notes("cow", records) == ()
+    assert species_notes("auto", categories[:2]) == ()
+    assert species_notes("auto", categories[3:]) == ("species by category: 1 zebra",)
+    assert species_notes("cow", categories) == ()
 
 
 def test_presets_differ_in_shape() -> None:

@@ -1,0 +1,69 @@
+"""The rows of a run on disk, while it goes on: they need no memory, and survive a kill."""
+
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+
+from animal3dbox.errors import DatasetFormatError
+from animal3dbox.files import write_whole
+from animal3dbox.report.run_rows import RunRow
+
+ROWS_AT_ONCE = 64
+"""Rows of a file, at least."""
+_ENCODER = msgspec.msgpack.Encoder()
+_DECODER = msgspec.msgpack.Decoder(tuple[RunRow, ...])
+
+
+class RowSpool:
+    """A folder of files of rows, each written whole or not at all, in the order of the rows.
+
+    Args:
+        folder: made for the first file.
+
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._waiting: list[RunRow] = []
+
+    def add(self, rows: Sequence[RunRow]) -> None:
+        """Take rows; files are written when there are enough."""
+        self._waiting += rows
+        if len(self._waiting) >= ROWS_AT_ONCE:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is waiting."""
+        rows, self._waiting = self._waiting, []
+        if rows:
+            path = self.folder / f"{len(self._files()):09d}.rows"
+            write_whole(path, _ENCODER.encode(rows))
+
+    def __iter__(self) -> Iterator[RunRow]:
+        """All rows that are written.
+
+        Raises:
+            DatasetFormatError: a file is damaged.
+
+        """
+        for path in self._files():
+            try:
+                yield from _DECODER.decode(path.read_bytes())
+            except (msgspec.DecodeError, msgspec.ValidationError) as error:
+                raise DatasetFormatError(
+                    f"{path} is damaged ({error}): label again without --resume"
+                ) from error
+
+    def clear(self) -> None:
+        """Remove all rows, but not the folder, which may be locked."""
+        for path in self._files():
+            path.unlink()
+
+    def remove(self) -> None:
+        """Remove the folder with all its rows."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _files(self) -> list[Path]:
+        return sorted(self.folder.glob("*.rows"))

@@ -1,0 +1,88 @@
+"""The gallery of a sample of a table."""
+
+import re
+from pathlib import Path
+
+import pytest
+from commands import ran
+from small_animals import model_of, small_dataset
+
+from animal3dbox.report import label_table, write_part
+from animal3dbox.report.table.keys import table_length
+from animal3dbox.report.table.source_file import read_source, write_source
+
+
+@pytest.fixture(scope="module")
+def table(animals: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A table in several parts, with confidences of its own: the first rows are the worst."""
+    folder = tmp_path_factory.mktemp("out") / "table"
+    dataset = small_dataset(animals)
+    rows = 0
+    for index in range(table_length(dataset)):
+        part = label_table(dataset, [index])
+        part["confidence"] = [(rows + k + 1) / 100 for k in range(len(part["key"]))]
+        rows += len(part["key"])
+        write_part(folder, part)
+    write_source(folder, dataset, animals)
+    return folder
+
+
+def confidences(page: Path) -> list[float]:
+    return [float(one) for one in re.findall(r'data-confidence="([0-9.]+)"', page.read_text())]
+
+
+def test_the_worst_labels_and_some_others_are_drawn(table: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    code, output = ran("gallery", table, "--worst", "3", "--random", "2", "--out", page)
+    assert (code, output.split(":")[0]) == (0, "5 labels")
+    drawn = confidences(page)
+    assert drawn[:3] == [0.01, 0.02, 0.03]
+    assert len({*drawn}) == 5
+    assert page.read_text().count('<img src="data:image/jpeg;base64,') == 5
+    assert "3 of least confidence and 2 drawn at random" in page.read_text()
+    pages = set()
+    for seed in ("0", "1", "2"):
+        ran("gallery", table, "--worst", "3", "--random", "2", "--out", page, "--seed", seed)
+        pages.add(tuple(confidences(page)))
+    assert tuple(drawn) in pages
+    assert len(pages) > 1
+
+
+def test_the_page_lies_beside_the_table_which_is_read_as_a_folder_of_parts(table: Path) -> None:
+    assert ran("gallery", table, "--worst", "1", "--random", "0")[0] == 0
+    assert (table.parent / "table-gallery.html").exists()
+    others = {path.name for path in table.iterdir() if not path.name.startswith("shard-")}
+    assert all(name.startswith(("_", ".")) for name in others)
+
+
+def test_a_picture_that_is_gone_costs_its_picture_alone(table: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    more = ("--worst", "2", "--random", "0", "--images", tmp_path, "--out", page)
+    assert ran("gallery", table, *more)[0] == 0
+    assert page.read_text().count("no picture: ") == 2
+
+
+def test_the_images_folder_is_told_without_an_absolute_path(table: Path, animals: Path) -> None:
+    source = read_source(table)
+    assert source.images is not None
+    assert not Path(source.images).is_absolute()
+    assert (table / source.images).resolve() == animals.resolve()
+    assert source.source == animals.name
+
+
+@pytest.mark.parametrize(
+    ("options", "says", "code"),
+    [(("--worst", "-1"), "must not be negative", 2), ((), "holds no parts of a table", 3)],
+)
+def test_what_cannot_be_drawn_is_told(
+    tmp_path: Path, options: tuple[str, ...], says: str, code: int
+) -> None:
+    assert ran("gallery", tmp_path, *options)[0] == code
+    assert says in ran("gallery", tmp_path, *options)[1]
+
+
+def test_the_command_draws_what_label_wrote(animals: Path, tmp_path: Path) -> None:
+    common = ("label", animals, "--model", model_of(animals), "--stored-camera", "exact")
+    assert ran(*common, "--table", tmp_path / "t")[0] == 0
+    code, output = ran("gallery", tmp_path / "t", "--worst", "2", "--random", "1")
+    assert (code, output.split(":")[0]) == (0, "3 labels")
