@@ -7,11 +7,13 @@ from typing import Any
 
 import pytest
 import torch
+from commands import ran
 from PIL import Image
 
 from animal3dbox.datasets.synthetic import synthetic_animal
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry import FACE_NAMES, FACES, Cuboid
+from animal3dbox.report.table.parts import parts_of, read_part
 
 DOCS = Path(__file__).parent.parent / "docs"
 
@@ -119,3 +121,21 @@ def test_a_whole_image_box_of_torchvision_s_pixels_stays_the_whole_image() -> No
     names = run_code_of("coming-from.md", known)
     assert names["image"].shape == (3, 480, 640)
     torch.testing.assert_close(names["target"]["boxes"], torch.tensor([[0.0, 0, 640, 480]]))
+
+
+def test_the_rows_of_the_cluster_s_page_are_of_the_animals_of_the_command(
+    animals: Path, tmp_path: Path
+) -> None:
+    page = (DOCS / "your-cluster.md").read_text()
+    (block,) = (b for b in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "table_plan" in b)
+    names: dict[str, Any] = {"PATH": animals, "INDEX": tmp_path / "index", "OUT": tmp_path / "out"}
+    exec(compile(block, "your-cluster.md", "exec"), names)  # noqa: S102
+    assert len(names["chunks"]) == 1
+    written = [Path(names["make_part"](chunk)) for chunk in names["chunks"]]
+    assert ran("label", animals, "--table", tmp_path / "by-command")[0] in (0, 4)
+    (part,), (other,) = parts_of(tmp_path / "out"), parts_of(tmp_path / "by-command")
+    assert [part.path] == written
+    columns = ["image", "animal", "sample_id", "category"]
+    assert read_part(part, columns) == read_part(other, columns)
+    exec(compile(block, "your-cluster.md", "exec"), names)  # noqa: S102
+    assert names["chunks"] == []

@@ -1,6 +1,7 @@
 """The examples run in every way their docstrings name, and write a picture, a loss or a folder."""
 
 import ast
+import os
 import re
 import runpy
 import subprocess
@@ -11,7 +12,10 @@ import cv2
 import pytest
 import torch
 from photo_dataset import add_photo, toy_scene, view_of, write_annotations
+from tyro.conf import OmitArgPrefixes
+from tyro.extras import subcommand_cli_from_dict
 
+from animal3dbox.cli.jobs import COMMANDS
 from animal3dbox.datasets import SyntheticDataset
 from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.training.detector_targets import CropViews, StoredCrops
@@ -202,3 +206,21 @@ def test_the_side_filter_keeps_left_flanks_only(tmp_path: Path) -> None:
         "herd__left.jpg",
     }
     assert printed.endswith("3 images with a left flank in kept\n")
+
+
+def test_the_jobs_of_the_slurm_script_make_the_shards_of_one_table(tmp_path: Path) -> None:
+    out, calls = tmp_path / "out", tmp_path / "calls"
+    command = tmp_path / "animal3dbox"
+    command.write_text(f'#!/bin/sh\necho "$@" >> "{calls}"\n')
+    command.chmod(0o755)
+    for task in ("1", "2"):
+        slurm = {"SLURM_ARRAY_TASK_ID": task, "SLURM_ARRAY_TASK_COUNT": "2"}
+        known = {**os.environ, **slurm, "SLURM_CPUS_PER_TASK": "4", "ANIMAL3DBOX": str(command)}
+        script = [str(ROOT / "examples" / "slurm_label.sh"), "photos", str(out), "--body", "cat"]
+        subprocess.run(script, env=known, check=True)
+    lines = calls.read_text().splitlines()
+    assert [line.split("--shard ")[1][:3] for line in lines] == ["1/2", "2/2"]
+    for line in lines:
+        job = subcommand_cli_from_dict(COMMANDS, args=line.split(), config=(OmitArgPrefixes,))
+        assert (job.path, job.table, job.dataset.index) == (Path("photos"), out, out / "index")
+        assert (job.cache.resume, job.cache.workers) == (True, 4)
