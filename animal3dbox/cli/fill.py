@@ -5,6 +5,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import torch
@@ -14,7 +15,7 @@ from tqdm import tqdm
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import LabelJob
 from animal3dbox.cli.worker_batches import AT_ONCE, worker_batches
-from animal3dbox.datasets.format_datasets import AnnotatedDataset
+from animal3dbox.datasets.format_datasets import INDEXES, AnnotatedDataset
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.label_store import NOT_STORED
 from animal3dbox.datasets.labelling.load_report import Case
@@ -96,11 +97,18 @@ def dataset_of(job: LabelJob, config: LabelConfig | None = None) -> AnnotatedDat
         keep=job.dataset.keep,
         apply_orientation=job.dataset.applies_orientation,
         check_paths=job.dataset.check_paths,
-        index=job.dataset.index,
+        index=_index_folder(job),
         cache=job.cache.folder,
         reuse=job.cache.resume,
         calibration=job.calibration,
     )
+
+
+def _index_folder(job: LabelJob) -> Path | None:
+    """The folder of the index of a job's annotations, which all shards and workers can share."""
+    if job.dataset.index is None and job.cache.folder is None and job.table is not None:
+        return job.table / INDEXES
+    return job.dataset.index
 
 
 def shard_of(shard: str | None) -> tuple[int, int]:

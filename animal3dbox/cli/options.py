@@ -106,10 +106,10 @@ class KeypointDatasetOptions(DatasetOptions):
     """names of those that are read; none: all with an animal's keypoints"""
     check_paths: bool = False
     """look up every picture before the first is labelled, where that is not done anyway (COCO with
-    --cache, --table or check): a missing one is an error at once"""
+    label and check): a missing one is an error at once"""
     index: Path | None = None
-    """of COCO with --cache, --table or check: folder of the index by which the file is opened again
-    in seconds; default: in the cache's folder"""
+    """of COCO with label and check: folder of the index by which the file is opened again at once;
+    default: in the cache's folder, else in the table's, else none"""
     keep: tuple[Literal["location"], ...] = ()
     """what the dataset's file says and labels hold only if asked: the place of the camera"""
 

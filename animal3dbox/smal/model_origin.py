@@ -10,14 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
 from animal3dbox.errors import ModelFileError
 
-if TYPE_CHECKING:
-    from animal3dbox.smal.model import SmalModel
-
+Model = Any
+"""A SmalModel, whose module imports this one."""
+_SomeModel = TypeVar("_SomeModel")
 MOST_LOADED = 4
 """So many models that were sent to a process stay loaded in it, besides those that it uses."""
 
@@ -33,13 +33,13 @@ class ModelOrigin:
         content: digest of the file; empty without one.
     """
 
-    load: Callable[..., "SmalModel"]
+    load: Callable[..., Model]
     arguments: tuple[object, ...] = ()
     path: Path | None = None
     content: bytes = b""
 
 
-_KNOWN: "WeakValueDictionary[ModelOrigin, SmalModel]" = WeakValueDictionary()
+_KNOWN: WeakValueDictionary[ModelOrigin, Model] = WeakValueDictionary()
 """The models of this process that still are as they were loaded."""
 
 
@@ -57,7 +57,7 @@ def model_content(path: Path) -> bytes:
         raise ModelFileError(f"{path} cannot be read: {error}") from error
 
 
-def remember(model: "SmalModel", origin: ModelOrigin) -> "SmalModel":
+def remember(model: _SomeModel, origin: ModelOrigin) -> _SomeModel:
     """The model, which from now on is sent to other processes as its origin.
 
     Args:
@@ -70,7 +70,7 @@ def remember(model: "SmalModel", origin: ModelOrigin) -> "SmalModel":
     return model
 
 
-def model_of(origin: ModelOrigin) -> "SmalModel":
+def model_of(origin: ModelOrigin) -> Model:
     """The model of an origin, the same object for all that ask in a process.
 
     Raises:
@@ -82,7 +82,7 @@ def model_of(origin: ModelOrigin) -> "SmalModel":
 
 
 @lru_cache(maxsize=MOST_LOADED)
-def _loaded(origin: ModelOrigin) -> "SmalModel":
+def _loaded(origin: ModelOrigin) -> Model:
     """The model of an origin, loaded."""
     if origin.path is not None and model_content(origin.path) != origin.content:
         raise ModelFileError(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from animal3dbox.datasets.readers.coco import reader as coco
 from animal3dbox.datasets.readers.coco.animal import with_confidence
 from animal3dbox.datasets.readers.coco.indexed_animals import IndexedAnimals
 from animal3dbox.datasets.readers.coco.opening import OpenedCoco, opened_coco, opened_plainly
-from animal3dbox.datasets.readers.tolerance import Tolerance
+from animal3dbox.datasets.readers.tolerance import BadParts, Tolerance
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage import index_folder, json_ranges
 from animal3dbox.datasets.storage.fingerprint import content_digest
@@ -192,14 +192,24 @@ def assert_same(path: Path, **options: Any) -> OpenedCoco:
     return fast
 
 
-def plain_records(path: Path) -> list[AnimalRecord]:
+def plain_records(path: Path, tolerance: Tolerance | None = None) -> list[AnimalRecord]:
     """The records of a file that was read plainly, their pictures not looked up."""
-    content = coco.CocoContent(
-        coco.CocoReading(path, path.parent, None, Tolerance(), ()), checks=False
-    )
+    options = coco.CocoReading(path, path.parent, None, tolerance or Tolerance(), ())
+    content = coco.CocoContent(options, checks=False)
     opened = opened_plainly(content.ranges, content.reading, content.read)
     graded = opened.counts.graded > 0
     return [with_confidence(animal.record, graded) for animal in opened.plain.animals]
+
+
+def assert_same_records(path: Path, optional: BadParts = "fault") -> None:
+    """The records that are made on demand are those that are read plainly."""
+    found = coco.read_coco(
+        path, path.parent, tolerance=Tolerance(optional=optional), check_paths=False
+    )
+    plain = plain_records(path, Tolerance(optional=optional))
+    assert len(found.records) == len(plain) > 0
+    for record, expected in zip(found.records, plain, strict=True):
+        assert content_digest(record) == content_digest(expected)
 
 
 def spoilt(rng: np.random.Generator, spoils: list[Spoil], animals: int = 120) -> Content:
@@ -234,14 +244,63 @@ def test_boxes_that_all_may_be_corners_are_faults_in_both_ways(tmp_path: Path) -
     assert any("two corners" in fault.problem for fault in fast.plain.faults)
 
 
-def test_records_made_on_demand_are_those_read_plainly(tmp_path: Path) -> None:
+def content_with_corners() -> Content:
+    """Animals; the first has a box that evidently is two corners, its neighbour one that may be."""
+    content = large_content(np.random.default_rng(0), 30)
+    evident, possible = content["annotations"][:2]
+    for one, size, begin in ((evident, 0.5, 110), (possible, 0.2, 0)):
+        points = np.array(one["keypoints"]).reshape(-1, 3)
+        points = np.where(points[:, 2:] > 0, points * (size, size, 1) + (begin, begin, 0), 0.0)
+        marked = points[points[:, 2] > 0, :2]
+        one |= {
+            "image_id": evident["image_id"],
+            "keypoints": points.ravel().tolist(),
+            "bbox": [*(marked.min(0) - 1).tolist(), *(marked.max(0) + 1).tolist()],
+        }
+    return content
+
+
+def test_one_box_of_corners_casts_no_doubt_on_what_others_may_be(tmp_path: Path) -> None:
+    fast = assert_same(write_coco(tmp_path, content_with_corners()))
+    assert ["two corners" in fault.problem for fault in fast.plain.faults] == [True]
+
+
+def test_a_box_that_was_left_out_stays_out_of_the_record(tmp_path: Path) -> None:
+    path = write_coco(tmp_path, content_with_corners())
+    assert_same_records(path, "drop")
+    found = coco.read_coco(path, tmp_path, tolerance=Tolerance(optional="drop"), check_paths=False)
+    assert sum(record.box is None for record in found.records) == 1
+
+
+@pytest.mark.parametrize("optional", get_args(BadParts))
+def test_records_made_on_demand_are_those_read_plainly(tmp_path: Path, optional: BadParts) -> None:
     rng = np.random.default_rng(5)
-    path = write_coco(tmp_path, spoilt(rng, [*SPOILS.values()], 160))
-    found = coco.read_coco(path, tmp_path, check_paths=False)
-    plain = plain_records(path)
-    assert len(found.records) == len(plain) > 100
-    for record, expected in zip(found.records, plain, strict=True):
-        assert content_digest(record) == content_digest(expected)
+    path = write_coco(tmp_path, spoilt(rng, [*SPOILS.values()], 120))
+    assert_same_records(path, optional)
+
+
+def test_records_of_a_file_without_visibility_2_are_those_read_plainly(tmp_path: Path) -> None:
+    content = large_content(np.random.default_rng(0), 20)
+    for one in content["annotations"]:
+        one["keypoints"][2::3] = [min(mark, 1) for mark in one["keypoints"][2::3]]
+    assert_same_records(write_coco(tmp_path, content))
+
+
+@pytest.mark.parametrize("separators", [(",",), (",", " ,\n", ",  "), (",\n\t",)])
+def test_places_are_found_whatever_stands_between_elements(
+    tmp_path: Path, separators: tuple[str, ...]
+) -> None:
+    content = large_content(np.random.default_rng(0), 20)
+    lists = []
+    for name in ("images", "annotations"):
+        elements = [json.dumps(one) for one in content[name]]
+        between = (separators[k % len(separators)] for k in range(len(elements)))
+        text = "".join(part for pair in zip(between, elements, strict=True) for part in pair)
+        lists.append(f'"{name}": [ {text.lstrip(", ")} ]')
+    lists.append(f'"categories": {json.dumps(content["categories"])}')
+    path = tmp_path / "separated.json"
+    path.write_text("\ufeff{" + ", ".join(lists) + "}", encoding="utf-8")
+    assert_same_records(path)
 
 
 def opened(path: Path, folder: Path | None) -> RecordSet:
@@ -282,7 +341,10 @@ def test_an_index_is_the_same_bytes_each_time(tmp_path: Path) -> None:
     assert (one.name, one.read_bytes()) == (two.name, two.read_bytes())
 
 
-def test_a_changed_file_is_read_anew_even_with_its_old_size_and_time(tmp_path: Path) -> None:
+def test_a_changed_file_is_read_anew_even_with_its_old_size_and_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(index_folder, "SETTLED_S", -1.0)
     path, folder = clean_file(tmp_path), tmp_path / "indexes"
     opened(path, folder)
     text, stat = path.read_text(), path.stat()
