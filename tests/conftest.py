@@ -48,7 +48,7 @@ PROCESS = frozenset(
         "smal/safe_pickle/test_pickle_reader.py"
         "::test_every_hostile_file_is_refused_and_nothing_that_it_names_happens",
         "smal/safe_pickle/test_pickle_reader.py::test_the_watch_sees_what_pickle_itself_does",
-        "test_docs.py::test_the_readme_s_training_loop_runs",
+        "test_docs.py::test_the_readme_s_code_runs_from_top_to_bottom",
         "test_docs.py::test_the_training_loop_of_the_datasets_page_runs",
         "test_examples.py",
         "test_lazy_exports.py::test_importing_a_door_does_not_load_torch",
