@@ -43,6 +43,8 @@ def write_run(
 
     Example:
         >>> import tempfile
+        >>> import numpy as np
+        >>> from animal3dbox.labels.types import Rejection
         >>> picture = np.zeros((4, 4, 3), dtype=np.uint8)
         >>> result = Labelled(Rejection("a.jpg", "no_pose", "none"), "a.jpg", "dog", picture)
         >>> with tempfile.TemporaryDirectory() as folder:

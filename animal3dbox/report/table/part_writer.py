@@ -31,6 +31,7 @@ class PartWriter:
 
     Example:
         >>> import tempfile
+        >>> from pathlib import Path
         >>> from animal3dbox.datasets import SyntheticDataset
         >>> from animal3dbox.report import label_table, table_plan
         >>> dataset = SyntheticDataset(3, seed=0, image_hw=(120, 160))
