@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import msgspec
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import DemoJob
@@ -23,6 +22,7 @@ from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.progress import watched
 from animal3dbox.report.run import write_run
 from animal3dbox.report.run_rows import Labelled
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
@@ -126,7 +126,7 @@ def run_demo(job: DemoJob) -> ExitCode:
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     scores: dict[str, list[Score]] = {method: [] for method in METHODS}
     results: list[Labelled] = []
-    for index in tqdm(range(job.n), desc="demo", unit="animal", disable=job.json or None):
+    for index in watched(range(job.n), "drawing and labelling", unit="animal"):
         animal = synthetic_animal(job.seed, index)
         keypoints = faulty(annotate(animal, hidden="marked"), faults, job.seed).keypoints_2d
         landmarks = VOCABULARIES["animal3d26"].on_body(

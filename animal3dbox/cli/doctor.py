@@ -24,7 +24,10 @@ from animal3dbox.cli.extras import (
     requirements,
 )
 from animal3dbox.cli.setup_jobs import DoctorJob
+from animal3dbox.progress import watched
 
+CHECKS = 6
+"""Number of checks."""
 SECONDS = 120
 """After which a check's process is ended."""
 TORCH_CHECK = """
@@ -97,7 +100,7 @@ def run_doctor(job: DoctorJob) -> ExitCode:
         versions=_versions(known),
         threads=_threads(),
         extras=[extra_state(name, known) for name in WITHOUT],
-        checks=list(_checks(known, job.cache)),
+        checks=list(watched(_checks(known, job.cache), "trying", unit="check", total=CHECKS)),
     )
     if job.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")

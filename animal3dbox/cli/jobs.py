@@ -83,7 +83,7 @@ class LabelJob:
     outline: bool = True
     """draw the outlines of fitted bodies into the pictures"""
     json: bool = False
-    """print report.json instead of words; no progress bar"""
+    """print report.json instead of words"""
 
     @cached_property
     def config(self) -> LabelConfig:

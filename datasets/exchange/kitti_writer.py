@@ -40,6 +40,7 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.progress import watched
 
 FILES = ("label_2", "calib", "image_2", "ImageSets", "images.txt")
 """What a folder holds, but for image_2/ if no picture was found."""
@@ -116,7 +117,10 @@ def write_kitti(
     records: list[CuboidRecord] = []
     missing: list[str] = []
     images = dict(enumerate((image for image, _ in members), start))
-    for (number, image), (_, boxes) in zip(images.items(), members, strict=True):
+    numbered = zip(images.items(), members, strict=True)
+    for (number, image), (_, boxes) in watched(
+        numbered, "writing", unit="image", total=len(images)
+    ):
         lines, with_box, outside = _lines(boxes)
         records += with_box
         faults += outside
