@@ -117,11 +117,8 @@ def write_kitti(
     records: list[CuboidRecord] = []
     missing: list[str] = []
     images = dict(enumerate((image for image, _ in members), start))
-    numbered = zip(images.items(), members, strict=True)
-    for (number, image), (_, boxes) in watched(
-        numbered, "writing", unit="image", total=len(images)
-    ):
-        lines, with_box, outside = _lines(boxes)
+    for number, image in watched(images.items(), "writing", unit="image"):
+        lines, with_box, outside = _lines(members[number - start][1])
         records += with_box
         faults += outside
         write_whole(folder / "label_2" / f"{number:06d}.txt", "".join(lines).encode())
