@@ -18,13 +18,9 @@ setup:
 	  touch $(STAMP); \
 	fi
 
-# Pictures of a synthetic world, their labels, and how far these are from the truth.
+# Synthetic animals, their truth and their labels on one page, demo-output/index.html.
 demo: setup
-	@rm -rf demo-output/world demo-output/world-model.pkl
-	$(BIN)/animal3dbox synth --out demo-output/world --n 12 --noise-px 2
-	$(BIN)/animal3dbox label demo-output/world --model demo-output/world-model.pkl --out demo-output/labels
-	$(BIN)/animal3dbox evaluate demo-output/world --model demo-output/world-model.pkl --out demo-output/evaluation
-	@echo "look at demo-output/labels/gallery.html and demo-output/evaluation/evaluation.html"
+	$(BIN)/animal3dbox demo --out demo-output
 
 test: setup
 	$(BIN)/python -m pytest -n 2 -m "not slow"

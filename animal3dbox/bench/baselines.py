@@ -35,6 +35,7 @@ from animal3dbox.evaluate.comparison_metrics import metric_fields
 from animal3dbox.files import user_path
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.progress import watched
 from animal3dbox.training.detector_targets.baselines import (
     ConstantBaseline,
     NearestNeighbourBaseline,
@@ -185,7 +186,7 @@ def _without_pixels(
 ) -> Answers:
     """What a baseline says of the 2D boxes of a split."""
     detections = []
-    for records, target in _targets(truth):
+    for records, target in watched(_targets(truth), "detecting", unit="image"):
         inputs = {name: target[name] for name in ("boxes", "K", "image_id")}
         boxes = {name: value.numpy() for name, value in model.predict(inputs).items()}
         detections += [
@@ -221,7 +222,8 @@ def _labelled(keypoints: Path, root: Path, body: str) -> Answers:
     animals = [
         replace(record, K=K_of[record.image_id]) for record in read_coco(keypoints, root).records
     ]
-    for start in range(0, len(animals), AT_ONCE):
+    starts = range(0, len(animals), AT_ONCE)
+    for start in watched(starts, "labelling", unit=f"{AT_ONCE} animals"):
         some = animals[start : start + AT_ONCE]
         requests = [request_of_record(record, bodies) for record in some]
         outcomes = label_records(requests, config, misplaced="flag")

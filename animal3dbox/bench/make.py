@@ -7,7 +7,7 @@ after every thousand images.
 """
 
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -33,6 +33,7 @@ from animal3dbox.bench.split_files import split_paths, write_split
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import ConfigError, DatasetFormatError
 from animal3dbox.files import user_path, write_whole
+from animal3dbox.progress import watched
 
 CHUNK = 25
 """Images that a process draws at a time."""
@@ -40,9 +41,6 @@ OFTEN = 40
 """Chunks after which the files of a split are written, too: it takes a second or two."""
 WORK = "work"
 """Folder of the chunks of splits that are not whole yet."""
-
-Progress = Callable[[Iterable[list[ImageRow]], int], Iterable[list[ImageRow]]]
-"""Wraps the iterator over chunks, of which there are so many, to show a bar."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,6 @@ def make_bench(
     *,
     splits: Sequence[str] = (),
     workers: int = 1,
-    progress: Progress = lambda chunks, _: chunks,
 ) -> Manifest:
     """Make the splits of a benchmark that are not whole yet; the same for any number of workers.
 
@@ -85,7 +82,6 @@ def make_bench(
         root: the folder: new, empty, or left by an earlier call with the same plan.
         splits: names; none: all.
         workers: processes.
-        progress: wraps the iterator over a split's chunks.
 
     Returns:
         The manifest, as it was written.
@@ -116,7 +112,7 @@ def make_bench(
         if _is_whole(root, split, manifest):
             _draw_missing(root, split)
         else:
-            rows = _drawn(plan, split, root, workers=workers, progress=progress)
+            rows = _drawn(plan, split, root, workers=workers)
             manifest.splits[split.name] = _entry(root, split, rows)
         write_manifest(root, manifest)
         shutil.rmtree(root / WORK / split.name, ignore_errors=True)
@@ -134,19 +130,19 @@ def _is_whole(root: Path, split: SplitPlan, manifest: Manifest) -> bool:
 
 def _draw_missing(root: Path, split: SplitPlan) -> None:
     """Draw the images of a whole split that somebody removed."""
-    for index in range(split.images):
+    for index in watched(range(split.images), f"drawing {split.name}", unit="image"):
         path = root / split.image_name(index)
         if not path.is_file():
             write_whole(path, png_bytes(draw_image(split, index)[1]))
 
 
-def _drawn(
-    plan: BenchPlan, split: SplitPlan, root: Path, *, workers: int, progress: Progress
-) -> list[ImageRow]:
+def _drawn(plan: BenchPlan, split: SplitPlan, root: Path, *, workers: int) -> list[ImageRow]:
     """The rows of a whole split, whose images and files are written."""
     jobs = [ChunkJob(root, split, first) for first in range(0, split.images, CHUNK)]
     rows: list[ImageRow] = []
-    for number, chunk in enumerate(progress(_chunks(jobs, workers), len(jobs)), 1):
+    unit = f"{CHUNK} images"
+    chunks = watched(_chunks(jobs, workers), f"drawing {split.name}", unit=unit, total=len(jobs))
+    for number, chunk in enumerate(chunks, 1):
         rows += chunk
         has_doubled = number & (number - 1) == 0  # 1, 2, 4, 8, ...
         if has_doubled or number % OFTEN == 0 or number == len(jobs):

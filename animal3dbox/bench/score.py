@@ -19,6 +19,7 @@ from animal3dbox.evaluate.comparison_metrics import metric_fields
 from animal3dbox.evaluate.files import Evaluation
 from animal3dbox.evaluate.tables import Table, table_from_records
 from animal3dbox.files import user_path
+from animal3dbox.progress import watched
 from animal3dbox.training.metrics.box_metrics import BoxMetrics, Metrics
 
 PairedBy = Literal["bbox", "projection"]
@@ -162,7 +163,7 @@ def _metrics(truth: CuboidSet, boxes: CuboidSet, paired_by: PairedBy, resamples:
     """The metrics of boxes in the images of a truth, also in those without any."""
     metrics = BoxMetrics(class_agnostic=True, pair_by="boxes", resamples=resamples)
     of_image = [_by_image(one.records) for one in (boxes, truth)]
-    for image in truth.images:
+    for image in watched(truth.images, "scoring", unit="image"):
         predictions, targets = (_fields(one.get(image.image_id, ()), paired_by) for one in of_image)
         K = torch.from_numpy(image.K)
         metrics.update([predictions], [{**targets, "K": K, "image_id": image.image_id}])

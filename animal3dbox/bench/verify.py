@@ -22,6 +22,7 @@ from animal3dbox.bench.split_files import ImageDigests, split_paths
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import Animal3DBoxError, ConfigError, SampleError
 from animal3dbox.files import user_path
+from animal3dbox.progress import watched
 
 REMAKE = "delete the file and make the benchmark again there (animal3dbox bench make)"
 
@@ -146,7 +147,7 @@ def _split_faults(root: Path, split: SplitPlan, entry: SplitEntry) -> list[Sampl
         faults.append(
             SampleError(file, "pixels", f"come to {digest}, and the manifest says {entry.digest}")
         )
-    for name, digests in stated.items():
+    for name, digests in watched(stated.items(), f"verifying {split.name}", unit="image"):
         if fault := _image_fault(root, name, digests.pixels):
             faults.append(fault)
     known = {split.image_name(index) for index in range(split.images)}

@@ -1,12 +1,8 @@
 """The command `bench`: make the benchmark, verify a copy of it, score a detector's results."""
 
 import sys
-from collections.abc import Iterable
-
-from tqdm import tqdm
 
 from animal3dbox.bench.baselines import run_baseline
-from animal3dbox.bench.image_rows import ImageRow
 from animal3dbox.bench.make import make_bench
 from animal3dbox.bench.manifest import check_output_folder
 from animal3dbox.bench.plan import bench_plan
@@ -31,7 +27,7 @@ def run_bench(job: BenchJob) -> ExitCode:
 def _make(job: MakeJob) -> ExitCode:
     """Make the splits, and say what they hold."""
     plan = bench_plan(job.edition)
-    manifest = make_bench(plan, job.out, splits=job.split, workers=job.workers, progress=_bar)
+    manifest = make_bench(plan, job.out, splits=job.split, workers=job.workers)
     for split in plan.splits:
         if entry := manifest.splits.get(split.name):
             print(f"{split.name}: {entry.images} images, {entry.animals} animals, {entry.digest}")
@@ -67,8 +63,3 @@ def _baseline(job: BaselineJob) -> ExitCode:
         print(f"  {split}: {note}")
     print(f"score it: animal3dbox bench score {job.bench} {job.out} --out {job.out}-score")
     return ExitCode.OK
-
-
-def _bar(chunks: Iterable[list[ImageRow]], count: int) -> Iterable[list[ImageRow]]:
-    """A bar over chunks of images."""
-    return tqdm(chunks, total=count, desc="images", unit="chunk", disable=None)

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import CalibrateJob
@@ -25,6 +24,7 @@ from animal3dbox.labels.axes.placement import LEAST_ANIMALS
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.fit.learning.rounds import LEAST_TAUGHT
+from animal3dbox.progress import watched, watched_steps
 
 PLACEMENT = "placement"
 OF_FITS = ("places", "shapes")
@@ -85,7 +85,8 @@ def sections(learn: str) -> tuple[str, ...]:
 
 
 def _placement(job: CalibrateJob, dataset: ReadDataset, bodies: BodySource) -> LearnedCalibration:
-    learned = calibrate_animals((record, bodies) for record in dataset.records.records)
+    records = watched(dataset.records.records, "reading", unit="animal")
+    learned = calibrate_animals((record, bodies) for record in records)
     if not learned.used:
         raise ConfigError(
             f"{job.path} teaches nothing about its keypoints' placement: none of {learned.animals}"
@@ -106,12 +107,7 @@ def _fitted(
             f" {bodies.name}: give --body fit, or --learn placement"
         )
     records = [one for one in dataset.records.records if isinstance(one, AnimalRecord)]
-    with tqdm(desc="learning", unit="step", disable=job.json or None) as bar:
-
-        def watch(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
+    with watched_steps("learning", unit="step") as watch:
         learned = learn_from_records(
             records, bodies, LabelConfig(), learn=learn, folder=_fits_folder(job), watch=watch
         )

@@ -8,7 +8,6 @@ from typing import Any
 
 import msgspec
 from torch.utils.data import DataLoader
-from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.export import is_labels
@@ -23,6 +22,7 @@ from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.drafts import EXCHANGED_SIDES
 from animal3dbox.labels.pose.problem import AS_GIVEN
+from animal3dbox.progress import watched
 from animal3dbox.report.label_checks import row_findings
 from animal3dbox.report.label_files import labels_file
 from animal3dbox.report.label_reading import read_label_rows
@@ -143,7 +143,7 @@ def check_dataset(job: CheckJob) -> CheckReport:
     mended: list[str] = []
     doubts = Counter[str]()
     animals, votes = 0, SideVotes()
-    for images, targets in tqdm(loader, desc="checking", unit="batch", disable=job.json or None):
+    for images, targets in watched(loader, "checking", unit="batch"):
         sizes = [(image.shape[1], image.shape[2]) for image in images]
         of_batch, count, statistics = examined(
             targets, sizes, None, classes=len(dataset.classes) or None
@@ -253,7 +253,8 @@ def _findings_of_targets(
 ) -> list[CheckedFault]:
     """The findings in targets of one animal each, under their samples' own names."""
     findings: list[CheckedFault] = []
-    for start in range(0, len(targets), AT_ONCE):
+    starts = range(0, len(targets), AT_ONCE)
+    for start in watched(starts, "checking", unit=f"{AT_ONCE} boxes"):
         batch = targets[start : start + AT_ONCE]
         of_batch, _, _ = examined(batch, sizes[start : start + AT_ONCE], None)
         findings += [_checked(finding, batch[finding.target]["image_id"]) for finding in of_batch]

@@ -28,6 +28,7 @@ from animal3dbox.evaluate.files import Evaluation, write_json
 from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.tables import Table
 from animal3dbox.files import user_path, write_whole
+from animal3dbox.progress import watched
 from animal3dbox.report.gallery import small_picture
 from animal3dbox.report.labels_csv import text_cell
 
@@ -148,7 +149,9 @@ def _pictures(
         old.unlink()
     faults: list[SampleError] = []
     pictures: dict[str, bytes] = {}
-    for name, picture in islice(comparison_pictures(boxes, files, faults), job.pictures):
+    drawn = islice(comparison_pictures(boxes, files, faults), job.pictures)
+    total = min(job.pictures, len({box.image_id for box in boxes}))
+    for name, picture in watched(drawn, "drawing", unit="picture", total=total):
         write_whole(folder / f"{len(pictures):04d}.png", png_of(picture))
         pictures[name] = png_of(small_picture(picture, PAGE_WIDTH))
     notes = [f"{len(faults)} pictures are grey: {faults[0]}"] if faults else []

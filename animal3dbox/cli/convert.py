@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from animal3dbox.cli.exit_codes import ExitCode
-from animal3dbox.cli.jobs import ConvertModelJob
+from animal3dbox.cli.setup_jobs import ConvertModelJob
 from animal3dbox.datasets.bodies.mesh_file import landmark_ids
 from animal3dbox.errors import ConfigError
 from animal3dbox.smal.files.model_files import SAFETENSORS_SUFFIX, load_model

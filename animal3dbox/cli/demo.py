@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import msgspec
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
+from animal3dbox.cli.demo_page import ComparedAnimal, compared_animal, write_demo_page
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import DemoJob
 from animal3dbox.datasets.bodies.sources import model_mobility, standing_vertices
@@ -16,6 +16,9 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
 from animal3dbox.datasets.synthetic.scenes import SyntheticAnimal, synthetic_animal
 from animal3dbox.errors import ConfigError
 from animal3dbox.evaluate.config import METHODS
+from animal3dbox.evaluate.files import Evaluation
+from animal3dbox.evaluate.page import write_page
+from animal3dbox.evaluate.tables import table_from_records
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import FACE_NAMES
@@ -23,6 +26,7 @@ from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.progress import watched
 from animal3dbox.report.run import write_run
 from animal3dbox.report.run_rows import Labelled
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
@@ -126,7 +130,8 @@ def run_demo(job: DemoJob) -> ExitCode:
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     scores: dict[str, list[Score]] = {method: [] for method in METHODS}
     results: list[Labelled] = []
-    for index in tqdm(range(job.n), desc="demo", unit="animal", disable=job.json or None):
+    compared: list[ComparedAnimal] = []
+    for index in watched(range(job.n), "drawing and labelling", unit="animal"):
         animal = synthetic_animal(job.seed, index)
         keypoints = faulty(annotate(animal, hidden="marked"), faults, job.seed).keypoints_2d
         landmarks = VOCABULARIES["animal3d26"].on_body(
@@ -139,25 +144,51 @@ def run_demo(job: DemoJob) -> ExitCode:
             if method == "default":
                 picture = animal.image.numpy()
                 results.append(Labelled(outcome, animal.sample_id, animal.preset, picture))
-    _write(job, results)
+                compared.append(compared_animal(animal, outcome))
     summaries = [_result(method, of_method, job.n) for method, of_method in scores.items()]
-    write_whole(
-        job.out / "demo.json", msgspec.json.format(msgspec.json.encode(summaries), indent=1)
-    )
+    _write(job, results, summaries)
+    write_demo_page(job.out / "index.html", compared, _about(job))
     _print(summaries, job)
     return ExitCode.OK
 
 
-def _write(job: DemoJob, results: Sequence[Labelled]) -> None:
-    """The label files and pictures of our method."""
+def _write(job: DemoJob, results: Sequence[Labelled], summaries: Sequence[MethodResult]) -> None:
+    """The label files and pictures of our method, and how every method compares."""
     write_run(
         job.out,
         results,
-        source=f"{job.n} synthetic animals, seed {job.seed}, {job.noise_px:g} px noise,"
-        f" {job.outliers:.0%} outliers",
-        body="quadruped, standing" if job.rigid else "quadruped, true shape and pose",
+        source=f"{job.n} synthetic animals, seed {job.seed}, {_faults(job)}",
+        body=_body(job),
         config=METHODS["default"],
     )
+    write_whole(
+        job.out / "demo.json", msgspec.json.format(msgspec.json.encode(summaries), indent=1)
+    )
+    records = [msgspec.structs.asdict(one) for one in summaries]
+    notes = (
+        "keypoint_px: distance of projected landmarks from the clean keypoints; corner_percent: of"
+        " the corners from the true ones, in % of the box's diagonal; axes_deg: between the box's"
+        " axes and the trunk's. Median and 95th percentile over the animals.",
+    )
+    table = table_from_records("methods", "Every method against the truth", records, notes=notes)
+    evaluation = Evaluation(
+        f"{job.n} synthetic animals, seed {job.seed}",
+        {"keypoints": _faults(job), "body": _body(job)},
+        (table,),
+    )
+    write_page(job.out / "evaluation.html", evaluation, {})
+
+
+def _faults(job: DemoJob) -> str:
+    return f"{job.noise_px:g} px noise, {job.outliers:.0%} outliers"
+
+
+def _body(job: DemoJob) -> str:
+    return "quadruped, standing" if job.rigid else "quadruped, true shape and pose"
+
+
+def _about(job: DemoJob) -> str:
+    return f"Seed {job.seed}; keypoints with {_faults(job)}; body: {_body(job)}"
 
 
 def _result(method: str, scores: list[Score], n: int) -> MethodResult:
@@ -208,4 +239,4 @@ def _print(results: list[MethodResult], job: DemoJob) -> None:
             f"{r.method:16} {r.labelled:>5}/{r.animals:<3} {cells[0]:>14} {cells[1]:>15}"
             f" {cells[2]:>14} {r.sides_right:>7}/{r.labelled}"
         )
-    print(f"look at {job.out / 'gallery.html'}")
+    print(f"look at {job.out / 'index.html'}")

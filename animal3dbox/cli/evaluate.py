@@ -4,7 +4,6 @@ import sys
 from pathlib import Path
 
 import torch
-from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import EvaluateJob
@@ -52,11 +51,7 @@ def run_evaluate(job: EvaluateJob) -> ExitCode:
 
 def _world(job: EvaluateJob) -> Evaluation:
     config = EvaluateConfig(animals=job.n, seed=job.seed, fits=job.fits)
-    rows = evaluate_world(
-        config,
-        job.workers,
-        lambda each: tqdm(each, desc="evaluating", unit="animal", total=job.n, disable=None),
-    )
+    rows = evaluate_world(config, job.workers)
     about = {
         "animals": config.animals,
         "seed": config.seed,
@@ -76,12 +71,7 @@ def _dataset(job: EvaluateJob, path: Path) -> Evaluation:
     for note in dataset.records.notes:
         print(note, file=sys.stderr)
     truths = true_boxes(path)
-    rows = dataset_rows(
-        dataset.records,
-        bodies,
-        truths,
-        lambda each: tqdm(each, desc="evaluating", unit="animal", disable=None),
-    )
+    rows = dataset_rows(dataset.records, bodies, truths)
     faulty = len({row.sample_id for row in rows if row.reason == "faulty"})
     about = {
         "dataset": path.name,

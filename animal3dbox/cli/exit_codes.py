@@ -10,7 +10,7 @@ class ExitCode(IntEnum):
         OK: every sample was read; each animal has a label, or a reason in the report.
         USAGE: an option is wrong, or two contradict each other; tyro uses the same code.
         INPUT: the input cannot be found, or cannot be read as a whole.
-        FAULTY: done, but some samples were faulty and are listed.
+        FAULTY: done, but some samples were faulty and are listed; of `doctor`, something is broken.
         OUTPUT: the results could not be written, or not all of them.
         INTERRUPTED: the user stopped it (Ctrl-C); as shells write it.
         CLOSED_PIPE: nobody reads what is printed any more, as after `| head`; as shells write it.

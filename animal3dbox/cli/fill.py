@@ -10,7 +10,6 @@ from pathlib import Path
 import msgspec
 import torch
 from torch.utils.data import Dataset
-from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import LabelJob
@@ -21,6 +20,7 @@ from animal3dbox.datasets.labelling.label_store import NOT_STORED
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.errors import ConfigError
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.progress import watched
 
 REMEDY = "--resume keeps the labels that are in the cache"
 
@@ -53,8 +53,7 @@ def run_fill(job: LabelJob) -> ExitCode:
     number, of = shard_of(job.cache.shard)
     indices = range(number - 1, len(dataset), of)
     with worker_batches(LabelledShard(dataset, indices), job.cache.workers, REMEDY) as batches:
-        unit, is_silent = f"{AT_ONCE} images", job.json or None
-        for _ in tqdm(batches, desc="labelling", unit=unit, disable=is_silent):
+        for _ in watched(batches, "labelling", unit=f"{AT_ONCE} images"):
             pass
     animals = sum(dataset.source.animals(index) for index in indices)
     return _report(dataset, job, len(indices), animals)

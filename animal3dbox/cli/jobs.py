@@ -25,6 +25,7 @@ from animal3dbox.cli.options import (
     ScaleOptions,
     StoredCamera,
 )
+from animal3dbox.cli.setup_jobs import ConvertModelJob, DoctorJob, VocabulariesJob
 from animal3dbox.labels.config import LabelConfig
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ class LabelJob:
     outline: bool = True
     """draw the outlines of fitted bodies into the pictures"""
     json: bool = False
-    """print report.json instead of words; no progress bar"""
+    """print report.json instead of words"""
 
     @cached_property
     def config(self) -> LabelConfig:
@@ -313,21 +314,6 @@ class CalibrateJob:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConvertModelJob:
-    """Convert a SMAL pickle to safetensors, without running anything the pickle names.
-
-    Example: animal3dbox convert-model smal.pkl smal.safetensors
-    """
-
-    source: Annotated[Positional[Path], arg(metavar="IN")]
-    """a SMAL model, .pkl or .safetensors"""
-    target: Annotated[Positional[Path], arg(metavar="OUT")]
-    """the .safetensors file to write"""
-    landmarks: Path | None = None
-    """JSON with the vertices of the landmarks of a pickle whose mesh is not SMAL's"""
-
-
-@dataclass(frozen=True, kw_only=True)
 class GalleryJob:
     """Draw a sample of a table of labels: the least confident ones, and some at random.
 
@@ -348,17 +334,6 @@ class GalleryJob:
     """folder that the images' names are relative to, if they were moved"""
 
 
-@dataclass(frozen=True, kw_only=True)
-class VocabulariesJob:
-    """List the keypoint vocabularies, or where on a body each keypoint of one is.
-
-    Example: animal3dbox vocabularies ap10k17
-    """
-
-    name: Annotated[Positional[str | None], arg(metavar="[NAME]")] = None
-    """of a vocabulary, or a TOML file of your own; without: all, and the places on a body"""
-
-
 Job = (
     DemoJob
     | LabelJob
@@ -373,6 +348,7 @@ Job = (
     | CalibrateJob
     | GalleryJob
     | VocabulariesJob
+    | DoctorJob
 )
 """Any command with its options."""
 COMMANDS: dict[str, Callable[..., Job]] = {
@@ -389,5 +365,6 @@ COMMANDS: dict[str, Callable[..., Job]] = {
     "calibrate": CalibrateJob,
     "gallery": GalleryJob,
     "vocabularies": VocabulariesJob,
+    "doctor": DoctorJob,
 }
 """Every command by its name on the command line, in the order of `--help`."""

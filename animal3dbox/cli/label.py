@@ -8,7 +8,6 @@ from pathlib import Path
 import msgspec
 import torch
 from torch.utils.data import Dataset
-from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.fill import dataset_of, run_fill
@@ -22,6 +21,7 @@ from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.animal_outcomes import AnimalOutcome
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import portable_path
+from animal3dbox.progress import watched
 from animal3dbox.report.run import ROWS, RunWriter, make_results_folder
 from animal3dbox.report.run_rows import DrawnAnimal, Labelled, Pictures, drawn_animal
 from animal3dbox.report.summary import Summary
@@ -151,8 +151,7 @@ def _label_all(
         indices = missing_indices(dataset, indices, writer.known_keys)
     drawn = DrawnBatches(dataset, indices, pictures=job.pictures, fitted=fitted)
     with worker_batches(drawn, job.cache.workers, REMEDY) as batches, writer:
-        unit, is_silent = f"{AT_ONCE} images", job.json or None
-        for animals in tqdm(batches, desc="labelling", unit=unit, disable=is_silent):
+        for animals in watched(batches, "labelling", unit=f"{AT_ONCE} images"):
             writer.add([one for one in animals if one.row.key not in writer.known_keys])
 
 
@@ -160,7 +159,7 @@ def _notes(dataset: AnnotatedDataset) -> Iterator[str]:
     """What a careful person should know before the labels, in whole sentences."""
     yield from dataset.notes
     categories, words = Counter[str](), dict[str, Vocabulary]()
-    for index in range(len(dataset)):
+    for index in watched(range(len(dataset)), "reading", unit="image"):
         for entry in dataset.source.sample(index).animals:
             categories[entry.category] += 1
             if entry.vocabulary is not None:

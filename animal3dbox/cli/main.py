@@ -18,6 +18,7 @@ from animal3dbox.cli.jobs import COMMANDS, Job
 from animal3dbox.cli.runners import run_job
 from animal3dbox.errors import Animal3DBoxError, ConfigError, WorkerError
 from animal3dbox.files import user_path
+from animal3dbox.progress import progress_bars
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -52,7 +53,8 @@ def with_user_paths(options: Any) -> Any:
 def exit_code(job: Job) -> ExitCode:
     """Run a job; what it raises on purpose becomes a line on stderr and a code."""
     try:
-        code = run_job(job)
+        with progress_bars():
+            code = run_job(job)
         sys.stdout.flush()
         return code
     except BrokenPipeError:

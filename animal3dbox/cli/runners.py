@@ -6,6 +6,7 @@ from importlib import import_module
 from animal3dbox.cli import jobs
 from animal3dbox.cli.bench_jobs import BenchJob
 from animal3dbox.cli.exit_codes import ExitCode
+from animal3dbox.cli.setup_jobs import ConvertModelJob, DoctorJob, VocabulariesJob
 
 RUNNERS: Mapping[type, tuple[str, str]] = {
     jobs.DemoJob: ("demo", "run_demo"),
@@ -17,10 +18,11 @@ RUNNERS: Mapping[type, tuple[str, str]] = {
     jobs.CompareJob: ("compare", "run_compare"),
     BenchJob: ("bench", "run_bench"),
     jobs.InspectJob: ("inspect", "run_inspect"),
-    jobs.ConvertModelJob: ("convert", "run_convert"),
+    ConvertModelJob: ("convert", "run_convert"),
     jobs.CalibrateJob: ("calibrate", "run_calibrate"),
     jobs.GalleryJob: ("gallery", "run_gallery"),
-    jobs.VocabulariesJob: ("vocabularies", "run_vocabularies"),
+    VocabulariesJob: ("vocabularies", "run_vocabularies"),
+    DoctorJob: ("doctor", "run_doctor"),
 }
 """A job's type -> the module of this package, and the function in it, that does the job."""
 

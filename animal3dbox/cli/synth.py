@@ -34,15 +34,11 @@ def run_synth(job: SynthJob) -> ExitCode:
     )
     if is_animal3d:
         model = job.model or job.out.parent / f"{job.out.name}-model.pkl"
-        count = write_animal3d(
-            pictures, job.out, model, progress=True, workers=job.workers, resume=job.resume
-        )
+        count = write_animal3d(pictures, job.out, model, workers=job.workers, resume=job.resume)
         print(f"{job.n} images, {count} animals in {job.out}; their model is {model}")
         print(f"label them: animal3dbox label {job.out} --model {model} --out {job.out}-labels")
     else:
-        count = write_stanfordextra(
-            pictures, job.out, progress=True, workers=job.workers, resume=job.resume
-        )
+        count = write_stanfordextra(pictures, job.out, workers=job.workers, resume=job.resume)
         print(f"{job.n} images, {count} animals in {job.out}")
         print(f"label them: animal3dbox label {job.out} --body dog --out {job.out}-labels")
     return ExitCode.OK

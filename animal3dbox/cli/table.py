@@ -8,7 +8,6 @@ from pathlib import Path
 import msgspec
 import torch
 from torch.utils.data import Dataset
-from tqdm import tqdm
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.fill import dataset_of, shard_of
@@ -17,6 +16,7 @@ from animal3dbox.cli.ray_tables import ray_tables
 from animal3dbox.cli.worker_batches import AT_ONCE, worker_batches
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.errors import ConfigError
+from animal3dbox.progress import watched
 from animal3dbox.report.table.columns import Table
 from animal3dbox.report.table.label_table import label_table
 from animal3dbox.report.table.part_writer import PartWriter
@@ -54,9 +54,8 @@ def run_table(job: LabelJob) -> ExitCode:
         writer = PartWriter(plan, job.cache.part_rows)
         at_once = min(AT_ONCE, job.cache.part_rows)
         with _tables(dataset, plan.indices, at_once, job) as tables, writer:
-            unit, is_silent = f"{at_once} images", job.json or None
-            total = -(-len(plan.indices) // at_once)
-            for table in tqdm(tables, desc="labelling", unit=unit, total=total, disable=is_silent):
+            unit, total = f"{at_once} images", -(-len(plan.indices) // at_once)
+            for table in watched(tables, "labelling", unit=unit, total=total):
                 writer.add(table)
     return _report(writer, job, folder)
 

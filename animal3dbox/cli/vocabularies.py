@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from animal3dbox.cli.exit_codes import ExitCode
-from animal3dbox.cli.jobs import VocabulariesJob
+from animal3dbox.cli.setup_jobs import VocabulariesJob
 from animal3dbox.smal.keypoints.known_places import KNOWN_PLACES
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES, vocabulary_of_option
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary

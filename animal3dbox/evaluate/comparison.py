@@ -17,6 +17,7 @@ from animal3dbox.errors import ConfigError, DatasetFormatError
 from animal3dbox.evaluate.tables import Cell, Table, mean, percent, quantile, table_from_records
 from animal3dbox.geometry.box_overlap import box_iou, pairwise_box_iou
 from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.progress import watched
 
 LEAST_IOU_3D = 0.05
 """Overlap in space from which two boxes are one animal's, whatever their projections are."""
@@ -164,7 +165,8 @@ def compared_boxes(labels: CuboidSet, detections: CuboidSet) -> list[ComparedBox
             f"no image of the labels ({labels.records[0].image_id}, ...) is one of the truth's"
             f" ({next(iter(shared), 'none')}, ...): give the truth that was made of these labels"
         )
-    return [box for members in of_image.values() for box in _of_one_image(*members)]
+    each = watched(of_image.values(), "matching", unit="image")
+    return [box for members in each for box in _of_one_image(*members)]
 
 
 def boxes_by_image(

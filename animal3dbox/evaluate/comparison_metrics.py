@@ -10,6 +10,7 @@ from animal3dbox.datasets.readers.visible_boxes import stacked_boxes
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.evaluate.comparison import boxes_by_image
 from animal3dbox.evaluate.tables import Table
+from animal3dbox.progress import watched
 from animal3dbox.training.metrics.box_metrics import BoxMetrics
 
 SCALE_FREE = ("rel_ap_3d", "rel_scale", "images", "truths", "predictions")
@@ -51,7 +52,8 @@ def metrics_table(labels: CuboidSet, detections: CuboidSet) -> Table:
     classes = tuple(sorted({_class_name(record) for record in records}))
     is_metric = all(record.metric for record in records)
     metrics = BoxMetrics(classes=classes, relative=True, metric=is_metric)
-    for image_id, members in boxes_by_image(labels, detections).items():
+    of_image = boxes_by_image(labels, detections).items()
+    for image_id, members in watched(of_image, "measuring", unit="image"):
         target, prediction = (metric_fields(one, classes) for one in members)
         metrics.update([prediction], [{**target, "image_id": image_id}])
     values = metrics.compute()

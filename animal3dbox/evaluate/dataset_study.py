@@ -1,6 +1,6 @@
 """Labels of any dataset against its annotations, and against the truth where it lies beside."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.progress import watched
 
 TRUTH = "truth.json"
 
@@ -104,10 +105,7 @@ def true_boxes(path: Path) -> dict[str, Cuboid] | None:
 
 
 def dataset_rows(
-    records: RecordSet,
-    bodies: BodySource,
-    truths: Mapping[str, Cuboid] | None,
-    progress: Callable[[Iterable[AnimalRecord]], Iterable[AnimalRecord]] = iter,
+    records: RecordSet, bodies: BodySource, truths: Mapping[str, Cuboid] | None
 ) -> list[DatasetRow]:
     """Every record by every method.
 
@@ -126,7 +124,7 @@ def dataset_rows(
         for fault in records.faults
         for method in METHODS
     ]
-    for record in progress(records.records):
+    for record in watched(records.records, "evaluating", unit="animal"):
         for method, config in METHODS.items():
             outcome = _outcome(replace(record, stored_pose=None), bodies, config)
             if isinstance(outcome, SampleError):

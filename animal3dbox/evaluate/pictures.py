@@ -24,6 +24,7 @@ from animal3dbox.labels.axes.pca import pca_axes
 from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.progress import watched
 from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
@@ -52,7 +53,7 @@ def pictures_of(seed: int) -> dict[str, bytes] | None:
         return None
     who = [
         subject(EvaluateConfig(animals=COLUMNS, seed=seed, world=CLEAR), index)
-        for index in range(COLUMNS)
+        for index in watched(range(COLUMNS), "drawing figures", unit="animal")
     ]
     faults = f"{FAULTS.noise_px:g} px of noise and {FAULTS.outliers:.0%} outliers"
     figures = {

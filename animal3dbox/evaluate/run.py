@@ -1,6 +1,6 @@
 """An evaluation from its config to its tables, on one or several processes with the same result."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
@@ -19,6 +19,7 @@ from animal3dbox.evaluate.reliability import Judged, curve_table, reliability_ta
 from animal3dbox.evaluate.reproduction import ReproductionRow, reproduction_rows, reproduction_table
 from animal3dbox.evaluate.subject import subject
 from animal3dbox.evaluate.tables import Table
+from animal3dbox.progress import watched
 
 
 @dataclass(frozen=True)
@@ -66,17 +67,12 @@ def animal_rows(config: EvaluateConfig, index: int) -> StudyRows:
     )
 
 
-def evaluate_world(
-    config: EvaluateConfig,
-    workers: int = 1,
-    progress: Callable[[Iterable[StudyRows]], Iterable[StudyRows]] = iter,
-) -> StudyRows:
+def evaluate_world(config: EvaluateConfig, workers: int = 1) -> StudyRows:
     """Everything about all animals, in their order whatever the number of workers.
 
     Args:
         config: what is evaluated.
         workers: processes.
-        progress: wraps the iterator over animals, to show a bar.
 
     Example:
         >>> from dataclasses import replace
@@ -86,7 +82,8 @@ def evaluate_world(
         >>> [row.view for row in rows.faces if row.booleans_right == 6]
         ['in frame', 'truncated', 'corners behind the camera', 'UAV nadir']
     """
-    animals = list(progress(_each_animal(config, workers)))
+    each = _each_animal(config, workers)
+    animals = list(watched(each, "evaluating", unit="animal", total=config.animals))
     return StudyRows(
         stability=tuple(row for rows in animals for row in rows.stability),
         accuracy=tuple(row for rows in animals for row in rows.accuracy),

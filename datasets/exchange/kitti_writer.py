@@ -40,6 +40,7 @@ from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.box_overlap import box_iou
 from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.progress import watched
 
 FILES = ("label_2", "calib", "image_2", "ImageSets", "images.txt")
 """What a folder holds, but for image_2/ if no picture was found."""
@@ -116,8 +117,8 @@ def write_kitti(
     records: list[CuboidRecord] = []
     missing: list[str] = []
     images = dict(enumerate((image for image, _ in members), start))
-    for (number, image), (_, boxes) in zip(images.items(), members, strict=True):
-        lines, with_box, outside = _lines(boxes)
+    for number, image in watched(images.items(), "writing", unit="image"):
+        lines, with_box, outside = _lines(members[number - start][1])
         records += with_box
         faults += outside
         write_whole(folder / "label_2" / f"{number:06d}.txt", "".join(lines).encode())

@@ -18,6 +18,7 @@ from animal3dbox.datasets.inspection.stored_points import ANIMALS, side_facts, s
 from animal3dbox.datasets.readers.animal3d.entries import VOCABULARY
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.errors import SampleError
+from animal3dbox.progress import watched
 
 
 def animal3d_facts(
@@ -36,7 +37,7 @@ def animal3d_facts(
     own_bodies = bodies if isinstance(bodies, ParametersBody) else None
     subjects = [
         _subject(record, raw.entries[record.sample_id], own_bodies)
-        for record in spread(records, ANIMALS)
+        for record in watched(spread(records, ANIMALS), "reading parameters", unit="animal")
     ]
     cameras = camera_fits(subjects)
     best = next((fit for fit in cameras if fit.target == "keypoint_2d"), None)

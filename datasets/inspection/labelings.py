@@ -12,6 +12,7 @@ from animal3dbox.errors import SampleError
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.pose.problem import AS_GIVEN
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.progress import watched
 
 ANIMALS = 60
 """Number of animals that are labelled."""
@@ -29,7 +30,8 @@ def labeling_facts(records: Sequence[AnimalRecord], bodies: BodySource) -> Label
     """
     exchanged: dict[str, list[str]] = {}
     labelled = 0
-    for record in spread([one for one in records if one.pose is None], ANIMALS):
+    looked_at = spread([one for one in records if one.pose is None], ANIMALS)
+    for record in watched(looked_at, "labelling some", unit="animal"):
         try:
             outcome = label_records([request_of_record(record, bodies)], QUICK)[0]
         except SampleError:

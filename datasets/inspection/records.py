@@ -26,6 +26,7 @@ from animal3dbox.datasets.labelling.label_requests import request_of_record
 from animal3dbox.datasets.records import AnimalRecord, RecordSet
 from animal3dbox.errors import SampleError
 from animal3dbox.geometry.camera import project
+from animal3dbox.progress import watched
 
 IMAGES, MASKS, BODIES, PLACES = 200, 100, 60, 1000
 """Numbers of images, masks, bodies and places of keypoints that are looked at."""
@@ -38,7 +39,7 @@ def image_facts(records: Sequence[AnimalRecord]) -> ImageFacts:
     by_file = {record.image_path: record for record in records if record.image_path is not None}
     counts, examples = Counter[str](), []
     looked_at = spread(list(by_file.items()), IMAGES)
-    for path, record in looked_at:
+    for path, record in watched(looked_at, "looking at pictures", unit="picture"):
         try:
             size = stored_size(path, record.sample_id, upright=record.upright)
         except SampleError as error:
@@ -68,7 +69,7 @@ def mask_facts(records: Sequence[AnimalRecord]) -> MaskFacts:
     ]
     levels, unusable, examples = Counter[str](), 0, []
     looked_at = spread(with_mask, MASKS)
-    for record in looked_at:
+    for record in watched(looked_at, "looking at masks", unit="mask"):
         try:
             levels[_levels(record)] += 1
         except SampleError as error:
@@ -101,7 +102,7 @@ def _levels(record: AnimalRecord) -> str:
 def keypoint_facts(records: Sequence[AnimalRecord]) -> KeypointFacts:
     """Counts of animals whose keypoints lie beside the frame, their box or their mask."""
     looked_at, misplaced, examples = spread(list(records), PLACES), 0, []
-    for record in looked_at:
+    for record in watched(looked_at, "looking at keypoints", unit="animal"):
         if problem := keypoints_problem(record, _usable_mask(record)):
             misplaced += 1
             examples.append(f"{record.sample_id}: keypoints_2d {problem}")
@@ -120,7 +121,7 @@ def body_facts(records: Sequence[AnimalRecord], bodies: BodySource | None) -> Bo
     """Counts of the animals' own bodies that can and cannot be made, on a sample."""
     looked_at = spread(list(records), BODIES) if bodies is not None else []
     examples = []
-    for record in looked_at:
+    for record in watched(looked_at, "making bodies", unit="animal"):
         try:
             if bodies is not None:
                 bodies.body(record)

@@ -18,6 +18,7 @@ from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.fit.fit import fit_many
 from animal3dbox.labels.fit.fitted_body import FittedBody
 from animal3dbox.labels.fit.fitted_observation import ENOUGH_KEYPOINTS
+from animal3dbox.progress import watched
 from animal3dbox.smal.keypoints.exchanges import exchange_order
 from animal3dbox.smal.model import trunk_rotation
 from animal3dbox.smal.parameters import posed_body
@@ -97,7 +98,7 @@ def stored_fit_facts(
     usable = [record for record in records if _is_comparable(record, bodies)]
     compared = [
         one
-        for record in spread(usable, ANIMALS)
+        for record in watched(spread(usable, ANIMALS), "fitting bodies", unit="animal")
         if (one := _comparison(record, bodies)) is not None
     ]
     if not compared:

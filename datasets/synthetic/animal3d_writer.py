@@ -56,7 +56,6 @@ def write_animal3d(
     synthetic_set: SyntheticSet,
     root: Path,
     model: Path,
-    progress: bool = False,
     *,
     workers: int = 1,
     resume: bool = False,
@@ -70,7 +69,6 @@ def write_animal3d(
             length and no principal point.
         root: the folder.
         model: the SMAL pickle that is written; as users have it, not inside root.
-        progress: show a bar.
         workers: processes that draw; the files are the same for any number.
         resume: go on where an earlier run into the same folder was broken off.
 
@@ -96,7 +94,7 @@ def write_animal3d(
     if not is_begun or not model.exists():
         write_smal_pickle(load_quadruped(), model)
     files = Animal3DFiles(synthetic_set, root)
-    return write_scenes(files, workers=workers, resume=resume, progress=progress)
+    return write_scenes(files, workers=workers, resume=resume)
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from typing import Any, Protocol
 import cv2
 import msgspec
 import torch
-from tqdm import tqdm
 
 from animal3dbox.datasets.storage.fingerprint import code_digest
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet
 from animal3dbox.errors import ConfigError
 from animal3dbox.files import write_whole
+from animal3dbox.progress import watched
 
 PARTS = ".synth"
 """The folder of parts inside a dataset that is being written."""
@@ -74,14 +74,13 @@ def raw(value: Any) -> msgspec.Raw:
     return msgspec.Raw(msgspec.json.encode(value))
 
 
-def write_scenes(files: SceneFiles, *, workers: int, resume: bool, progress: bool) -> int:
+def write_scenes(files: SceneFiles, *, workers: int, resume: bool) -> int:
     """Write all scenes of a dataset, and give its number of animals.
 
     Args:
         files: of its format.
         workers: processes; 1: this one alone. The files are the same for any number.
         resume: whether scenes that an earlier run finished stay as they are.
-        progress: show a bar.
 
     Raises:
         ConfigError: workers is below 1; or the parts that are there are of another dataset or of
@@ -94,14 +93,8 @@ def write_scenes(files: SceneFiles, *, workers: int, resume: bool, progress: boo
     missing = [index for index in range(len(files.synthetic_set)) if index not in scenes]
     written = 0
     with closing(_each(files, missing, workers)) as rows:
-        for row in tqdm(
-            rows,
-            desc="images",
-            unit="image",
-            initial=len(scenes),
-            total=len(files.synthetic_set),
-            disable=None if progress else True,
-        ):
+        total = len(files.synthetic_set)
+        for row in watched(rows, "drawing", unit="image", total=total, initial=len(scenes)):
             scenes[row.index] = row
             if len(scenes) >= GROWTH * written:
                 written = len(scenes)

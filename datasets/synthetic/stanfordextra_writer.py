@@ -22,7 +22,6 @@ ANNOTATIONS = "annotations.json"
 def write_stanfordextra(
     synthetic_set: SyntheticSet,
     root: Path,
-    progress: bool = False,
     *,
     workers: int = 1,
     resume: bool = False,
@@ -34,7 +33,6 @@ def write_stanfordextra(
     Args:
         synthetic_set: a dataset with StanfordExtra's keypoints.
         root: the folder.
-        progress: show a bar.
         workers: processes that draw; the files are the same for any number.
         resume: go on where an earlier run into the same folder was broken off.
 
@@ -60,7 +58,7 @@ def write_stanfordextra(
             f" {synthetic_set.config.vocabulary.name}"
         )
     files = StanfordExtraFiles(synthetic_set, root)
-    return write_scenes(files, workers=workers, resume=resume, progress=progress)
+    return write_scenes(files, workers=workers, resume=resume)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,17 @@
 import json
+import math
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
+from animal3dbox.cli.demo_page import compared_animal, true_flank, write_demo_page
 from animal3dbox.cli.main import main
+from animal3dbox.datasets.synthetic.scenes import synthetic_animal
+from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.labels.types import Rejection
 
 
 def run(*arguments: str) -> int:
@@ -27,6 +35,13 @@ def test_the_demo_labels_animals_close_to_the_truth(
     assert (tmp_path / "gallery.html").stat().st_size < 5_000_000
     assert len(list((tmp_path / "overlays").glob("*.png"))) == 5
     assert json.loads((tmp_path / "demo.json").read_text()) == list(results.values())
+    page = (tmp_path / "index.html").read_text()
+    assert page.count("data:image/jpeg;base64,") == 10  # truth and label of five animals
+    links = re.findall('href="([^"]+)"', page)
+    assert links == ["gallery.html", "evaluation.html"]
+    assert all((tmp_path / link).is_file() for link in links)
+    assert "flank" in page
+    assert "://" not in page
 
 
 def test_without_noise_the_default_finds_every_keypoint(
@@ -45,7 +60,7 @@ def test_the_table_names_each_method_and_the_page(
     printed = capsys.readouterr().out
     assert all(
         method in printed
-        for method in ("basic", "paper (vector)", "paper (literal)", "default", "gallery.html")
+        for method in ("basic", "paper (vector)", "paper (literal)", "default", "index.html")
     )
 
 
@@ -57,3 +72,30 @@ def test_impossible_options_are_wrong_usage(
 ) -> None:
     assert run("demo", "--out", str(tmp_path), *options) == 2
     assert "--noise-px not negative" in capsys.readouterr().err
+
+
+def test_the_page_names_both_flanks_and_marks_a_wrong_one(tmp_path: Path) -> None:
+    animal = synthetic_animal(seed=0, index=2)
+    none = compared_animal(animal, Rejection("a.jpg", "no_pose", "<none>"))
+    assert (none.flank, none.is_wrong) == (None, True)
+    right = replace(none, flank=none.true_flank, words="as it is", title="first")
+    other = {"left": "right", "right": "left"}[none.true_flank]
+    wrong = replace(none, flank=other, words="the other one", title="second")
+    undecided = replace(none, flank="undecided", words="not sure", title="third")
+    assert [one.is_wrong for one in (right, wrong, undecided)] == [False, True, False]
+    write_demo_page(tmp_path / "index.html", [right, wrong, undecided, none], "about")
+    page = (tmp_path / "index.html").read_text()
+    assert "1 of 4 flanks" in page
+    assert '<figcaption class="wrong">label: the other one' in page
+    assert "&lt;none&gt;" in page
+
+
+def test_a_flank_is_that_which_the_camera_stands_on() -> None:
+    size = torch.ones(3, dtype=torch.float64)
+    ahead = torch.tensor([0.0, 0, 5], dtype=torch.float64)
+    for degrees, expected in ((90, "right"), (-90, "left"), (0, "neither"), (15, "neither")):
+        turn = math.radians(degrees)  # of the box about its up, which is the camera's -y
+        forward = torch.tensor([math.sin(turn), 0, -math.cos(turn)], dtype=torch.float64)
+        up = torch.tensor([0.0, -1, 0], dtype=torch.float64)
+        rotation = torch.stack([forward, torch.linalg.cross(up, forward), up], 1)
+        assert true_flank(Cuboid(ahead, rotation, size)) == expected

@@ -15,6 +15,7 @@ from animal3dbox.datasets.images.photos import read_photo
 from animal3dbox.datasets.storage.fingerprint import digest
 from animal3dbox.errors import ConfigError, DatasetNotFoundError, SampleError
 from animal3dbox.geometry.cuboid import Cuboid
+from animal3dbox.progress import watched
 from animal3dbox.report.gallery import Card, card_picture, write_gallery
 from animal3dbox.report.label_words import words_of_row
 from animal3dbox.report.overlay import draw_cuboid, enlarged, with_words
@@ -104,7 +105,8 @@ def write_table_gallery(
         raise ConfigError(f"{table} does not say where its images are: give --images")
     folder = images or table / str(source.images)
     keys, counts = _chosen_keys(parts_of(table), worst, random, seed=seed)
-    cards = [_card(row, folder) for row in _rows_of(parts_of(table), keys)]
+    rows = watched(_rows_of(parts_of(table), keys), "drawing", unit="picture", total=len(keys))
+    cards = [_card(row, folder) for row in rows]
     chosen = f"the {worst} of least confidence and {random} drawn at random from the others"
     summary = _summary(counts, source.source, source.body, source.method)
     return write_gallery(page, cards, summary, source_of_cards=f"{chosen}; the table has all")

@@ -141,4 +141,4 @@ def test_no_process_is_too_few(tmp_path: Path) -> None:
     assert (code, "--workers must be at least 1" in output) == (2, True)
     assert not (tmp_path / "set").exists()
     with pytest.raises(ConfigError, match="workers must be at least 1"):
-        scene_files.write_scenes(None, workers=0, resume=False, progress=False)  # type: ignore[arg-type]
+        scene_files.write_scenes(None, workers=0, resume=False)  # type: ignore[arg-type]
