@@ -15,7 +15,8 @@ from animal3dbox.datasets.synthetic.faults import FaultConfig, faulty
 from animal3dbox.datasets.synthetic.scenes import synthetic_animal
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
-from animal3dbox.report.overlay import Picture, draw_label
+from animal3dbox.report.inset import Picture
+from animal3dbox.report.overlay import draw_label
 
 ANIMALS = ((0, "dog", "walk"), (4, "cat", "stand"), (12, "horse", "trot"), (7, "cow", "graze"))
 """Index in the world, preset and pose."""

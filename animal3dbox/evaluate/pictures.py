@@ -25,7 +25,8 @@ from animal3dbox.labels.bounds import tight_cuboid
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.progress import watched
-from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid
+from animal3dbox.report.cuboid_pen import BACK, FRONT
+from animal3dbox.report.overlay import draw_cuboid
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 if TYPE_CHECKING:

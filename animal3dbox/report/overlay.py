@@ -1,6 +1,11 @@
-"""A cuboid drawn over its picture: front green and back blue, as in the paper's figures."""
+"""A cuboid drawn over its picture: front green and back blue, as in the paper's figures.
 
-from collections.abc import Mapping, Sequence
+The front is told without its colour too: a cross fills it where it is seen, and an arrow inside the
+box points to it. Lines are as thick as the animal's size admits, and a small animal is shown once
+more, enlarged, in a corner.
+"""
+
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -8,34 +13,39 @@ import torch
 from numpy.typing import NDArray
 
 from animal3dbox.geometry.box_visibility import near_depth, visible_faces
-from animal3dbox.geometry.camera import project
-from animal3dbox.geometry.cuboid import EDGES, FACE_NAMES, FACES, Cuboid
+from animal3dbox.geometry.cuboid import FACE_NAMES, FACES, Cuboid
 from animal3dbox.geometry.polygon import clip_to_near
 from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.report.cuboid_pen import (
+    FACE_COLORS,
+    INK,
+    LEAST_WIDTH,
+    PAPER,
+    POINT,
+    SHIFT,
+    CuboidPen,
+    fixed,
+    line_widths,
+    pixels,
+    region_of,
+    size_before,
+    thickness,
+)
 from animal3dbox.report.fitted_outline import draw_fitted_outline
+from animal3dbox.report.inset import Picture, with_inset
 from animal3dbox.report.label_words import words_of_label
 from animal3dbox.smal.model import SmalModel
 
-Picture = NDArray[np.uint8]
-
-FRONT, BACK = (40, 190, 70), (50, 100, 235)
-FACE_COLORS = {"front": FRONT, "back": BACK}
-EDGE, HIDDEN = (255, 220, 60), (200, 170, 70)
-"""Colours of the edges of visible faces and of the others."""
-INK, PAPER = (255, 255, 255), (20, 20, 20)
-POINT = (235, 60, 60)
-LEAST_WIDTH = 480
-"""Small pictures are enlarged before drawing, so that the words stay legible."""
 MOST_HEIGHT = 2000
 """A narrow strip is not enlarged beyond this."""
-DASH, GAP = 9, 8
-"""Lengths of the dashes and gaps of dashed lines, px, where lines are one pixel thick."""
-SHIFT = 4
-"""Bits of OpenCV's fixed-point coordinates."""
+HEAD_ON = 0.9
+"""Cosine of the camera's angle to the x axis from which on the cross is read, and no arrow."""
 
 
 def draw_label(image: Picture, label: CuboidLabel, fitted: SmalModel | None = None) -> Picture:
     """The picture with the label's cuboid, keypoints and words; a new array.
+
+    An animal below a sixth of the picture's width is shown enlarged in a corner too.
 
     Args:
         image: (H, W, 3) uint8 RGB of the label's size.
@@ -58,17 +68,58 @@ def draw_label(image: Picture, label: CuboidLabel, fitted: SmalModel | None = No
         >>> draw_label(np.zeros((120, 160, 3), dtype=np.uint8), label).shape  # and words below
         (428, 480, 3)
     """
-    canvas, factor = enlarged(image)
-    if fitted is not None:
-        draw_fitted_outline(canvas, label, fitted, factor=factor, width=thickness(canvas))
-    draw_cuboid(canvas, label.cuboid, label.K, factor)
-    if label.keypoints is not None:
-        radius = 3 * thickness(canvas) << SHIFT
-        for x, y, visibility in label.keypoints.tolist():
-            if visibility > 0:
-                center = _fixed((x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5)
-                cv2.circle(canvas, center, radius, POINT, -1, cv2.LINE_AA, SHIFT)
+
+    def draw_outline(canvas: Picture, K: torch.Tensor, factor: float, width: int) -> None:
+        if fitted is not None:
+            part = label.with_fields(K=K)
+            draw_fitted_outline(canvas, part, fitted, factor=factor, width=width)
+
+    canvas = cuboid_in_picture(
+        image, label.cuboid, label.K, keypoints=label.keypoints, draw_beneath=draw_outline
+    )
     return with_words(canvas, words_of_label(label).lines)
+
+
+def cuboid_in_picture(
+    image: Picture,
+    cuboid_cam: Cuboid,
+    K: torch.Tensor,
+    *,
+    keypoints: torch.Tensor | None = None,
+    draw_beneath: Callable[[Picture, torch.Tensor, float, int], None] | None = None,
+) -> Picture:
+    """The picture with one animal's cuboid, a small one enlarged in a corner too; a new array.
+
+    Args:
+        image: (H, W, 3) uint8 RGB.
+        cuboid_cam: in the camera frame.
+        K: (3, 3) px.
+        keypoints: (J, 3) x, y in px and visibility, drawn over the cuboid where they are visible.
+        draw_beneath: draws what lies beneath the cuboid of an animal that is large enough: the
+            picture or its part, that one's K, how much it was enlarged, the width of lines.
+
+    Returns:
+        (H', W', 3) uint8 RGB; enlarged if it was small.
+
+    """
+    canvas, whole_factor = enlarged(image)
+    unit = thickness(canvas)
+    points = [] if keypoints is None else keypoints[keypoints[:, 2] > 0, :2].tolist()
+
+    def draw(canvas: Picture, origin_px: tuple[int, int], factor: float) -> None:
+        part_K = K.clone()
+        part_K[:2, 2] -= torch.tensor(origin_px, dtype=K.dtype)
+        region = region_of(cuboid_cam, part_K, size_before(canvas, factor))
+        widths = line_widths(canvas, region, factor, unit=unit)
+        if draw_beneath is not None and widths.strong > 1:  # else it would cover the animal
+            draw_beneath(canvas, part_K, factor, widths.thin)
+        draw_cuboid(canvas, cuboid_cam, part_K, factor, unit=unit)
+        for point in points:
+            center = [(z - o + 0.5) * factor - 0.5 for z, o in zip(point, origin_px, strict=True)]
+            cv2.circle(canvas, fixed(*center), widths.dot << SHIFT, POINT, -1, cv2.LINE_AA, SHIFT)
+
+    region = region_of(cuboid_cam, K, (image.shape[0], image.shape[1]))
+    return with_inset(image, canvas, region, factor=whole_factor, draw=draw, points_px=points)
 
 
 def enlarged(image: Picture) -> tuple[Picture, float]:
@@ -94,6 +145,7 @@ def draw_cuboid(
     *,
     dashed: bool = False,
     heading_known: bool = True,
+    unit: int | None = None,
 ) -> None:
     """Draw a cuboid of the camera frame into a picture that was enlarged by a factor.
 
@@ -105,7 +157,9 @@ def draw_cuboid(
         K: (3, 3) px of the picture before it was enlarged.
         factor: by which it was.
         dashed: draw lines dashed and fill no face, as of a detection beside a label.
-        heading_known: whether the box has a front; one that has none is drawn without its colours.
+        heading_known: whether the box has a front; one that has none is drawn without its colours,
+            cross and arrow.
+        unit: the most that a thin line may have, px; None: by the picture's width.
 
     Example:
         >>> canvas = np.zeros((120, 160, 3), dtype=np.uint8)
@@ -117,75 +171,26 @@ def draw_cuboid(
     corners, near = cuboid_cam.corners(), near_depth(cuboid_cam)
     visible = visible_faces(corners, torch.zeros_like(cuboid_cam.center)).tolist()
     outlines = {
-        name: _pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
+        name: pixels(clip_to_near(corners[list(FACES[name])], near), K, factor)
         for name in ("back", "front")
         if heading_known
     }
     for name, outline in outlines.items() if not dashed else ():
         strength = 0.38 if visible[FACE_NAMES.index(name)] else 0.16
         _fill(canvas, outline, FACE_COLORS[name], strength)
-    colors = FACE_COLORS if dashed and heading_known else {}
-    _draw_edges(
-        canvas, corners, visible, near=near, K=K, factor=factor, dashed=dashed, colors=colors
-    )
-    for name, outline in outlines.items() if not dashed else ():
+    region = region_of(cuboid_cam, K, size_before(canvas, factor))
+    widths = line_widths(canvas, region, factor, unit=unit)
+    pen = CuboidPen(canvas, K, factor, widths, near, dashed)
+    pen.draw_edges(corners, visible, colors=FACE_COLORS if dashed and heading_known else {})
+    for name in outlines if not dashed else ():
         if visible[FACE_NAMES.index(name)]:
-            points = np.round(outline * (1 << SHIFT)).astype(np.int32)
-            width = 2 * thickness(canvas)
-            cv2.polylines(canvas, [points], True, FACE_COLORS[name], width, cv2.LINE_AA, SHIFT)
-
-
-def _draw_dashes(
-    canvas: Picture, line: NDArray[np.float64], color: tuple[int, int, int], width: int
-) -> None:
-    """Draw the part of a line (2, 2) px that lies in the picture, dashed."""
-    first, last = ((round(float(x)), round(float(y))) for x, y in line)
-    inside, *ends = cv2.clipLine((0, 0, canvas.shape[1], canvas.shape[0]), first, last)
-    if not inside:
-        return
-    start, end = np.array(ends, dtype=np.float64)
-    length, unit = float(np.linalg.norm(end - start)), thickness(canvas)
-    for begin in np.arange(0.0, max(length, 1.0), (DASH + GAP) * unit):
-        along = np.array([begin, min(begin + DASH * unit, length)]) / max(length, 1.0)
-        dash = start + along[:, None] * (end - start)
-        cv2.line(canvas, _fixed(*dash[0]), _fixed(*dash[1]), color, width, cv2.LINE_AA, SHIFT)
-
-
-def _draw_edges(
-    canvas: Picture,
-    corners: torch.Tensor,
-    visible: Sequence[bool],
-    *,
-    near: torch.Tensor,
-    K: torch.Tensor,
-    factor: float,
-    dashed: bool,
-    colors: Mapping[str, tuple[int, int, int]],
-) -> None:
-    """Draw the twelve edges, those of visible faces thicker and last.
-
-    Dashed ones of a visible front or back have its colour, for no outline goes over them: colors
-    has those of faces by name.
-    """
-    edges_of_visible_faces = {
-        frozenset(edge): colors.get(name, EDGE)
-        for name in sorted(FACES, key=lambda name: name in FACE_COLORS)
-        if visible[FACE_NAMES.index(name)]
-        for edge in zip(FACES[name], FACES[name][1:] + FACES[name][:1], strict=True)
-    }
-    unit = thickness(canvas)
-    for edge in sorted(EDGES, key=lambda e: frozenset(e) in edges_of_visible_faces):
-        line = clip_to_near(corners[[edge[0], edge[1], edge[1]]], near)
-        if float(line.amax(0)[2] - line.amin(0)[2]) == 0 and float(line.abs()[:, :2].sum()) == 0:
-            continue  # all of it is behind the near plane
-        ends = _pixels(line, K, factor)[:2]
-        visible_color = edges_of_visible_faces.get(frozenset(edge))
-        color, width = (visible_color, 2 * unit) if visible_color else (HIDDEN, unit)
-        if dashed:
-            _draw_dashes(canvas, ends, color, width)
-            continue
-        start, end = ends
-        cv2.line(canvas, _fixed(*start), _fixed(*end), color, width, cv2.LINE_AA, SHIFT)
+            a, b, c, d = corners[list(FACES[name])]
+            for line in ((a, b), (b, c), (c, d), (d, a), *([(a, c), (b, d)] * (name == "front"))):
+                pen.draw(*line, FACE_COLORS[name], pen.widths.strong)
+    ahead = cuboid_cam.rotation.mT @ -cuboid_cam.center  # from the box to the camera
+    is_head_on = float(ahead[0]) > HEAD_ON * float(torch.linalg.vector_norm(ahead))
+    if heading_known and (dashed or not is_head_on):
+        pen.draw_arrow(cuboid_cam)
 
 
 def with_words(canvas: Picture, lines: list[str]) -> Picture:
@@ -204,21 +209,6 @@ def with_words(canvas: Picture, lines: list[str]) -> Picture:
             cv2.LINE_AA,
         )
     return np.concatenate((canvas, strip))
-
-
-def thickness(canvas: Picture) -> int:
-    """How many times thicker than on a picture of LEAST_WIDTH lines and letters are drawn."""
-    return max(1, round(float(canvas.shape[1]) / (1.5 * LEAST_WIDTH)))
-
-
-def _pixels(points_cam: torch.Tensor, K: torch.Tensor, factor: float) -> NDArray[np.float64]:
-    """Pixels (P, 2) of points in the enlarged picture, kept within what OpenCV's integers hold."""
-    px, _ = project(K, points_cam)
-    return np.asarray(((px + 0.5) * factor - 0.5).clamp(-1e6, 1e6).numpy(), dtype=np.float64)
-
-
-def _fixed(x: float, y: float) -> tuple[int, int]:
-    return round(x * (1 << SHIFT)), round(y * (1 << SHIFT))
 
 
 def _fill(

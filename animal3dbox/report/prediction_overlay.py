@@ -3,7 +3,8 @@
 import torch
 
 from animal3dbox.errors import SampleError
-from animal3dbox.report.overlay import Picture, draw_cuboid, enlarged, with_words
+from animal3dbox.report.inset import Picture
+from animal3dbox.report.overlay import draw_cuboid, enlarged, with_words
 from animal3dbox.report.target_boxes import Fields, checked_field, cuboids_of, picture_of
 
 

@@ -12,7 +12,8 @@ from animal3dbox.datasets.labelling.skipped import Skipped
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import EDGES, FACES, Cuboid
-from animal3dbox.report.overlay import BACK, FRONT, Picture
+from animal3dbox.report.cuboid_pen import BACK, FRONT
+from animal3dbox.report.inset import Picture
 from animal3dbox.report.target_boxes import Fields, checked_field, cuboids_of, picture_of
 
 TIMELINE = "image"

@@ -9,7 +9,7 @@ import torch
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry.checks import check_shape
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.report.overlay import Picture
+from animal3dbox.report.inset import Picture
 
 Fields = Mapping[str, Any]
 

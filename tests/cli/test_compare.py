@@ -23,7 +23,8 @@ from animal3dbox.evaluate.comparison import (
     cuboids_of,
     matched_pairs,
 )
-from animal3dbox.report.overlay import FRONT, draw_cuboid
+from animal3dbox.report.cuboid_pen import FRONT
+from animal3dbox.report.overlay import draw_cuboid
 
 BOXES = detected_set()
 
@@ -223,11 +224,11 @@ def test_no_boxes_at_all_are_a_table_of_noughts() -> None:
 def test_a_box_without_a_heading_has_no_coloured_front() -> None:
     boxes = cuboids_of([simple_record(center=np.array([-4.0, 0.5, 10]))])  # its front is seen
     box = type(boxes)(boxes.center[0], boxes.rotation[0], boxes.size[0])
-    K = torch.tensor([[100.0, 0, 79.5], [0, 100, 59.5], [0, 0, 1]], dtype=torch.float64)
+    K = torch.tensor([[400.0, 0, 319.5], [0, 400, 239.5], [0, 0, 1]], dtype=torch.float64)
     for dashed in (False, True):
         greens = []
         for heading_known in (True, False):
-            canvas = np.zeros((120, 160, 3), dtype=np.uint8)
+            canvas = np.zeros((480, 640, 3), dtype=np.uint8)
             draw_cuboid(canvas, box, K, dashed=dashed, heading_known=heading_known)
             assert canvas.any()
             greens.append(int((canvas == FRONT).all(-1).sum()))

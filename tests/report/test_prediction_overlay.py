@@ -12,7 +12,7 @@ from detections import F64, animals, detected, turned
 from animal3dbox.errors import SampleError, ShapeError
 from animal3dbox.geometry import EDGES, Cuboid, project
 from animal3dbox.report import draw_cuboid, draw_predictions
-from animal3dbox.report.overlay import BACK
+from animal3dbox.report.cuboid_pen import BACK
 
 HW = (480, 640)
 IMAGE = torch.full((3, *HW), 120, dtype=torch.uint8)

@@ -31,6 +31,7 @@ from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import REASONS, CuboidLabel, Quality, Rejection
+from animal3dbox.report.cuboid_pen import BACK, FRONT
 from animal3dbox.report.gallery import Card, card_picture, small_picture, write_gallery
 from animal3dbox.report.label_files import (
     LabelFile,
@@ -40,7 +41,7 @@ from animal3dbox.report.label_files import (
 )
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.label_words import words_of_label
-from animal3dbox.report.overlay import BACK, FRONT, draw_cuboid, draw_label, enlarged
+from animal3dbox.report.overlay import draw_cuboid, draw_label, enlarged
 from animal3dbox.report.run import overlay_name, write_run
 from animal3dbox.report.run_rows import Labelled
 from animal3dbox.report.summary import FLAGS, Summary, flags_of, summarize

@@ -13,7 +13,7 @@ from animal3dbox.datasets import Skipped, SyntheticDataset
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.geometry import project
 from animal3dbox.report import write_rerun
-from animal3dbox.report.overlay import BACK, FRONT
+from animal3dbox.report.cuboid_pen import BACK, FRONT
 
 HW = (96, 128)
 

@@ -18,7 +18,7 @@ from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.progress import watched
 from animal3dbox.report.gallery import Card, card_picture, write_gallery
 from animal3dbox.report.label_words import words_of_row
-from animal3dbox.report.overlay import draw_cuboid, enlarged, with_words
+from animal3dbox.report.overlay import cuboid_in_picture, with_words
 from animal3dbox.report.summary import FaultRow, Summary
 from animal3dbox.report.table.columns import KINDS, columns_of
 from animal3dbox.report.table.parts import Part, parts_of, read_part
@@ -179,10 +179,8 @@ def _drawn(row: Row, images: Path, lines: list[str]) -> NDArray[np.uint8]:
     """The picture of a row's image with its cuboid; raises SampleError."""
     hw = row["image_height"], row["image_width"]
     photo = read_photo(images / row["image"], row["sample_id"], hw, upright=row["upright"])
-    canvas, factor = enlarged(photo.pixels)
     cuboid = Cuboid(_tensor(row, "center"), _tensor(row, "rotation"), _tensor(row, "size"))
-    draw_cuboid(canvas, cuboid, _tensor(row, "K"), factor)
-    return with_words(canvas, lines)
+    return with_words(cuboid_in_picture(photo.pixels, cuboid, _tensor(row, "K")), lines)
 
 
 def _tensor(row: Row, name: str) -> torch.Tensor:
