@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TypeVar
 
-from tqdm import tqdm
-
 T = TypeVar("T")
 _process: ContextVar[int | None] = ContextVar("process that shows bars", default=None)
 
@@ -50,6 +48,8 @@ def watched(
     """
     if _process.get() != os.getpid():
         return items
+    from tqdm import tqdm  # here, so that `--help` does not wait for it
+
     return tqdm(
         items, desc=what, unit=f" {unit}", total=total, initial=initial, disable=None, leave=False
     )
@@ -63,6 +63,8 @@ def watched_steps(what: str, *, unit: str) -> Iterator[Callable[[int, int], None
         >>> with watched_steps("learning", unit="step") as watch:
         ...     watch(1, 2)
     """
+    from tqdm import tqdm  # as above
+
     is_hidden = True if _process.get() != os.getpid() else None
     with tqdm(desc=what, unit=f" {unit}", disable=is_hidden, leave=False) as bar:
 

@@ -503,14 +503,16 @@ def alone(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 def test_help_answers_without_loading_torch() -> None:
     code = """
-import sys
+import linecache, sys
 from animal3dbox.cli.jobs import COMMANDS
 from animal3dbox.cli.main import main
 from animal3dbox.cli.options import FaultOptions, Format, Metric, StoredCamera, Swap
 try:
     main(sys.argv[1:])
 except SystemExit as left:
-    heavy = [name for name in ("torch", "cv2", "scipy", "trimesh", "kornia") if name in sys.modules]
+    slow = ("torch", "cv2", "scipy", "trimesh", "kornia", "tqdm")
+    heavy = [name for name in slow if name in sys.modules]
+    heavy += [name for name in linecache.cache if name.endswith("typing.py")]  # its source was read
     sys.exit(f"loaded {heavy}" if heavy else left.code)
 """
     for arguments in (["--help"], ["label", "--help"]):
