@@ -112,5 +112,6 @@ def write_demo_page(path: Path, animals: Sequence[ComparedAnimal], about: str) -
         right=sum(one.flank == one.true_flank for one in telling),
         shown=len(telling),
         animals=animals,
+        neither=NEITHER,
     )
     write_whole(path, page.encode())
