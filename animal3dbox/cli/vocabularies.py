@@ -10,6 +10,15 @@ from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
 
 NO_PLACE = "(not on the body)"
+EXAMPLE = """\
+name = "my_dogs"
+[keypoints]
+Nose = "nose"
+LF_paw = "left_front_paw"
+RF_paw = "right_front_paw"
+collar = []  # nowhere on the body: not used
+"""
+"""The beginning of a vocabulary of one's own."""
 
 
 def run_vocabularies(job: VocabulariesJob) -> ExitCode:
@@ -39,6 +48,9 @@ def _overview() -> Iterator[str]:
     yield ""
     yield "Places on the body, for the TOML file of a vocabulary of your own:"
     yield from (f"  {place}" for place in KNOWN_PLACES)
+    yield ""
+    yield "Such a file, for --vocabulary: each of your keypoints in its order, and where it is:"
+    yield from (f"  {line}" for line in EXAMPLE.splitlines())
     yield ""
     yield "With a name or a file: every keypoint, its place and its mirror image."
 

@@ -7,6 +7,7 @@ import pytest
 from animal3dbox.cli.main import main
 from animal3dbox.smal.keypoints.known_places import KNOWN_PLACES
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
+from animal3dbox.smal.keypoints.vocabulary import load_vocabulary
 
 
 def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -82,3 +83,11 @@ def test_a_second_place_that_no_body_here_has_is_told(
     file = tmp_path / "own.toml"
     file.write_text('name = "own"\n[keypoints]\nnose = ["nose", "noze"]\n')
     assert "names the place 'noze' of 'nose'" in printed(capsys, str(file))
+
+
+def test_the_file_that_is_shown_is_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = printed(capsys).splitlines()
+    begin = lines.index('  name = "my_dogs"')
+    file = tmp_path / "own.toml"
+    file.write_text("\n".join(line.strip() for line in lines[begin : lines.index("", begin)]))
+    assert load_vocabulary(file).keypoints == ("Nose", "LF_paw", "RF_paw", "collar")

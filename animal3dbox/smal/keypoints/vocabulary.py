@@ -225,7 +225,7 @@ def vocabulary_from_names(
     keypoints: Mapping[str, Sequence[str] | str | None],
     pairs: Mapping[str, str] | None = None,
 ) -> Vocabulary:
-    """A vocabulary whose keypoints say left and right in their names.
+    """A vocabulary whose keypoints say left and right in their names, or by their places.
 
     Args:
         name: what to call it.
@@ -233,7 +233,8 @@ def vocabulary_from_names(
         pairs: keypoint -> its mirror image, where the names do not say left and right.
 
     Returns:
-        The vocabulary; its flip pairs the names that differ only in left and right.
+        The vocabulary; its flip pairs the names that differ only in left and right, and those
+        without a side whose places do.
 
     Raises:
         ConfigError: a name says a side, but its twin is missing.
@@ -252,7 +253,7 @@ def vocabulary_from_names(
     partners = dict(pairs or {}) | {b: a for a, b in (pairs or {}).items()}
     flip = []
     for keypoint in names:
-        partner = partners.get(keypoint, swap_sides(keypoint))
+        partner = partners.get(keypoint) or _twin_of(keypoint, names, landmarks)
         if partner not in names:
             raise ConfigError(
                 f"vocabulary {name}: {keypoint!r} has no twin {partner!r}: name it, or say in flip"
@@ -262,12 +263,33 @@ def vocabulary_from_names(
     return Vocabulary(name, names, landmarks, tuple(flip))
 
 
+def _twin_of(keypoint: str, names: Sequence[str], landmarks: Sequence[tuple[str, ...]]) -> str:
+    """The name of a keypoint's mirror image, by its own name, else by the places of both.
+
+    Of "LF_paw" at left_front_paw it is the one other keypoint at right_front_paw whose name says no
+    side either; itself if there is none.
+    """
+    if side_of(keypoint) is not None:
+        return swap_sides(keypoint)
+    own = landmarks[names.index(keypoint)][:1]
+    if not own or side_of(own[0]) is None:
+        return keypoint
+    silent = [
+        (name, places[0])
+        for name, places in zip(names, landmarks, strict=True)
+        if places and side_of(name) is None
+    ]
+    twins = [name for name, place in silent if place == swap_sides(own[0])]
+    is_alone = [place for _, place in silent].count(own[0]) == 1
+    return twins[0] if is_alone and len(twins) == 1 else keypoint
+
+
 def load_vocabulary(path: Path) -> Vocabulary:
     """Read a user's vocabulary from a small TOML file.
 
     The file holds ``name``; ``[keypoints]``, in the order of the data, name = landmark, a list of
     landmarks of which the first that the body has is taken, or [] for none; ``[flip]``, left =
-    right, where names do not say their side.
+    right, where neither names nor landmarks say their side.
 
     Raises:
         ConfigError: no such file, not TOML, or no vocabulary.

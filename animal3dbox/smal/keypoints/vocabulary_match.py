@@ -119,8 +119,8 @@ def match_by_name(names: Sequence[str], own: Vocabulary | None = None) -> NameMa
         near = max(matches, key=lambda match: len(names) - len(match.unused))
         raise ConfigError(
             f"{_unknown(names, near)}; they are no known vocabulary ({', '.join(VOCABULARIES)}):"
-            " rename them, or give a vocabulary of your own (--vocabulary, a TOML file as in"
-            " docs/formats.md)"
+            " rename them, or give a vocabulary of your own (--vocabulary, a TOML file:"
+            " `animal3dbox vocabularies` shows one)"
         )
     if whole:
         return max(whole, key=lambda match: (match.is_exact, len(match.vocabulary)))

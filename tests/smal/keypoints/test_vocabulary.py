@@ -282,7 +282,7 @@ def test_a_keypoint_of_one_side_needs_a_mirror_image() -> None:
     words = "'forelegL1' is left .left_front_elbow., but is its own mirror image"
     places = {"forelegL1": "left_front_elbow", "forelegR1": "right_front_elbow"}
     with pytest.raises(ConfigError, match=words):
-        vocabulary_from_names("mine", places)
+        vocabulary_from_names("mine", {**places, "forelegR1": "right_front_paw"})
     paired = vocabulary_from_names("mine", places, {"forelegL1": "forelegR1"})
     assert paired.flip == (1, 0)
 
@@ -307,3 +307,25 @@ def test_a_body_that_has_no_place_for_any_keypoint_gives_none() -> None:
     points = vocabulary.on_body({"nose": (0, 1)}, torch.ones(3, 3))
     assert points[0].tolist() == [1, 1, 1]
     assert bool(points[1].isnan().all())
+
+
+def test_twins_whose_names_say_no_side_are_told_by_their_places() -> None:
+    own = vocabulary_from_names(
+        "own",
+        {
+            "LF_paw": "left_front_paw",
+            "Nose": "nose",
+            "RF_paw": ["right_front_paw", "right_front_wrist"],
+            "snout": "nose",  # the same place, and nobody's mirror image
+            "left_eye": "left_eye",
+            "right_eye": "right_eye",
+        },
+    )
+    assert own.flip == (2, 1, 0, 3, 5, 4)
+    assert own.sides[:3] == ("left", None, "right")
+
+
+@pytest.mark.parametrize("others", [{}, {"RF_1": "right_front_paw", "RF_2": "right_front_paw"}])
+def test_a_keypoint_at_a_side_with_no_single_twin_is_refused(others: dict[str, str]) -> None:
+    with pytest.raises(ConfigError, match=r"say in \[flip\]"):
+        vocabulary_from_names("own", {"LF_paw": "left_front_paw", **others})
