@@ -16,6 +16,7 @@ from animal3dbox.cli.jobs import CompareJob
 from animal3dbox.datasets.cuboid_formats import CuboidOptions
 from animal3dbox.datasets.exchange.export import in_metres
 from animal3dbox.datasets.images.remote_files import PicturePath
+from animal3dbox.datasets.readers.kitti.layout import kitti_layout
 from animal3dbox.datasets.readers.predictions.camera_poses import Cameras
 from animal3dbox.datasets.readers.predictions.reader import read_predictions
 from animal3dbox.datasets.readers.predictions.truth import unique_image
@@ -98,7 +99,7 @@ def _detections(job: CompareJob) -> CuboidSet:
 def _labels(job: CompareJob, detections: CuboidSet) -> CuboidSet:
     """The labels under the names that the truth has for their images."""
     options = (
-        CuboidOptions() if is_labels(job.path) else CuboidOptions(job.images, metric=job.metric)
+        CuboidOptions() if is_labels(job.path) else CuboidOptions(_images(job), metric=job.metric)
     )
     labels = read_cuboids(job.path, options)
     if job.metres_per_unit is not None:
@@ -123,6 +124,13 @@ def _labels(job: CompareJob, detections: CuboidSet) -> CuboidSet:
     if elsewhere == len(labels.records) and labels.records:
         return replace(labels, notes=tuple(notes))  # of which compared_boxes tells
     return replace(labels, records=tuple(records), notes=tuple(notes))
+
+
+def _images(job: CompareJob) -> Path | None:
+    """The folder of the labels' pictures: the truth's, but of a folder of KITTI's its own."""
+    layout = kitti_layout(job.path)
+    has_own = layout is not None and (layout.home / layout.pictures).is_dir()
+    return None if has_own else job.images
 
 
 def _image_of(

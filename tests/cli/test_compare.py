@@ -234,3 +234,27 @@ def test_a_box_without_a_heading_has_no_coloured_front() -> None:
             greens.append(int((canvas == FRONT).all(-1).sum()))
         assert greens[0] > 0
         assert greens[1] == 0
+
+
+def test_kitti_labels_have_their_own_pictures_and_the_truth_those_of_images(
+    tmp_path: Path,
+) -> None:
+    kitti, out = tmp_path / "kitti", tmp_path / "out"
+    assert ran("export", written_truth(tmp_path, BOXES), "--to", "kitti", "--out", kitti)[0] == 0
+    (kitti / "image_2").mkdir()
+    for line in (kitti / "images.txt").read_text().splitlines():
+        if line[0].isdigit():
+            number, width, height = line.split()[:3]
+            picture = Image.new("RGB", (int(width), int(height)))
+            picture.save(kitti / "image_2" / f"{int(number):06d}.png")
+    (kitti / "images.txt").unlink()
+    truth = tmp_path / "cars.json"
+    assert ran("export", kitti, "--to", "omni3d", "--out", truth)[0] == 0
+    detections = written_json(tmp_path / "p.json", flat_elements(truth, "pose"))
+    code, text = ran(
+        "compare", kitti, "--with", detections, "--truth", truth, "--out", out, "--images", kitti
+    )
+    assert code == 0, text
+    found = facts(json.loads((out / "compare.json").read_text()))
+    assert found["matched"] == len(BOXES.records)
+    assert "grey" not in text
