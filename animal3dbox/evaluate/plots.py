@@ -232,7 +232,7 @@ def _rows(
         )
     panel.set_yticks(range(len(known)), [str(record[name]) for record in known], fontsize=8)
     panel.invert_yaxis()
-    panel.margins(x=0.12)
+    panel.margins(x=0.12, y=0.02)
     panel.set_xlim(left=0)
 
 
