@@ -1,9 +1,10 @@
-"""The page of an evaluation: plots above their tables, with nothing to load from elsewhere."""
+"""The page of an evaluation: questions, answers and plots, then the tables; nothing to load."""
 
 import base64
 from collections.abc import Mapping
 from pathlib import Path
 
+from animal3dbox.evaluate.answers import QUESTIONS, answers_of
 from animal3dbox.evaluate.files import Evaluation
 from animal3dbox.evaluate.tables import shown
 from animal3dbox.files import write_whole
@@ -20,7 +21,9 @@ def write_page(
     plots: Mapping[str, bytes] | None,
     pictures: Mapping[str, bytes] | None = None,
 ) -> None:
-    """Write evaluation.html: every table with its plot, escaped and with nothing to load.
+    """Write evaluation.html as a report: what was asked, what came out, plots, and the tables.
+
+    Every value is escaped, and there is nothing to load.
 
     Args:
         path: the HTML file.
@@ -45,6 +48,8 @@ def write_page(
         pictures=_in_base64({} if plots is None else pictures or {}),
         plots=_in_base64(plots or {}),
         tables=evaluation.tables,
+        questions=QUESTIONS,
+        answers={table.name: answers_of(table) for table in evaluation.tables},
         shown=shown,
     )
     write_whole(path, page.encode())

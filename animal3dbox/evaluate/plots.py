@@ -5,7 +5,8 @@ import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from animal3dbox.evaluate.tables import PAPER, Table
+from animal3dbox.evaluate.answers import records_of
+from animal3dbox.evaluate.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +23,10 @@ def has_matplotlib() -> bool:
 
 
 def plots_of(tables: Sequence[Table]) -> dict[str, bytes] | None:
-    """A plot as PNG for each table that has one; None without matplotlib."""
+    """A plot as PNG for each table that has one; None without matplotlib.
+
+    A table in which nothing is known that could be drawn has none.
+    """
     if not has_matplotlib():
         return None
     known = {
@@ -32,12 +36,15 @@ def plots_of(tables: Sequence[Table]) -> dict[str, bytes] | None:
         "reproduction": _reproduction,
         "faces": _faces,
         "dataset": _dataset,
+        "foreign": _foreign,
+        "curve": _curve,
     }
-    return {
-        table.name: png_of(known[table.name](_computed(table)))
+    figures = {
+        table.name: known[table.name](records)
         for table in tables
-        if table.name in known
+        if table.name in known and (records := records_of(table))
     }
+    return {name: png_of(figure) for name, figure in figures.items() if figure is not None}
 
 
 def new_figure(
@@ -57,15 +64,6 @@ def png_of(figure: "Figure") -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
     return buffer.getvalue()
-
-
-def _computed(table: Table) -> list[dict[str, Any]]:
-    """A table's records without the paper's published ones."""
-    return [
-        record
-        for record in table.records()
-        if not any(isinstance(v, str) and PAPER in v for v in record.values())
-    ]
 
 
 def _stability(records: list[dict[str, Any]]) -> "Figure":
@@ -172,25 +170,85 @@ def _faces(records: list[dict[str, Any]]) -> "Figure":
     return figure
 
 
-def _dataset(records: list[dict[str, Any]]) -> "Figure":
-    figure, panels = new_figure(12, 3.2, 1, 3)
-    for panel, measure in zip(
-        panels, ("annotated median px", "mask IoU median", "rejected %"), strict=True
-    ):
-        _bars(
-            panel,
-            [{"measure": measure, **{r["method"]: r[measure] for r in records}}],
-            "measure",
-            [r["method"] for r in records],
-        )
+def _dataset(records: list[dict[str, Any]]) -> "Figure | None":
+    """A panel a measure, without those that are unknown, or zero, for all methods."""
+    measures = {
+        "annotated median px": ("keypoints off by, px: median, line to 95 %", "annotated p95 px"),
+        "mask IoU median": ("overlap with the mask: median, line to 5 %", "mask IoU p5"),
+        "rotation median deg": ("turned against the true box, degrees: median", None),
+        "IoU3D median": ("overlap with the true box: median", None),
+        "rejected %": ("animals without a label, %", None),
+    }
+    drawn = {name: words for name, words in measures.items() if any(r.get(name) for r in records)}
+    if not drawn:
+        return None
+    figure, panels = new_figure(12, 2.6 * ((len(drawn) + 1) // 2), (len(drawn) + 1) // 2, 2)
+    for panel, (measure, (words, end)) in zip(panels, drawn.items(), strict=False):
+        _rows(panel, records, "method", measure, end=end)
+        panel.set_title(words, fontsize=9, loc="left")
+    for panel in panels[len(drawn) :]:
+        panel.remove()
     return figure
 
 
+def _foreign(records: list[dict[str, Any]]) -> "Figure | None":
+    if not any(r.get("rotation median deg") for r in records):
+        return None
+    figure, panels = new_figure(12, 0.8 + 0.3 * len(records))
+    _rows(panels[0], records, "setting", "rotation median deg", end="p95 deg")
+    panels[0].set_title("turned against the true box, degrees: median, line to 95 %", fontsize=9)
+    return figure
+
+
+def _curve(records: list[dict[str, Any]]) -> "Figure":
+    figure, panels = new_figure(5.5, 5)
+    panels[0].plot((0, 1), (0, 1), color="black", linestyle=":", linewidth=1, label="as told")
+    for marker, labels in zip("os", dict.fromkeys(r["labels"] for r in records), strict=False):
+        points = [(r["told"], r["true"]) for r in records if r["labels"] == labels]
+        panels[0].plot(*zip(*points, strict=True), marker=marker, label=labels)
+    panels[0].set(xlabel="confidence that is told", ylabel="part of labels that are right")
+    panels[0].legend(fontsize=8)
+    return figure
+
+
+def _rows(
+    panel: "Axes", records: list[dict[str, Any]], name: str, measure: str, *, end: str | None
+) -> None:
+    """A bar a record, the first above, its value beside it, and a line to another measure."""
+    known = [record for record in records if record.get(measure) is not None]
+    for place, record in enumerate(known):
+        value = record[measure]
+        far = record.get(end) if end is not None else None
+        panel.barh(place, value, height=0.6, color="tab:blue", alpha=0.75)
+        if far is not None:
+            panel.plot((value, far), (place, place), color="black", linewidth=1, marker="|")
+        panel.annotate(
+            f"{value:.3g}",
+            (max(value, far or 0.0), place),
+            xytext=(6, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+        )
+    panel.set_yticks(range(len(known)), [str(record[name]) for record in known], fontsize=8)
+    panel.invert_yaxis()
+    panel.margins(x=0.12, y=0.02)
+    panel.set_xlim(left=0)
+
+
 def _bars(panel: "Axes", records: list[dict[str, Any]], name: str, groups: Sequence[str]) -> None:
-    """Groups of bars, one a record in each group; what is unknown has none."""
+    """Groups of bars, one a record in each group; what is unknown has none.
+
+    A panel without any height says so, lest it looks as if it was forgotten.
+    """
     width = 0.8 / max(len(records), 1)
     for number, record in enumerate(records):
-        places = [i + (number - (len(records) - 1) / 2) * width for i in range(len(groups))]
-        panel.bar(places, [record.get(group) or 0.0 for group in groups], width, label=record[name])
+        known = [i for i, group in enumerate(groups) if record.get(group) is not None]
+        places = [i + (number - (len(records) - 1) / 2) * width for i in known]
+        panel.bar(places, [record[groups[i]] for i in known], width, label=record[name])
+    values = [record[g] for record in records for g in groups if record.get(g) is not None]
+    if not any(values):
+        words = "0 for all of them" if values else "not known"
+        panel.text(0.5, 0.5, words, transform=panel.transAxes, ha="center")
     panel.set_xticks(range(len(groups)), list(groups), fontsize=8)
     panel.legend(fontsize=7)

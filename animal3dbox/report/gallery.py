@@ -1,4 +1,7 @@
-"""One HTML page that shows every label, worst first, with nothing to load from elsewhere."""
+"""One HTML page that shows every label, worst first, with nothing to load from elsewhere.
+
+It can be searched and filtered, and opens a page for each animal that says why it was flagged.
+"""
 
 import base64
 import heapq
@@ -13,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from animal3dbox.files import write_whole
+from animal3dbox.report.advice import Finding, explanations
 from animal3dbox.report.html_page import render
 from animal3dbox.report.summary import FLAGS, Summary
 
@@ -38,6 +42,10 @@ class Card:
         mask_iou: or None.
         facts: lines below the picture.
         overlay: the file beside the page that the picture leads to, or None.
+        image: its image, by which it can be searched.
+        category: its species, as the dataset says.
+        flank: that is seen; "" of a rejected one.
+        findings: why it was flagged or rejected.
 
     Example:
         >>> card = Card("a.jpg", None, "rejected", -1.0, None, None, ("no_pose: none",), None)
@@ -53,6 +61,10 @@ class Card:
     mask_iou: float | None
     facts: tuple[str, ...]
     overlay: str | None
+    image: str = ""
+    category: str = ""
+    flank: str = ""
+    findings: tuple[Finding, ...] = ()
 
 
 def write_gallery(
@@ -95,6 +107,7 @@ def write_gallery(
         funnel=_funnel(summary),
         most=max(summary.animals, 1),
         note=note.strip(),
+        explanations=explanations(),
         articles=articles,
     )
     write_whole(path, page.encode())

@@ -17,6 +17,7 @@ from PIL import Image
 from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import SampleError
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.report.advice import flag_findings, rejection_finding
 from animal3dbox.report.gallery import Card, card_picture
 from animal3dbox.report.label_files import AnimalRow, RejectedRow, animal_row
 from animal3dbox.report.label_words import words_of_label
@@ -65,6 +66,7 @@ class RunRow(msgspec.Struct, frozen=True, kw_only=True):
         is_unread: whether that was its annotation.
         image: its image; "" of a fault.
         upright: whether the picture was turned as its header says.
+        category: its species, as the dataset says.
         flags: that the label raises.
         facts: the lines of its card.
         picture: JPEG of its card; None without.
@@ -78,6 +80,7 @@ class RunRow(msgspec.Struct, frozen=True, kw_only=True):
     is_unread: bool = False
     image: str = ""
     upright: bool = False
+    category: str = ""
     flags: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
     picture: bytes | None = None
@@ -93,8 +96,19 @@ class RunRow(msgspec.Struct, frozen=True, kw_only=True):
     def card(self) -> Card | None:
         """Its card in the gallery; a fault has none."""
         if self.rejected is not None:
-            title = self.rejected.sample_id
-            return Card(title, self.picture, "rejected", -1.0, None, None, self.facts, None)
+            return Card(
+                title=self.rejected.sample_id,
+                picture=self.picture,
+                status="rejected",
+                confidence=-1.0,
+                error_px=None,
+                mask_iou=None,
+                facts=self.facts,
+                overlay=None,
+                image=self.image,
+                category=self.category,
+                findings=(rejection_finding(self.rejected.reason, self.rejected.detail),),
+            )
         if self.animal is None:
             return None
         quality = self.animal.quality
@@ -107,7 +121,23 @@ class RunRow(msgspec.Struct, frozen=True, kw_only=True):
             mask_iou=_number(quality["mask_iou"]),
             facts=self.facts,
             overlay=self.overlay,
+            image=self.image,
+            category=self.category,
+            flank=self.animal.flank or "",
+            findings=flag_findings(
+                self.flags,
+                {
+                    **quality,
+                    "confidence": self.animal.confidence,
+                    "truncation": self.animal.truncation,
+                },
+                causes=_words(quality.get("flags")),
+            ),
         )
+
+
+def _words(value: object) -> tuple[str, ...]:
+    return tuple(value) if isinstance(value, list | tuple) else ()
 
 
 def _number(value: object) -> float | None:
@@ -174,6 +204,7 @@ def _rejected(
         rejected=row,
         image=result.image_id,
         upright=result.upright,
+        category=result.category,
         facts=(f"{row.reason}: {row.detail}",),
         picture=None if picture is None else card_picture(picture),
     )
@@ -209,6 +240,7 @@ def _labelled(
         animal=row,
         image=result.image_id,
         upright=result.upright,
+        category=result.category,
         flags=flags,
         facts=(*facts, sighting) if sighting else facts,
         picture=None if overlay is None else card_picture(overlay),

@@ -16,6 +16,7 @@ from animal3dbox.datasets.storage.fingerprint import digest
 from animal3dbox.errors import ConfigError, DatasetNotFoundError, SampleError
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.progress import watched
+from animal3dbox.report.advice import flag_findings
 from animal3dbox.report.gallery import Card, card_picture, write_gallery
 from animal3dbox.report.label_words import words_of_row
 from animal3dbox.report.overlay import cuboid_in_picture, with_words
@@ -172,6 +173,10 @@ def _card(row: Row, images: Path) -> Card:
         mask_iou=words.mask_iou,
         facts=facts,
         overlay=None,
+        image=row["image"],
+        category=row["category"] or "",
+        flank=words.flank,
+        findings=flag_findings(flags, row),
     )
 
 

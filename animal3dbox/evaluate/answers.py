@@ -1,0 +1,211 @@
+"""What an evaluation asked and what came out, in sentences that are made from its tables."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from animal3dbox.evaluate.tables import PAPER, Table, shown
+
+Record = Mapping[str, Any]
+
+QUESTIONS = {
+    "stability": "How far do the box's axes turn when annotations are noisy?",
+    "accuracy": "How near are the box's axes to the true trunk?",
+    "pose": "How well is the camera's pose found from faulty keypoints?",
+    "reproduction": "Do keypoints left at (0, 0) explain the paper's figures?",
+    "faces": "Are the faces that a box shows, and their shares, those that rays find?",
+    "foreign": "Do poses hold for animals that are built otherwise than ours?",
+    "reliability": "Can the confidence of a label be believed?",
+    "curve": "Of labels that are told to be right so often, how many are right?",
+    "fits": "Is a fitted body better than a rigid one?",
+    "dataset": "How well do labels fit what was annotated?",
+}
+"""What each table answers."""
+
+
+def records_of(table: Table) -> list[dict[str, Any]]:
+    """A table's records without the paper's published ones."""
+    return [
+        record
+        for record in table.records()
+        if not any(isinstance(value, str) and PAPER in value for value in record.values())
+    ]
+
+
+def answers_of(table: Table) -> list[str]:
+    """What came out, in two or three sentences with the table's numbers.
+
+    A sentence whose numbers are not known is left out; a table of another name has none.
+
+    Example:
+        >>> from animal3dbox.evaluate.dataset_study import DatasetRow, dataset_table
+        >>> table = dataset_table([DatasetRow("a.jpg", "default", None, annotated_px=3.5)])
+        >>> answers_of(table)[0]
+        'The default labelled 1 of 1 animals.'
+    """
+    sentences = _ANSWERS.get(table.name)
+    return [] if sentences is None else sentences(records_of(table))
+
+
+def _row(records: list[dict[str, Any]], **wanted: str) -> Record:
+    """The record with these values; an empty one if there is none."""
+    return next(
+        (r for r in records if all(r.get(name) == value for name, value in wanted.items())), {}
+    )
+
+
+def _sentence(template: str, **values: float | str | None) -> list[str]:
+    """The template with its numbers; nothing if one of them is not known."""
+    if any(value is None for value in values.values()):
+        return []
+    words = {name: v if isinstance(v, str) else shown(v) for name, v in values.items()}
+    return [template.format(**words)]
+
+
+def _dataset(records: list[dict[str, Any]]) -> list[str]:
+    default = _row(records, method="default")
+    sentences = []
+    for method, words in (("default", "default"), ("basic", "paper's baseline (basic)")):
+        row = _row(records, method=method)
+        n, total = row.get("labelled"), row.get("animals")
+        sentences += _sentence(
+            "The {words} labelled {n} of {total} animals.", words=words, n=n, total=total
+        )
+        sentences += _sentence(
+            "Its keypoints are off by a median of {px} px.", px=row.get("annotated median px")
+        )
+    truth = _sentence(
+        "Against the true boxes the default is turned by a median of {deg} degrees, and overlaps"
+        " them by {iou} of 1 (3D IoU).",
+        deg=default.get("rotation median deg"),
+        iou=default.get("IoU3D median"),
+    )
+    return sentences + (
+        truth
+        or [
+            "There are no true boxes to compare with: this says how labels fit, not how true"
+            " they are."
+        ]
+    )
+
+
+def _stability(records: list[dict[str, Any]]) -> list[str]:
+    def turn(protocol: str, rule: str) -> float | None:
+        value = _row(records, protocol=protocol, rule=rule).get("theta_R deg")
+        return None if value is None else float(value)
+
+    in_space = _sentence(
+        "When points of the body are off by as much as some pixels are, our axes turn by {ours}"
+        " degrees on average, the paper's by {paper}.",
+        ours=turn("pixel-equivalent", "ours, mesh"),
+        paper=turn("pixel-equivalent", "landmarks (paper)"),
+    )
+    return in_space + _sentence(
+        "Noisy image keypoints turn ours by {ours} degrees, through the camera's pose.",
+        ours=turn("camera", "ours, mesh"),
+    )
+
+
+def _accuracy(records: list[dict[str, Any]]) -> list[str]:
+    ours = _row(records, rule="ours, mesh")
+    return _sentence(
+        "Over {n} animals our axes are off the true trunk by a median of {ours} degrees (95 % below"
+        " {p95}), the paper's by {paper}, and principal components by {pca}.",
+        n=ours.get("animals"),
+        ours=ours.get("median deg"),
+        p95=ours.get("p95 deg"),
+        paper=_row(records, rule="landmarks (paper)").get("median deg"),
+        pca=_row(records, rule="pca of mesh").get("median deg"),
+    )
+
+
+def _pose(records: list[dict[str, Any]]) -> list[str]:
+    return [
+        sentence
+        for setting in ("2 px", "2 px, 10 % outliers")
+        for sentence in _sentence(
+            "With keypoints off by {setting}, the default's box is turned by a median of {ours}"
+            " degrees, the baseline's (basic) by {basic}.",
+            setting=setting.replace(",", " and"),
+            ours=_row(records, setting=setting, method="default").get("rotation median deg"),
+            basic=_row(records, setting=setting, method="basic").get("rotation median deg"),
+        )
+    ]
+
+
+def _reproduction(records: list[dict[str, Any]]) -> list[str]:
+    part = str(records[-1]["keypoints"]) if records else ""
+    return _sentence(
+        "With {part}, the baseline that is given them as keypoints is off by {fed} px on average,"
+        " and by {dropped} px where they are dropped.",
+        part=part,
+        fed=_row(records, keypoints=part, method="basic").get("mean px"),
+        dropped=_row(records, keypoints=part, method="basic, (0, 0) dropped").get("mean px"),
+    )
+
+
+def _faces(records: list[dict[str, Any]]) -> list[str]:
+    known = [r for r in records if r.get("booleans right %") is not None]
+    return _sentence(
+        "Which faces are seen is right for at least {right} % of the faces in each of {n} kinds of"
+        " view; a share is wrong by {error} at most.",
+        n=str(len(known)),
+        right=min((r["booleans right %"] for r in known), default=None),
+        error=max((r["in-frame share max error"] for r in known), default=None),
+    )
+
+
+def _foreign(records: list[dict[str, Any]]) -> list[str]:
+    known = [r for r in records if r.get("rotation median deg") is not None]
+    worst = max(known, key=lambda record: float(record["rotation median deg"]), default={})
+    first = known[0] if known else {}
+    return _sentence(
+        "The box is turned by a median of {first} degrees ({setting}); worst is {worst}, with {deg}"
+        " degrees.",
+        first=first.get("rotation median deg"),
+        setting=first.get("setting"),
+        worst=worst.get("setting"),
+        deg=worst.get("rotation median deg"),
+    )
+
+
+def _reliability(records: list[dict[str, Any]]) -> list[str]:
+    sentences = []
+    for mask in ("with", "without"):
+        row = _row(records, labels=f"all, {mask} mask")
+        sentences += _sentence(
+            "Of {n} labels {mask} a mask {bad} % are bad.",
+            n=row.get("n"),
+            mask=mask,
+            bad=row.get("bad %"),
+        )
+        sentences += _sentence(
+            "A good one of them has more confidence than a bad one with a probability of {auc}.",
+            auc=row.get("AUC"),
+        )
+    return sentences
+
+
+def _fits(records: list[dict[str, Any]]) -> list[str]:
+    def row(body: str) -> Record:
+        return _row(records, **{"world": "foreign", "class": "all", "body": body})
+
+    return _sentence(
+        "On the foreign world the fitted body's trunk is off by a median of {fit} degrees, a rigid"
+        " dog's by {rigid}, the true body's by {true}.",
+        fit=row("fit").get("trunk median deg"),
+        rigid=row("rigid dog").get("trunk median deg"),
+        true=row("true body").get("trunk median deg"),
+    )
+
+
+_ANSWERS: Mapping[str, Callable[[list[dict[str, Any]]], list[str]]] = {
+    "stability": _stability,
+    "accuracy": _accuracy,
+    "pose": _pose,
+    "reproduction": _reproduction,
+    "faces": _faces,
+    "foreign": _foreign,
+    "reliability": _reliability,
+    "fits": _fits,
+    "dataset": _dataset,
+}
