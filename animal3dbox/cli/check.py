@@ -70,17 +70,18 @@ def run_check(job: CheckJob) -> ExitCode:
     """Check labels or cuboids, and say what is wrong."""
     if job.workers < 0:
         raise ConfigError(f"--workers must not be negative, got {job.workers}")
+    noun = "animals"
     if is_labels(job.path):
         report = check_labels(job.path)
     elif (format := cuboid_format(job.path, job.dataset.format)) is not None:
         options = CuboidOptions(job.dataset.images, metric=job.metric)
-        report = check_cuboids(job.path, options, format)
+        report, noun = check_cuboids(job.path, options, format), "boxes"  # perhaps of cars
     else:
         report = check_dataset(job)
     if job.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     else:
-        _print(report)
+        _print(report, noun)
     return ExitCode.FAULTY if report.faults else ExitCode.OK
 
 
@@ -274,8 +275,8 @@ def _unreadable(error: SampleError) -> CheckedFault:
     )
 
 
-def _print(report: CheckReport) -> None:
-    print(f"{report.animals} animals in {report.source}: {len(report.faults)} faults")
+def _print(report: CheckReport, noun: str) -> None:
+    print(f"{report.animals} {noun} in {report.source}: {len(report.faults)} faults")
     for check, count in report.counts.items():
         print(f"  {count} x {check}")
     for check, count in report.warnings.items():

@@ -332,7 +332,7 @@ def test_folders_without_labels_are_refused(tmp_path: Path) -> None:
 
 def test_commands_know_a_folder_of_kitti(folder: Path) -> None:
     code, output = ran("check", folder)
-    assert (code, f"4 animals in {folder}: 0 faults" in output) == (0, True)
+    assert (code, f"4 boxes in {folder}: 0 faults" in output) == (0, True)
     out = folder.parent / "omni.json"
     code, output = ran("export", folder.parent, "--to", "omni3d", "--out", out)
     assert (code, "4 boxes in 2 images" in output) == (0, True)
