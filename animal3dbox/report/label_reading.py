@@ -10,6 +10,7 @@ from animal3dbox.datasets.readers.elements import decoded
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import DatasetFormatError, SampleError
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, FACE_NAMES
+from animal3dbox.progress import watched
 from animal3dbox.report.label_files import AnimalRow, LabelFile
 
 REMEDY = "label its image again, or take the row out"
@@ -96,7 +97,7 @@ def _rows(raws: Sequence[msgspec.Raw]) -> tuple[list[AnimalRow], list[SampleErro
     animals: list[AnimalRow] = []
     faults: list[SampleError] = []
     places: dict[str, int] = {}
-    for place, raw in enumerate(raws):
+    for place, raw in enumerate(watched(raws, "reading", unit="label")):
         name = f"animals[{place}]"
         with suppress(
             msgspec.DecodeError, UnicodeDecodeError

@@ -23,6 +23,7 @@ from animal3dbox.errors import SampleError
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.cuboid import CORNER_SIGNS, EDGES, MIRRORED_CORNERS
+from animal3dbox.progress import watched
 
 KEYPOINT_NAMES = (
     *(
@@ -152,7 +153,7 @@ def _annotations(
     visible = visible_boxes(records)
     annotations: list[dict[str, Any]] = []
     faults = []
-    for index, record in enumerate(records):
+    for index, record in enumerate(watched(records, "writing", unit="box")):
         box = visible.in_frame[index] if record.box is None else record.box
         if np.isnan(box).any():
             faults.append(

@@ -34,6 +34,7 @@ from animal3dbox.datasets.records import CuboidImage, CuboidRecord, CuboidSet
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.box_visibility import corners_visibility, visible_faces
 from animal3dbox.geometry.cuboid import corners_of
+from animal3dbox.progress import watched
 
 UNKNOWN_BOX = [-1.0, -1.0, -1.0, -1.0]
 """Value of a 2D box that is not known."""
@@ -211,7 +212,7 @@ def _annotations(
     """
     visible = visible_boxes(records)
     annotations = []
-    for index, record in enumerate(records):
+    for index, record in enumerate(watched(records, "writing", unit="box")):
         location, rotation, dimensions = OMNI3D.boxes_out(
             record.center, record.rotation, record.size
         )

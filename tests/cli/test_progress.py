@@ -37,6 +37,8 @@ CALLS = {
     "synth": "synth --n 2 --width 160 --height 120 --out {new}",
     "evaluate": "evaluate {animals} --out {new}",
     "export --to kitti": "export {truth} --to kitti --scale-free --out {new}",
+    "export --to omni3d": "export {truth} --to omni3d --scale-free --out {new}",
+    "export --to coco": "export {truth} --to coco --out {new}",
     "check": "check {animals} --body dog",
     "check --json of cuboids": "check {truth} --json",
     "compare": "compare {truth} --with {detections} --truth {truth} --out {new}",

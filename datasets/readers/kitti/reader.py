@@ -38,6 +38,7 @@ from animal3dbox.datasets.sightings import NO_SIGHTING, Sighting
 from animal3dbox.errors import DatasetFormatError, DatasetNotFoundError, SampleError, ShapeError
 from animal3dbox.files import user_path
 from animal3dbox.geometry.checks import check_intrinsics
+from animal3dbox.progress import watched
 
 FORMAT = "kitti"
 """The format's name in reports."""
@@ -132,7 +133,7 @@ def read_kitti(
     index = layout.home / INDEX
     text = _text(index) if index.is_file() else None
     reading = _Reading(layout, images, _listed(text, folder))
-    for label in layout.labels:
+    for label in watched(layout.labels, "reading", unit="file"):
         _read_label(label, reading)
     is_metric = (text is None or states_metres(text)) if metric == "info" else metric == "yes"
     if heading_known is None:

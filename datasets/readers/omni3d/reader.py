@@ -49,6 +49,7 @@ from animal3dbox.datasets.sightings import NO_SIGHTING
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 from animal3dbox.files import user_path
+from animal3dbox.progress import watched
 
 _OF_FAULTY_IMAGES = "annotations belong to faulty images and were left out"
 _WITHOUT_3D = "annotations say that they have no 3D box (valid3D false) and were left out"
@@ -268,7 +269,7 @@ def _stated_boxes(
     boxes, faults, numbers, counts = [], [], Counter[Key](), Counter[str]()
     owners: dict[Key, str] = {}
     seen = {one: sighting_in(raw) for raw in file.images if (one := _ids_of(raw).id) is not None}
-    for number, raw in enumerate(file.annotations):
+    for number, raw in enumerate(watched(file.annotations, "reading", unit="box")):
         key = _ids_of(raw).image_id
         image = None if key is None else images.get(key)
         sample_id = f"annotation {number}"
@@ -349,7 +350,7 @@ def _records(
     records, faults = [], []
     centers = _stacked(boxes).center
     center, rotation, size = convention.boxes_in(centers, layout.rotation, layout.dimensions)
-    for index, box in enumerate(boxes):
+    for index, box in enumerate(watched(boxes, "reading", unit="box")):
         if index in layout.problems:
             faults.append(SampleError(box.sample_id, *layout.problems[index]))
             continue
