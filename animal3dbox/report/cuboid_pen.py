@@ -28,6 +28,8 @@ SHIFT = 4
 """Bits of OpenCV's fixed-point coordinates."""
 PX_PER_WIDTH = 250
 """A box so long, px, has lines of one more pixel than one of half that, if the picture is large."""
+PX_PER_DOT = 50
+"""A keypoint's radius is at most this part of its box's length."""
 LEAST_DOUBLED_PX = 60
 """Boxes shorter than this have all their lines one pixel wide."""
 ARROW_HEIGHT, ARROW_HEAD = -0.3, (0.15, 0.11)
@@ -88,7 +90,8 @@ def line_widths(
     thin = max(1, min(most, round(length / PX_PER_WIDTH)))
     if length < LEAST_DOUBLED_PX:
         return LineWidths(thin=1, strong=1, dot=1)
-    return LineWidths(thin=thin, strong=2 * thin, dot=3 * thin)
+    dot = max(1, min(3 * thin, round(length / PX_PER_DOT)))
+    return LineWidths(thin=thin, strong=2 * thin, dot=dot)
 
 
 def size_before(canvas: Picture, factor: float) -> tuple[int, int]:

@@ -71,9 +71,10 @@ def test_a_regions_sides_are_those_of_the_projected_box_and_end_at_the_frame() -
 
 def test_lines_are_thinner_on_small_animals_and_never_thicker_than_the_picture_asks() -> None:
     canvas = np.zeros((3000, 4320, 3), dtype=np.uint8)
-    widths = [line_widths(canvas, Region(0, 0, n, 9), 1.0) for n in (20, 400, 1000, 4000)]
+    widths = [line_widths(canvas, Region(0, 0, n, 9), 1.0) for n in (20, 100, 400, 1000, 4000)]
     assert [(w.thin, w.strong, w.dot) for w in widths] == [
         (1, 1, 1),
+        (1, 2, 2),
         (2, 4, 6),
         (4, 8, 12),
         (6, 12, 18),
