@@ -16,4 +16,4 @@ out=${2:?OUT: the folder of the table, on a file system that all jobs see}
 shift 2
 export OMP_NUM_THREADS=1  # one thread a worker; the workers are what uses the processors
 exec "${ANIMAL3DBOX:-animal3dbox}" label "$dataset" --table "$out" --resume \
-    --index "$out/index" --shard "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT" --workers "$SLURM_CPUS_PER_TASK" "$@"
+    --shard "$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT" --workers "$SLURM_CPUS_PER_TASK" "$@"

@@ -227,5 +227,5 @@ def test_the_jobs_of_the_slurm_script_make_the_shards_of_one_table(tmp_path: Pat
     assert [line.split("--shard ")[1][:3] for line in lines] == ["1/2", "2/2"]
     for line in lines:
         job = subcommand_cli_from_dict(COMMANDS, args=line.split(), config=(OmitArgPrefixes,))
-        assert (job.path, job.table, job.dataset.index) == (Path("photos"), out, out / "index")
+        assert (job.path, job.table) == (Path("photos"), out)
         assert (job.cache.resume, job.cache.workers) == (True, 4)

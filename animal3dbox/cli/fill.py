@@ -106,7 +106,7 @@ def dataset_of(job: LabelJob, config: LabelConfig | None = None) -> AnnotatedDat
 def _index_folder(job: LabelJob) -> Path | None:
     """The folder of the index of a job's annotations, which all shards and workers can share."""
     if job.dataset.index is None and job.cache.folder is None and job.table is not None:
-        return job.table / INDEXES
+        return job.table / f"_{INDEXES}"  # readers of a folder of Parquet pass over such names
     return job.dataset.index
 
 

@@ -33,10 +33,10 @@ def test_every_animal_of_a_missing_picture_is_a_faulty_row(path: Path, tmp_path:
 def test_shards_of_a_table_share_the_index_in_its_folder(path: Path, tmp_path: Path) -> None:
     for shard in ("1/2", "2/2"):
         status_of_rows(path, tmp_path / "table", "--shard", shard)
-    assert len([*(tmp_path / "table" / "indexes").glob("*.index")]) == 1
+    assert len([*(tmp_path / "table" / "_indexes").glob("*.index")]) == 1
 
 
 def test_an_index_is_where_the_user_wants_it(path: Path, tmp_path: Path) -> None:
     status_of_rows(path, tmp_path / "table", "--index", str(tmp_path / "mine"))
     assert len([*(tmp_path / "mine").glob("*.index")]) == 1
-    assert not (tmp_path / "table" / "indexes").exists()
+    assert not (tmp_path / "table" / "_indexes").exists()

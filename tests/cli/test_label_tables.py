@@ -2,6 +2,8 @@
 
 import json
 import random
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -74,6 +76,46 @@ def test_options_that_contradict_are_refused(
     code, output = ran(*command(animals, tmp_path / "t", *options))
     assert code == 2
     assert says in output
+
+
+def test_shards_of_other_options_or_changed_annotations_are_refused(
+    copied: Path, tmp_path: Path
+) -> None:
+    def shard(words: str, *more: str) -> tuple[int, str]:
+        return ran(*command(copied, tmp_path / "t", "--shard", words, "--resume", *more))
+
+    assert shard("1/2")[0] == 0
+    code, output = shard("2/2", "--surface-share")
+    assert code == 2
+    assert "with other options or bodies" in output
+    annotations = copied / "train.json"
+    content = json.loads(annotations.read_text())
+    content["data"] = content["data"][1:]
+    annotations.write_text(json.dumps(content))
+    code, output = shard("2/2")
+    assert code == 2
+    assert "the annotations have changed" in output
+
+
+def test_a_shard_of_another_number_is_refused_while_one_is_written(
+    animals: Path, tmp_path: Path
+) -> None:
+    other = (
+        "import sys; from pathlib import Path\n"
+        "from animal3dbox.report.table.parts import locked_shard\n"
+        "with locked_shard(Path(sys.argv[1]), (1, 2)):\n"
+        "    print('locked', flush=True); sys.stdin.read()\n"
+    )
+    words = [sys.executable, "-c", other, str(tmp_path)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == b"locked\n"
+        code, output = ran(*command(animals, tmp_path, "--resume"))
+        assert code == 2
+        assert "another process writes shard-1-of-2" in output
+        assert ran(*command(animals, tmp_path, "--shard", "2/2", "--resume"))[0] == 0
+        holder.communicate(timeout=60)
+    assert ran(*command(animals, tmp_path, "--resume"))[0] == 0
 
 
 def test_a_table_is_not_written_over(animals: Path, tmp_path: Path) -> None:

@@ -86,7 +86,8 @@ def locked_shard(folder: Path, shard: tuple[int, int] = WHOLE_TABLE) -> Iterator
     killed writer left unfinished is removed. On Windows nothing is locked.
 
     Raises:
-        ConfigError: another process writes the shard, or the folder cannot be made.
+        ConfigError: another process writes the shard, or a shard of another number of them, whose
+            rows may be the same; or the folder cannot be made.
 
     """
     stem = f".shard-{shard[0]}-of-{shard[1]}"
@@ -106,9 +107,28 @@ def locked_shard(folder: Path, shard: tuple[int, int] = WHOLE_TABLE) -> Iterator
                     f"another process writes this table into {folder}: wait for its end, or give"
                     " another folder or --shard"
                 ) from error
+            _refuse_other_divisions(folder, shard)
         for unfinished in folder.glob(f"{stem}-*"):
             unfinished.unlink(missing_ok=True)
         yield
+
+
+def _refuse_other_divisions(folder: Path, shard: tuple[int, int]) -> None:
+    """Raise a ConfigError if a process writes a shard of another number of shards."""
+    import fcntl
+
+    for lock in folder.glob(".shard-*-of-*.lock"):
+        if lock.stem.endswith(f"-of-{shard[1]}"):
+            continue
+        with lock.open("rb+") as file:
+            try:
+                fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise ConfigError(
+                    f"another process writes {lock.stem.removeprefix('.')} into {folder}, whose"
+                    f" rows may be those of shard {shard[0]}/{shard[1]}: wait for its end, or give"
+                    " the same number of shards"
+                ) from error
 
 
 def write_part(
