@@ -41,6 +41,7 @@ PROCESS = frozenset(
         "cli/test_doctor.py::test_what_is_broken_ends_in_a_code_and_a_remedy",
         "cli/test_label_runs.py",
         "cli/test_label_tables.py",
+        "cli/test_worker_batches.py",
         "datasets/synthetic/test_world.py::test_another_process_draws_the_same_scene",
         "datasets/test_loading.py",
         "smal/files/test_pickle_writer.py"

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from torch.utils.data import DataLoader, Dataset
 
-from animal3dbox.errors import ConfigError, WorkerError
+from animal3dbox.errors import ConfigError, DatasetFormatError, WorkerError
 
 T = TypeVar("T")
 AT_ONCE = 64
@@ -31,6 +31,7 @@ def worker_batches(batches: "Dataset[T]", workers: int, remedy: str) -> Iterator
     Raises:
         ConfigError: a negative number of workers.
         WorkerError: a worker ended early.
+        DatasetFormatError: a worker found a damaged or changed file.
 
     """
     if workers < 0:
@@ -42,6 +43,11 @@ def worker_batches(batches: "Dataset[T]", workers: int, remedy: str) -> Iterator
             num_workers=workers,
             worker_init_fn=partial(_end_without_driver, os.getpid()),
         )
+    except DatasetFormatError as error:
+        if "DataLoader worker" not in str(error):
+            raise
+        *_, last = str(error).strip().splitlines()  # above it stands the worker's own traceback
+        raise DatasetFormatError(last.partition(": ")[2]) from error
     except RuntimeError as error:
         if "DataLoader worker" not in str(error):
             raise
