@@ -1,7 +1,7 @@
 """Fitted bodies beside rigid presets and true bodies: trunk, box and faces, and what a fit costs.
 
     OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --n 300
-    OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --n 320 --only 'own: fit$|foreign: fit$'
+    OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --n 320 --only 'n: fit$'
     OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --only cost
     OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --only learn
     OMP_NUM_THREADS=1 python benchmarks/fit_bodies.py --only 'learn own' --taught 100

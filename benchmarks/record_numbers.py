@@ -38,6 +38,8 @@ class Number:
     words: str
 
 
+FIT_BODIES = "benchmarks/fit_bodies.py --n 320 --only 'n: fit$'"
+FIT = rf"fit +{NUMBER} +\d+ \| +{NUMBER} / +{NUMBER} deg.* flank {NUMBER} of"
 TEACH = "benchmarks/teach.py table"
 DETECTOR = (
     rf" \| 11000 \| mirror.* \| \d+ \| {NUMBER} \({NUMBER} to {NUMBER}\) {NUMBER} .*\| {NUMBER} \|"
@@ -46,8 +48,22 @@ DISTANCES = "benchmarks/distances.py --n 320"
 BODY = rf"fitted body +K known +n +{NUMBER} .*\| +{NUMBER} / +{NUMBER} %"
 NUMBERS = (
     Number(
+        "trunk, own bodies",
+        "fitted to keypoints and mask, K known: error of the trunk; flank right",
+        FIT_BODIES,
+        f"own: {FIT}",
+        "{1} / {2} deg; {3} (n {0})",
+    ),
+    Number(
+        "trunk, foreign bodies",
+        "the same of bodies and keypoint places that are not ours",
+        FIT_BODIES,
+        f"foreign: {FIT}",
+        "{1} / {2} deg; {3} (n {0})",
+    ),
+    Number(
         "distance, own bodies",
-        "distance of an animal whose length is known, K known",
+        "error of the distance, the length of the animal and K known",
         DISTANCES,
         f"own: {BODY}",
         "{1} / {2} % (n {0})",
@@ -68,7 +84,7 @@ NUMBERS = (
     ),
     Number(
         "detector, other bodies",
-        "a detector taught on 11,000 drawn images: heading (median); flank right, of other bodies",
+        "a detector taught on 11,000 drawn images, other bodies: error of the heading, flank right",
         TEACH,
         f"test-id{DETECTOR}",
         "{0} deg; {3} (n {4})",
