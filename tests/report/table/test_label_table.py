@@ -1,5 +1,8 @@
 """The table of labels: every animal is a row, once, in whatever parts and order it is made."""
 
+import csv
+import gzip
+import io
 import json
 from pathlib import Path
 
@@ -257,6 +260,22 @@ def test_text_comes_back_from_a_part_and_is_no_formula(
     back = read_part(part, [*KINDS])
     assert back["category"] == names
     assert back == {**table, "category": names}
+
+
+@pytest.mark.parametrize("text", ["a\rb", "a\r\nb\n", '"\r"', "a\r"])
+def test_text_with_any_end_of_line_comes_back_from_csv(
+    dataset: LabelDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    monkeypatch.setattr("animal3dbox.report.table.parts.find_spec", lambda name: None)
+    table = label_table(dataset, [0])
+    table["category"] = [text] * len(table["key"])
+    path = write_part(tmp_path, table)
+    assert path is not None
+    assert read_part(parts_of(tmp_path)[0], [*KINDS]) == table
+    lines = gzip.decompress(path.read_bytes()).decode()
+    assert lines.endswith("\n")
+    assert not lines.endswith("\r\n")
+    assert [row["category"] for row in csv.DictReader(io.StringIO(lines))] == table["category"]
 
 
 def test_boxes_that_come_as_they_are_have_rows_too() -> None:
