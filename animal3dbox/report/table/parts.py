@@ -228,8 +228,15 @@ def _cell(kind: str, value: Value) -> str:
     if value is None:
         return ""
     if kind == "text":
-        return text_cell(str(value))
+        text = str(value)
+        return f"'{text}" if _marks(text) or text_cell(text) != text else text
     return str(value).lower() if kind == "flag" else repr(value)
+
+
+def _marks(text: str) -> bool:
+    """Whether a text begins as a cell that has a mark: with one, or more, and a formula's sign."""
+    bare = text.lstrip("'")
+    return bare != text and text_cell(bare) != bare
 
 
 def _csv_rows(path: Path) -> Iterator[dict[str, str]]:
@@ -242,7 +249,7 @@ def _value(cell: str, kind: str) -> Value:
     if not cell:
         return None
     if kind == "text":
-        return cell[1:] if cell[0] == "'" and text_cell(cell[1:]) == cell else cell
+        return cell[1:] if _marks(cell) else cell
     if kind == "flag":
         return cell == "true"
     return int(cell) if kind == "whole" else float(cell)
