@@ -10,6 +10,7 @@ import gzip
 import io
 import os
 import re
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -163,7 +164,7 @@ def read_part(part: Part, columns: Sequence[str]) -> dict[str, list[Value]]:
             return {name: read.column(name).to_pylist() for name in columns}
         rows = [*_csv_rows(part.path)]
         return {name: [_value(row[name], KINDS[name]) for row in rows] for name in columns}
-    except (OSError, EOFError, ValueError, KeyError, csv.Error) as error:
+    except (OSError, EOFError, ValueError, KeyError, csv.Error, zlib.error) as error:
         raise DatasetFormatError(
             f"{part.path} cannot be read ({error}): delete it and --resume, which makes its rows"
             " anew"
@@ -241,7 +242,10 @@ def _marks(text: str) -> bool:
 
 def _csv_rows(path: Path) -> Iterator[dict[str, str]]:
     with gzip.open(path, "rt", encoding="utf-8", errors="surrogateescape", newline="") as file:
-        yield from csv.DictReader(file)
+        reader = csv.DictReader(file)
+        if reader.fieldnames is None:
+            raise EOFError("it is empty")
+        yield from reader
 
 
 def _value(cell: str, kind: str) -> Value:

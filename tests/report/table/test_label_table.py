@@ -4,6 +4,7 @@ import csv
 import gzip
 import io
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -280,6 +281,34 @@ def test_any_text_comes_back_from_csv_and_is_no_formula(
     assert not lines.endswith("\r\n")
     cells = {row["category"] for row in csv.DictReader(io.StringIO(lines))}
     assert cells == {f"'{text}" if text.lstrip("'").startswith(FORMULA_SIGNS) else text}
+
+
+def with_changed_byte(data: bytes, place: int) -> bytes:
+    changed = bytearray(data)
+    changed[place] ^= 0xFF
+    return bytes(changed)
+
+
+CSV_DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "head": lambda data: with_changed_byte(data, 0),
+    "first block": lambda data: with_changed_byte(data, 12),
+    "rows": lambda data: with_changed_byte(data, 200),
+    "checksum": lambda data: with_changed_byte(data, -6),
+    "cut": lambda data: data[:-9],
+    "empty": lambda data: b"",
+}
+
+
+@pytest.mark.parametrize("damage", CSV_DAMAGES)
+def test_a_damaged_csv_part_is_named(
+    dataset: LabelDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str
+) -> None:
+    monkeypatch.setattr("animal3dbox.report.table.parts.find_spec", lambda name: None)
+    path = write_part(tmp_path, label_table(dataset, [0]))
+    assert path is not None
+    path.write_bytes(CSV_DAMAGES[damage](path.read_bytes()))
+    with pytest.raises(DatasetFormatError, match=f"{path.name} cannot be read.*delete it"):
+        read_part(parts_of(tmp_path)[0], [*KINDS])
 
 
 def test_boxes_that_come_as_they_are_have_rows_too() -> None:
