@@ -65,6 +65,8 @@ def _field_and_problem(error: msgspec.ValidationError) -> tuple[str, str]:
     text = str(error)
     path = text.rpartition("$")[2].strip(" .`") if "$" in text else ""
     missing_field = text.partition("field `")[2].partition("`")[0]
+    if text.startswith("Number out of range"):
+        text += ": no number of 64 bits is so large; correct it in the file"
     return (path or missing_field or "entry"), text
 
 
