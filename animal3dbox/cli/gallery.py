@@ -7,7 +7,9 @@ from animal3dbox.report.table.table_gallery import write_table_gallery
 
 def run_gallery(job: GalleryJob) -> ExitCode:
     """Draw a sample of a table into one page."""
-    page = job.out or job.path.with_name(f"{job.path.name}-gallery.html")
+    has_name = job.path.name not in ("", "..")
+    folder = job.path if has_name else job.path.resolve()
+    page = job.out or folder.parent / f"{folder.name}-gallery.html"
     shown = write_table_gallery(
         job.path,
         page,

@@ -38,8 +38,9 @@ class RowSpool:
         """Write what is waiting."""
         rows, self._waiting = self._waiting, []
         if rows:
-            path = self.folder / f"{len(self._files()):09d}.rows"
-            write_whole(path, _ENCODER.encode(rows))
+            files = self._files()
+            number = int(files[-1].stem) + 1 if files else 0  # some before it may be missing
+            write_whole(self.folder / f"{number:09d}.rows", _ENCODER.encode(rows))
 
     def __iter__(self) -> Iterator[RunRow]:
         """All rows that are written.
@@ -57,13 +58,28 @@ class RowSpool:
                 ) from error
 
     def clear(self) -> None:
-        """Remove all rows, but not the folder, which may be locked."""
-        for path in self._files():
+        """Remove all rows, but not the folder, which may be locked.
+
+        The last go first: a kill leaves the first rows of the run.
+        """
+        shutil.rmtree(self._removed, ignore_errors=True)  # which a killed run left
+        for path in reversed(self._files()):
             path.unlink()
 
     def remove(self) -> None:
-        """Remove the folder with all its rows."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Remove the folder with all its rows in one step: a kill leaves all of them or none."""
+        shutil.rmtree(self._removed, ignore_errors=True)
+        try:
+            self.folder.rename(self._removed)
+        except OSError:  # there is none, or on Windows its lock's file is open
+            self.clear()
+            shutil.rmtree(self.folder, ignore_errors=True)
+        shutil.rmtree(self._removed, ignore_errors=True)
+
+    @property
+    def _removed(self) -> Path:
+        """Where the folder is while its files are deleted; nobody reads rows there."""
+        return self.folder.with_name(f"{self.folder.name}-removed")
 
     def _files(self) -> list[Path]:
-        return sorted(self.folder.glob("*.rows"))
+        return sorted(self.folder.glob("[0-9]*.rows"))

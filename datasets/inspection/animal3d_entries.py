@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.readers.animal3d.collected_animals import elements_of
 from animal3dbox.datasets.readers.animal3d.entries import SplitFile, find_splits, numbered_id
+from animal3dbox.datasets.readers.elements import plain_value
 from animal3dbox.datasets.storage.json_files import decode_json
 from animal3dbox.errors import SampleError
 
@@ -57,9 +58,10 @@ def read_raw(path: Path) -> RawFiles:
                 name = place
                 with suppress(SampleError):
                     name = numbered_id(element, place, image_counts, file.parent)
-                entry = msgspec.json.decode(element)
-                if isinstance(entry, dict):
-                    entries[name] = entry
+                with suppress(SampleError):
+                    entry = plain_value(element, name)
+                    if isinstance(entry, dict):
+                        entries[name] = entry
     return RawFiles(
         top_keys=top_keys,
         counts=counts,

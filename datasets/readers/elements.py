@@ -50,6 +50,20 @@ def converted(value: Any, kind: type[_Entry], sample_id: str) -> _Entry:
             raise SampleError(sample_id, *_field_and_problem(error)) from error
 
 
+def plain_value(raw: msgspec.Raw, sample_id: str) -> Any:
+    """One element of a file as plain values; raises SampleError for a number that no float holds.
+
+    Args:
+        raw: the element, which is known to be JSON.
+        sample_id: named in the error.
+
+    """
+    try:
+        return msgspec.json.decode(raw)
+    except msgspec.ValidationError as error:
+        raise SampleError(sample_id, *_field_and_problem(error)) from error
+
+
 def _with_whole_numbers(value: Any) -> Any:
     """A decoded JSON value with integers for floats such as 640.0, which tables of floats write."""
     if isinstance(value, dict):
@@ -65,6 +79,8 @@ def _field_and_problem(error: msgspec.ValidationError) -> tuple[str, str]:
     text = str(error)
     path = text.rpartition("$")[2].strip(" .`") if "$" in text else ""
     missing_field = text.partition("field `")[2].partition("`")[0]
+    if text.startswith("Number out of range"):
+        text += ": no number of 64 bits is so large; correct it in the file"
     return (path or missing_field or "entry"), text
 
 

@@ -15,7 +15,7 @@ from animal3dbox.report.label_files import animal_row
 from animal3dbox.report.labels_csv import CSV_COLUMNS, write_labels_csv
 
 DOCS = Path(__file__).parents[2] / "docs" / "formats.md"
-NAME = 'dogs, "wet"/ö\n.jpg'
+NAME = 'dogs, "wet"/ö\n\r.jpg'
 
 
 def labelled(*, surface: bool = True, guessed: bool = False) -> CuboidLabel:

@@ -10,6 +10,7 @@ import gzip
 import io
 import os
 import re
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -183,7 +184,7 @@ def read_part(part: Part, columns: Sequence[str]) -> dict[str, list[Value]]:
             return {name: read.column(name).to_pylist() for name in columns}
         rows = [*_csv_rows(part.path)]
         return {name: [_value(row[name], KINDS[name]) for row in rows] for name in columns}
-    except (OSError, EOFError, ValueError, KeyError, csv.Error) as error:
+    except (OSError, EOFError, ValueError, KeyError, csv.Error, zlib.error) as error:
         raise DatasetFormatError(
             f"{part.path} cannot be read ({error}): delete it and --resume, which makes its rows"
             " anew"
@@ -222,11 +223,25 @@ def _parquet(table: Mapping[str, Sequence[Any]]) -> bytes:
 def _compressed_csv(table: Mapping[str, Sequence[Any]]) -> bytes:
     """The rows as CSV, compressed; the same bytes at any time."""
     text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
+    writer = csv.writer(_Lines(text))
     writer.writerow(table)
     cells = [[*map(partial(_cell, KINDS[name]), values)] for name, values in table.items()]
     writer.writerows(zip(*cells, strict=True))
     return gzip.compress(text.getvalue().encode("utf-8", "surrogateescape"), 6, mtime=0)
+
+
+class _Lines:
+    r"""Ends the lines of a csv.writer by \n.
+
+    Told to end them so, before Python 3.13, it would not quote a text with \r, where readers begin
+    another row.
+    """
+
+    def __init__(self, text: io.StringIO) -> None:
+        self._text = text
+
+    def write(self, line: str) -> int:
+        return self._text.write(line.removesuffix("\r\n") + "\n")
 
 
 def _cell(kind: str, value: Value) -> str:
@@ -234,13 +249,23 @@ def _cell(kind: str, value: Value) -> str:
     if value is None:
         return ""
     if kind == "text":
-        return text_cell(str(value))
+        text = str(value)
+        return f"'{text}" if _marks(text) or text_cell(text) != text else text
     return str(value).lower() if kind == "flag" else repr(value)
+
+
+def _marks(text: str) -> bool:
+    """Whether a text begins as a cell that has a mark: with one, or more, and a formula's sign."""
+    bare = text.lstrip("'")
+    return bare != text and text_cell(bare) != bare
 
 
 def _csv_rows(path: Path) -> Iterator[dict[str, str]]:
     with gzip.open(path, "rt", encoding="utf-8", errors="surrogateescape", newline="") as file:
-        yield from csv.DictReader(file)
+        reader = csv.DictReader(file)
+        if reader.fieldnames is None:
+            raise EOFError("it is empty")
+        yield from reader
 
 
 def _value(cell: str, kind: str) -> Value:
@@ -248,7 +273,7 @@ def _value(cell: str, kind: str) -> Value:
     if not cell:
         return None
     if kind == "text":
-        return cell[1:] if cell[0] == "'" and text_cell(cell[1:]) == cell else cell
+        return cell[1:] if _marks(cell) else cell
     if kind == "flag":
         return cell == "true"
     return int(cell) if kind == "whole" else float(cell)

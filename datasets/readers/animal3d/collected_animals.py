@@ -23,7 +23,7 @@ from animal3dbox.datasets.readers.animal3d.entries import (
     record_of_entry,
     stored_landmarks,
 )
-from animal3dbox.datasets.readers.elements import decoded
+from animal3dbox.datasets.readers.elements import decoded, plain_value
 from animal3dbox.datasets.readers.tolerance import Tolerance
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.json_files import decode_json
@@ -194,8 +194,9 @@ def elements_of(raw: msgspec.Raw, place: str, root: Path) -> Elements:
     entry = decoded(raw, EntryOfMany, place)
     if entry.num_animals is msgspec.UNSET:
         return Elements([raw])
-    content = msgspec.json.decode(raw)
-    animals = many_animals.animals_of_entry(content, portable_name(root, entry.img_path))
+    name = portable_name(root, entry.img_path)
+    content = plain_value(raw, name)
+    animals = many_animals.animals_of_entry(content, name)
     is_merged = many_animals.has_merged_mask(content)
     return Elements(list(map(many_animals.encoded, animals)), True, is_merged)
 

@@ -164,9 +164,12 @@ def take_apart(elements: CocoElements) -> CocoParts:
 
 def _without_id(raw: msgspec.Raw) -> bytes:
     """The content of an annotation but for its id, the same whatever the order of its keys."""
+    try:
+        content = msgspec.json.decode(raw)
+    except msgspec.ValidationError:  # it has a number that is too large for any type
+        content = msgspec.json.decode(raw, type=dict[str, msgspec.Raw])
     return msgspec.json.encode(
-        {key: value for key, value in msgspec.json.decode(raw).items() if key != "id"},
-        order="sorted",
+        {key: value for key, value in content.items() if key != "id"}, order="sorted"
     )
 
 

@@ -451,6 +451,24 @@ def test_inspect_counts_the_animals(home: Path, tmp_path: Path) -> None:
     assert facts.animal3d.keys["pose"] == 3
 
 
+@pytest.mark.parametrize("counts", [(2, 1), (1, 1)])
+def test_a_number_that_is_too_large_spoils_its_entry_alone(
+    home: Path, tmp_path: Path, counts: tuple[int, ...]
+) -> None:
+    def change(content: Content) -> None:
+        content["data"][0]["keypoint_2d"][0][3][0] = "TOO LARGE"
+
+    path = many(home, tmp_path, counts, change)
+    path.write_text(path.read_text().replace('"TOO LARGE"', "1e999"))
+    found = read(path, home).records
+    (fault,) = found.faults
+    assert "Number out of range" in fault.problem
+    assert "correct it in the file" in fault.problem
+    (record,) = found.records
+    assert record.image_id != fault.sample_id
+    assert inspect_dataset(path, options=ReadOptions(model=home / "body.pkl")).animals == 1
+
+
 def test_an_own_key_of_that_name_deep_inside_changes_nothing(home: Path, tmp_path: Path) -> None:
     def change(content: Content) -> None:
         for entry in content["data"]:

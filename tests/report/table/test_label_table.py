@@ -1,6 +1,10 @@
 """The table of labels: every animal is a row, once, in whatever parts and order it is made."""
 
+import csv
+import gzip
+import io
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +27,7 @@ from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.report import label_table, missing_indices, table_plan, write_part
 from animal3dbox.report.label_files import animal_row
-from animal3dbox.report.labels_csv import CSV_COLUMNS, csv_values
+from animal3dbox.report.labels_csv import CSV_COLUMNS, FORMULA_SIGNS, csv_values
 from animal3dbox.report.summary import flags_of
 from animal3dbox.report.table.columns import KINDS, columns_table
 from animal3dbox.report.table.keys import row_keys, table_length
@@ -257,6 +261,54 @@ def test_text_comes_back_from_a_part_and_is_no_formula(
     back = read_part(part, [*KINDS])
     assert back["category"] == names
     assert back == {**table, "category": names}
+
+
+TEXTS = ["a\rb", "a\r\nb\n", '"\r"', "a\r", "=x", "'=x", "''=x", "'x", "'", "''", "-", "'\r"]
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_any_text_comes_back_from_csv_and_is_no_formula(
+    dataset: LabelDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    monkeypatch.setattr("animal3dbox.report.table.parts.find_spec", lambda name: None)
+    table = label_table(dataset, [0])
+    table["category"] = [text] * len(table["key"])
+    path = write_part(tmp_path, table)
+    assert path is not None
+    assert read_part(parts_of(tmp_path)[0], [*KINDS]) == table
+    lines = gzip.decompress(path.read_bytes()).decode()
+    assert lines.endswith("\n")
+    assert not lines.endswith("\r\n")
+    cells = {row["category"] for row in csv.DictReader(io.StringIO(lines))}
+    assert cells == {f"'{text}" if text.lstrip("'").startswith(FORMULA_SIGNS) else text}
+
+
+def with_changed_byte(data: bytes, place: int) -> bytes:
+    changed = bytearray(data)
+    changed[place] ^= 0xFF
+    return bytes(changed)
+
+
+CSV_DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "head": lambda data: with_changed_byte(data, 0),
+    "first block": lambda data: with_changed_byte(data, 12),
+    "rows": lambda data: with_changed_byte(data, 200),
+    "checksum": lambda data: with_changed_byte(data, -6),
+    "cut": lambda data: data[:-9],
+    "empty": lambda data: b"",
+}
+
+
+@pytest.mark.parametrize("damage", CSV_DAMAGES)
+def test_a_damaged_csv_part_is_named(
+    dataset: LabelDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str
+) -> None:
+    monkeypatch.setattr("animal3dbox.report.table.parts.find_spec", lambda name: None)
+    path = write_part(tmp_path, label_table(dataset, [0]))
+    assert path is not None
+    path.write_bytes(CSV_DAMAGES[damage](path.read_bytes()))
+    with pytest.raises(DatasetFormatError, match=f"{path.name} cannot be read.*delete it"):
+        read_part(parts_of(tmp_path)[0], [*KINDS])
 
 
 def test_boxes_that_come_as_they_are_have_rows_too() -> None:

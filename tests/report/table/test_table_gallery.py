@@ -55,6 +55,19 @@ def test_the_page_lies_beside_the_table_which_is_read_as_a_folder_of_parts(table
     assert all(name.startswith(("_", ".")) for name in others)
 
 
+@pytest.mark.parametrize(("inside", "path"), [(".", "."), (".below", "..")])
+def test_a_table_that_is_the_working_folder_has_its_page_beside_it(
+    table: Path, monkeypatch: pytest.MonkeyPatch, inside: str, path: str
+) -> None:
+    page = table.parent / "table-gallery.html"
+    page.unlink(missing_ok=True)
+    (table / inside).mkdir(exist_ok=True)
+    monkeypatch.chdir(table / inside)
+    code, output = ran("gallery", path, "--worst", "1", "--random", "0")
+    assert (code, output.strip()) == (0, f"1 labels: look at {page}")
+    assert page.exists()
+
+
 def test_a_picture_that_is_gone_costs_its_picture_alone(table: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     more = ("--worst", "2", "--random", "0", "--images", tmp_path, "--out", page)
