@@ -83,9 +83,8 @@ def main() -> None:
                 seconds[name].append(seconds_a_row(tables))
     medians = {name: statistics.median(values) for name, values in seconds.items()}
     for name, value in medians.items():
-        print(
-            f"{name:12} {1e3 * value:6.2f} ms a row, rounds", *(f"{v:.5f}" for v in seconds[name])
-        )
+        rounds = ", ".join(f"{1e3 * one:.2f}" for one in seconds[name])
+        print(f"{name:12} {1e3 * value:6.2f} ms a row ({rounds})")
     two = medians["two actors"]
     print(f"two actors: {medians['one actor'] / two:.2f} times one actor,", end=" ")
     print(f"{medians['one process'] / two:.2f} times one process")
