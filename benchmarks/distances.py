@@ -112,8 +112,8 @@ def by_label(animal: ForeignAnimal, K_known: bool, preset: str | None) -> float 
     label = label_animal(**arguments, config=QUICK)
     if not isinstance(label, CuboidLabel):
         return None
-    own = torch.as_tensor(arguments["keypoints_3d"])
-    length = true_length(animal) if preset is None else length_of(animal, own)
+    landmarks = torch.as_tensor(arguments["keypoints_3d"])
+    length = true_length(animal) if preset is None else length_of(animal, landmarks)
     return float(label.distance) * true_length(animal) / length
 
 
@@ -123,9 +123,9 @@ def by_fit(animal: ForeignAnimal, K_known: bool) -> float | None:
     fit = fit_animal(**arguments)
     if not isinstance(fit, FittedBody):
         return None
-    own = fit.model.read_keypoints(fit.vocabulary, torch.from_numpy(fit.vertices))
+    landmarks = fit.model.read_keypoints(fit.vocabulary, torch.from_numpy(fit.vertices))
     distance = float(torch.linalg.vector_norm(box_of_fit(fit).center))
-    return distance * true_length(animal) / length_of(animal, own)
+    return distance * true_length(animal) / length_of(animal, landmarks)
 
 
 def methods(calibrated: list[ForeignAnimal]) -> dict[str, Estimate]:
@@ -141,7 +141,7 @@ def methods(calibrated: list[ForeignAnimal]) -> dict[str, Estimate]:
 def report(name: str, animals: list[ForeignAnimal], estimate: Estimate, *, K_known: bool) -> None:
     """Print the line of a method."""
     pairs = [(estimate(animal, K_known), true_distance(animal)) for animal in animals]
-    errors = [100 * abs(own / truth - 1) for own, truth in pairs if own is not None]
+    errors = [100 * abs(estimate / truth - 1) for estimate, truth in pairs if estimate is not None]
     print(
         f"{name:40} {'K known' if K_known else 'K unknown':10} n {len(errors):4d}"
         f" ({len(pairs) - len(errors)} without) | {np.median(errors):5.1f} /"

@@ -91,13 +91,15 @@ def resolved() -> dict[str, dict[str, Any]]:
 def download() -> bool:
     """Print the wheels' sizes; whether the core's besides torch's keep the limit."""
     metadata = resolved()
-    wanted = {name: str(one["version"]) for name, one in metadata.items() if name != "animal3dbox"}
+    versions = {
+        name: str(one["version"]) for name, one in metadata.items() if name != "animal3dbox"
+    }
     core = {_name(one.name) for one in requirements() if one.extra is None} - {"torch"}
     ours = _with_needs(core, metadata)
-    sizes = {name: wheel_mb(name, wanted[name]) for name in sorted(ours - {"torch"})}
-    of_torch = sorted(set(wanted) - set(sizes))
+    sizes = {name: wheel_mb(name, versions[name]) for name in sorted(ours - {"torch"})}
+    of_torch = sorted(set(versions) - set(sizes))
     for name, size in sorted(sizes.items(), key=lambda item: -item[1]):
-        print(f"{name} {wanted[name]}: {size:.1f} MB")
+        print(f"{name} {versions[name]}: {size:.1f} MB")
     total = sum(sizes.values())
     print(f"{len(sizes)} wheels besides torch's: {total:.1f} MB (at most {MOST_MB:g})")
     print(f"of torch alone, not weighed: {', '.join(of_torch)}")

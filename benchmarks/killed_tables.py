@@ -28,8 +28,8 @@ def killed(folder: Path, *, kills: int, images: int, seed: int) -> Counter[str]:
     rng = random.Random(seed)
     animals = write_small_animals(folder / "set", images)
     words = ["label", str(animals), "--model", str(model_of(animals)), "--stored-camera", "exact"]
-    made = run_in_child([*words, "--table", str(folder / "whole")], folder / "whole.errors")
-    made.join()
+    process = run_in_child([*words, "--table", str(folder / "whole")], folder / "whole.errors")
+    process.join()
     whole = sorted_rows(folder / "whole")
     ends: Counter[str] = Counter()
     table = folder / "table-0"

@@ -181,7 +181,7 @@ def compare(file: Path, pictures: Path, *, whole: bool) -> None:
     from animal3dbox.datasets.readers.tolerance import Tolerance
     from animal3dbox.datasets.storage.fingerprint import content_digest
 
-    found = coco.read_coco(file, pictures, check_paths=False)
+    indexed = coco.read_coco(file, pictures, check_paths=False)
     content = msgspec.json.decode(file.read_bytes(), type=_File)
     names = {image["id"]: image["file_name"] for image in content.images}
     members: dict[int, list[msgspec.Raw]] = {number: [] for number in names}
@@ -195,8 +195,10 @@ def compare(file: Path, pictures: Path, *, whole: bool) -> None:
     place_of = {name: place for place, name in enumerate(expected)}
     step = 1 if whole else max(len(expected) // 20_000, 1)
     looked_at = range(0, len(expected), step)
-    ids_right = sum(found.records[place].sample_id == expected[place] for place in looked_at)
-    print(f"{len(found.records)} of {len(expected)} animals, {len(found.faults)} faults", end="; ")
+    ids_right = sum(indexed.records[place].sample_id == expected[place] for place in looked_at)
+    print(
+        f"{len(indexed.records)} of {len(expected)} animals, {len(indexed.faults)} faults", end="; "
+    )
     print(f"{ids_right} of {len(looked_at)} names are right", end="; ")
     some = [*names] if whole else random.Random(0).sample([*names], min(1000, len(names)))
     part = file.with_suffix(".part.json")
@@ -213,7 +215,7 @@ def compare(file: Path, pictures: Path, *, whole: bool) -> None:
         with_confidence(one.record, opened.counts.graded > 0) for one in opened.plain.animals
     ]
     same = sum(
-        content_digest(found.records[place_of[record.sample_id]]) == content_digest(record)
+        content_digest(indexed.records[place_of[record.sample_id]]) == content_digest(record)
         for record in records
     )
     print(f"{same} of {len(records)} records are the plain reader's")

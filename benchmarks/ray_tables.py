@@ -78,8 +78,10 @@ def main() -> None:
         seconds: dict[str, list[float]] = {name: [] for name in engines}
         for _ in range(options.rounds):
             for name, actors in engines.items():
-                own = replace(job, cache=replace(job.cache, workers=actors, engine="ray"))
-                tables = ray_tables(own, indices, AT_ONCE) if actors else plain_tables(job, indices)
+                ray_job = replace(job, cache=replace(job.cache, workers=actors, engine="ray"))
+                tables = (
+                    ray_tables(ray_job, indices, AT_ONCE) if actors else plain_tables(job, indices)
+                )
                 seconds[name].append(seconds_a_row(tables))
     medians = {name: statistics.median(values) for name, values in seconds.items()}
     for name, value in medians.items():

@@ -88,4 +88,4 @@ class BenchJob:
         | Annotated[ScoreJob, subcommand("score", prefix_name=False)]
         | Annotated[BaselineJob, subcommand("baseline", prefix_name=False)]
     )
-    """the subcommand"""
+    """which part of the benchmark: it is made, verified, scored, or a baseline writes a result"""

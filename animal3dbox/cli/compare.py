@@ -157,9 +157,9 @@ def _pictures(
         old.unlink()
     faults: list[SampleError] = []
     pictures: dict[str, bytes] = {}
-    drawn = islice(comparison_pictures(boxes, files, faults), job.pictures)
+    of_images = islice(comparison_pictures(boxes, files, faults), job.pictures)
     total = min(job.pictures, len({box.image_id for box in boxes}))
-    for name, picture in watched(drawn, "drawing", unit="picture", total=total):
+    for name, picture in watched(of_images, "drawing", unit="picture", total=total):
         write_whole(folder / f"{len(pictures):04d}.png", png_of(picture))
         pictures[name] = png_of(small_picture(picture, PAGE_WIDTH))
     notes = [f"{len(faults)} pictures are grey: {faults[0]}"] if faults else []

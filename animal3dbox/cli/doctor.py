@@ -27,7 +27,7 @@ from animal3dbox.cli.setup_jobs import DoctorJob
 from animal3dbox.progress import watched
 
 CHECKS = 6
-"""Number of checks."""
+"""How many checks `_checks` makes, for the progress bar."""
 SECONDS = 120
 """After which a check's process is ended."""
 TORCH_CHECK = """
@@ -95,12 +95,12 @@ class DoctorReport(msgspec.Struct, kw_only=True):
 
 def run_doctor(job: DoctorJob) -> ExitCode:
     """Print what is installed and whether it works; the exit code says if something is broken."""
-    known = requirements()
+    needed = requirements()
     report = DoctorReport(
-        versions=_versions(known),
+        versions=_versions(needed),
         threads=_threads(),
-        extras=[extra_state(name, known) for name in WITHOUT],
-        checks=list(watched(_checks(known, job.cache), "trying", unit="check", total=CHECKS)),
+        extras=[extra_state(name, needed) for name in WITHOUT],
+        checks=list(watched(_checks(needed, job.cache), "trying", unit="check", total=CHECKS)),
     )
     if job.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
@@ -109,9 +109,9 @@ def run_doctor(job: DoctorJob) -> ExitCode:
     return ExitCode.OK if all(check.works for check in report.checks) else ExitCode.FAULTY
 
 
-def _versions(known: Sequence[Requirement]) -> dict[str, str | None]:
+def _versions(needed: Sequence[Requirement]) -> dict[str, str | None]:
     """The versions of Python, the package and all that it always needs."""
-    core = {one.name: one.installed for one in known if one.extra is None}
+    core = {one.name: one.installed for one in needed if one.extra is None}
     return {
         "python": platform.python_version(),
         "system": platform.platform(),
@@ -129,15 +129,15 @@ def _threads() -> dict[str, int | str | None]:
     }
 
 
-def extra_state(name: str, known: tuple[Requirement, ...]) -> ExtraState:
+def extra_state(name: str, needed: tuple[Requirement, ...]) -> ExtraState:
     """Whether an extra is installed.
 
     Args:
         name: of the extra.
-        known: what the package and its extras need.
+        needed: what the package and its extras need.
 
     """
-    brings = list(of_extra(name, known))
+    brings = list(of_extra(name, needed))
     missing = sorted({str(one) for one in brings if not one.fits})
     return ExtraState(
         name=name,
@@ -147,8 +147,8 @@ def extra_state(name: str, known: tuple[Requirement, ...]) -> ExtraState:
     )
 
 
-def _checks(known: tuple[Requirement, ...], cache: Path) -> Iterator[Check]:
-    yield requirements_check([one for one in known if one.extra is None])
+def _checks(needed: tuple[Requirement, ...], cache: Path) -> Iterator[Check]:
+    yield requirements_check([one for one in needed if one.extra is None])
     reinstall = "python -m pip install --force-reinstall --no-deps"
     yield process_check("torch computes", TORCH_CHECK, f"{reinstall} torch")
     yield process_check(

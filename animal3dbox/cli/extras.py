@@ -56,7 +56,7 @@ class Requirement:
         return self.installed is not None and is_admitted(self.installed, self.versions)
 
     def __str__(self) -> str:
-        """As pip takes it."""
+        """The requirement as `pip install` takes it: name, extras and admitted versions."""
         extras = f"[{','.join(self.extras)}]" if self.extras else ""
         return f"{self.name}{extras}{self.versions}"
 
@@ -92,20 +92,20 @@ def requirements() -> tuple[Requirement, ...]:
     return tuple(parsed_requirement(line) for line in lines)
 
 
-def of_extra(name: str, known: tuple[Requirement, ...]) -> Iterator[Requirement]:
+def of_extra(name: str, all_requirements: tuple[Requirement, ...]) -> Iterator[Requirement]:
     """The distributions that an extra brings, those of extras that it is made of too.
 
     Args:
         name: of the extra.
-        known: requirements().
+        all_requirements: requirements().
 
     """
-    for one in known:
+    for one in all_requirements:
         if one.extra != name:
             continue
         if one.name == PACKAGE:
             for part in one.extras:
-                yield from of_extra(part, known)
+                yield from of_extra(part, all_requirements)
         else:
             yield one
 

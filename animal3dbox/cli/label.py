@@ -149,8 +149,8 @@ def _label_all(
     if writer.known_keys:
         check_known(dataset, indices, writer.known_keys, writer.out)
         indices = missing_indices(dataset, indices, writer.known_keys)
-    drawn = DrawnBatches(dataset, indices, pictures=job.pictures, fitted=fitted)
-    with worker_batches(drawn, job.cache.workers, REMEDY) as batches, writer:
+    drawn_batches = DrawnBatches(dataset, indices, pictures=job.pictures, fitted=fitted)
+    with worker_batches(drawn_batches, job.cache.workers, REMEDY) as batches, writer:
         for animals in watched(batches, "labelling", unit=f"{AT_ONCE} images"):
             writer.add([one for one in animals if one.row.key not in writer.known_keys])
 

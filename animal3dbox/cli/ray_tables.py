@@ -9,6 +9,7 @@ import logging
 import os
 from collections.abc import Generator, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,7 +72,7 @@ def ray_tables(job: LabelJob, indices: Sequence[int], at_once: int) -> Generator
     try:
         rows = ray.data.from_numpy(_blocks(np.asarray(indices), at_once)).map_batches(
             TableActor,
-            fn_constructor_args=(job, str(os.getcwd())),  # noqa: PTH109
+            fn_constructor_args=(job, str(Path.cwd())),
             batch_size=at_once,
             compute=ray.data.ActorPoolStrategy(size=actors),
             num_cpus=1,
@@ -101,14 +102,16 @@ def _ray() -> Any:
 def _started(ray: Any, job: LabelJob) -> int:
     """Connect to the cluster, or start one here; how many actors are to run."""
     address, workers = job.cache.address, job.cache.workers
-    here = {"num_cpus": workers or None, "include_dashboard": False} if address is None else {}
+    local_cluster = (
+        {"num_cpus": workers or None, "include_dashboard": False} if address is None else {}
+    )
     try:
         ray.init(
             address=address,
             log_to_driver=False,
             ignore_reinit_error=True,
             logging_level=logging.WARNING,
-            **here,
+            **local_cluster,
         )
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise ConfigError(

@@ -19,7 +19,7 @@ QUESTIONS = {
     "fits": "Is a fitted body better than a rigid one?",
     "dataset": "How well do labels fit what was annotated?",
 }
-"""What each table answers."""
+"""Name of a table of the evaluation -> the question that it answers, as its heading."""
 
 
 def records_of(table: Table) -> list[dict[str, Any]]:
@@ -144,20 +144,20 @@ def _reproduction(records: list[dict[str, Any]]) -> list[str]:
 
 
 def _faces(records: list[dict[str, Any]]) -> list[str]:
-    known = [r for r in records if r.get("booleans right %") is not None]
+    judged = [r for r in records if r.get("booleans right %") is not None]
     return _sentence(
         "Which faces are seen is right for at least {right} % of the faces in each of {n} kinds of"
         " view; a share is wrong by {error} at most.",
-        n=str(len(known)),
-        right=min((r["booleans right %"] for r in known), default=None),
-        error=max((r["in-frame share max error"] for r in known), default=None),
+        n=str(len(judged)),
+        right=min((r["booleans right %"] for r in judged), default=None),
+        error=max((r["in-frame share max error"] for r in judged), default=None),
     )
 
 
 def _foreign(records: list[dict[str, Any]]) -> list[str]:
-    known = [r for r in records if r.get("rotation median deg") is not None]
-    worst = max(known, key=lambda record: float(record["rotation median deg"]), default={})
-    first = known[0] if known else {}
+    judged = [r for r in records if r.get("rotation median deg") is not None]
+    worst = max(judged, key=lambda record: float(record["rotation median deg"]), default={})
+    first = judged[0] if judged else {}
     return _sentence(
         "The box is turned by a median of {first} degrees ({setting}); worst is {worst}, with {deg}"
         " degrees.",

@@ -29,7 +29,7 @@ def plots_of(tables: Sequence[Table]) -> dict[str, bytes] | None:
     """
     if not has_matplotlib():
         return None
-    known = {
+    plotters = {
         "stability": _stability,
         "accuracy": _accuracy,
         "pose": _pose,
@@ -40,9 +40,9 @@ def plots_of(tables: Sequence[Table]) -> dict[str, bytes] | None:
         "curve": _curve,
     }
     figures = {
-        table.name: known[table.name](records)
+        table.name: plotters[table.name](records)
         for table in tables
-        if table.name in known and (records := records_of(table))
+        if table.name in plotters and (records := records_of(table))
     }
     return {name: png_of(figure) for name, figure in figures.items() if figure is not None}
 
@@ -179,14 +179,18 @@ def _dataset(records: list[dict[str, Any]]) -> "Figure | None":
         "IoU3D median": ("overlap with the true box: median", None),
         "rejected %": ("animals without a label, %", None),
     }
-    drawn = {name: words for name, words in measures.items() if any(r.get(name) for r in records)}
-    if not drawn:
+    panel_words = {
+        name: words for name, words in measures.items() if any(r.get(name) for r in records)
+    }
+    if not panel_words:
         return None
-    figure, panels = new_figure(12, 2.6 * ((len(drawn) + 1) // 2), (len(drawn) + 1) // 2, 2)
-    for panel, (measure, (words, end)) in zip(panels, drawn.items(), strict=False):
+    figure, panels = new_figure(
+        12, 2.6 * ((len(panel_words) + 1) // 2), (len(panel_words) + 1) // 2, 2
+    )
+    for panel, (measure, (words, end)) in zip(panels, panel_words.items(), strict=False):
         _rows(panel, records, "method", measure, end=end)
         panel.set_title(words, fontsize=9, loc="left")
-    for panel in panels[len(drawn) :]:
+    for panel in panels[len(panel_words) :]:
         panel.remove()
     return figure
 
@@ -215,8 +219,8 @@ def _rows(
     panel: "Axes", records: list[dict[str, Any]], name: str, measure: str, *, end: str | None
 ) -> None:
     """A bar a record, the first above, its value beside it, and a line to another measure."""
-    known = [record for record in records if record.get(measure) is not None]
-    for place, record in enumerate(known):
+    measured = [record for record in records if record.get(measure) is not None]
+    for place, record in enumerate(measured):
         value = record[measure]
         far = record.get(end) if end is not None else None
         panel.barh(place, value, height=0.6, color="tab:blue", alpha=0.75)
@@ -230,7 +234,7 @@ def _rows(
             va="center",
             fontsize=8,
         )
-    panel.set_yticks(range(len(known)), [str(record[name]) for record in known], fontsize=8)
+    panel.set_yticks(range(len(measured)), [str(record[name]) for record in measured], fontsize=8)
     panel.invert_yaxis()
     panel.margins(x=0.12, y=0.02)
     panel.set_xlim(left=0)
@@ -243,9 +247,9 @@ def _bars(panel: "Axes", records: list[dict[str, Any]], name: str, groups: Seque
     """
     width = 0.8 / max(len(records), 1)
     for number, record in enumerate(records):
-        known = [i for i, group in enumerate(groups) if record.get(group) is not None]
-        places = [i + (number - (len(records) - 1) / 2) * width for i in known]
-        panel.bar(places, [record[groups[i]] for i in known], width, label=record[name])
+        numbers = [i for i, group in enumerate(groups) if record.get(group) is not None]
+        places = [i + (number - (len(records) - 1) / 2) * width for i in numbers]
+        panel.bar(places, [record[groups[i]] for i in numbers], width, label=record[name])
     values = [record[g] for record in records for g in groups if record.get(g) is not None]
     if not any(values):
         words = "0 for all of them" if values else "not known"

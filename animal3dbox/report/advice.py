@@ -127,8 +127,10 @@ def flag_findings(
         >>> low.sentence.split(". ")[1]
         'Another orientation explains the animal nearly as well.'
     """
-    known = [LABEL_FLAGS[cause] for cause in causes if cause in LABEL_FLAGS and cause not in FLAGS]
-    reasons = {"low_confidence": " ".join(_sentence(clause) for clause in known)}
+    clauses = [
+        LABEL_FLAGS[cause] for cause in causes if cause in LABEL_FLAGS and cause not in FLAGS
+    ]
+    reasons = {"low_confidence": " ".join(_sentence(clause) for clause in clauses)}
     return tuple(
         Finding(
             flag,

@@ -43,17 +43,17 @@ class Region:
 
     @property
     def width(self) -> float:
-        """Its width, px."""
+        """Width of the rectangle, px."""
         return self.x2 - self.x1
 
     @property
     def height(self) -> float:
-        """Its height, px."""
+        """Height of the rectangle, px."""
         return self.y2 - self.y1
 
     @property
     def longer(self) -> float:
-        """Its longer side, px."""
+        """The longer of the rectangle's two sides, px."""
         return max(self.width, self.height)
 
     def scaled(self, factor: float) -> "Region":

@@ -71,7 +71,7 @@ class LabelWords:
 
 
 def words_of_label(label: CuboidLabel) -> LabelWords:
-    """The words of a label."""
+    """The facts of a label that a card of the gallery states, taken from the label itself."""
     quality = label.quality
     return LabelWords(
         side=label.side,
@@ -90,7 +90,7 @@ def words_of_label(label: CuboidLabel) -> LabelWords:
 
 
 def words_of_row(row: Mapping[str, Any]) -> LabelWords:
-    """The words of a labelled row of a table, column -> value."""
+    """The same facts, taken from a labelled row of a table: column -> value."""
     return LabelWords(
         side=row["side"],
         viewpoint=row["viewpoint"],

@@ -134,8 +134,10 @@ def text_cell(text: str) -> str:
 
 def _flags(row: AnimalRow, raised: Sequence[str]) -> list[str]:
     """The words that call for a look at a label, each once."""
-    own = row.quality.get("flags")
-    return list(dict.fromkeys((*raised, *(own if isinstance(own, list) else ()))))
+    quality_flags = row.quality.get("flags")
+    return list(
+        dict.fromkeys((*raised, *(quality_flags if isinstance(quality_flags, list) else ())))
+    )
 
 
 def distance_source(row: AnimalRow) -> str:

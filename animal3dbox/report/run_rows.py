@@ -235,7 +235,7 @@ def _labelled(
     overlay = None
     if is_wanted and result.picture is not None:
         overlay = draw_label(result.picture, label, fitted)
-    kept = RunRow(
+    run_row = RunRow(
         key=key,
         animal=row,
         image=result.image_id,
@@ -245,7 +245,7 @@ def _labelled(
         facts=(*facts, sighting) if sighting else facts,
         picture=None if overlay is None else card_picture(overlay),
     )
-    return DrawnAnimal(kept, None if overlay is None else _png(overlay))
+    return DrawnAnimal(run_row, None if overlay is None else _png(overlay))
 
 
 def _png(picture: NDArray[np.uint8]) -> bytes:

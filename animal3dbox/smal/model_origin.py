@@ -77,8 +77,8 @@ def model_of(origin: ModelOrigin) -> Model:
         ModelFileError: its file is not there, or is not the one that was loaded.
 
     """
-    known = _KNOWN.get(origin)
-    return _loaded(origin) if known is None else known
+    model = _KNOWN.get(origin)
+    return _loaded(origin) if model is None else model
 
 
 @lru_cache(maxsize=MOST_LOADED)

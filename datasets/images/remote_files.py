@@ -96,11 +96,11 @@ def local_source(source: PictureSource, sample_id: str) -> Path | str | bytes:
     except Exception as error:
         # Stores raise errors of their own kinds; none may end a run over a million pictures.
         message = str(error).replace(source, without_secrets(source))
-        said = f"{type(error).__name__}: {message}" if message else type(error).__name__
+        reason = f"{type(error).__name__}: {message}" if message else type(error).__name__
         raise SampleError(
             sample_id,
             "image",
-            f"{without_secrets(source)} cannot be read ({said}); is it there, and have you the"
+            f"{without_secrets(source)} cannot be read ({reason}); is it there, and have you the"
             " rights and the package for its store?",
         ) from error
     return content

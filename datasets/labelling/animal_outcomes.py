@@ -150,8 +150,8 @@ def _of_image(
     filters: LabelFilter,
 ) -> Iterator[AnimalOutcome]:
     """The animals of an image with their outcomes, of which it takes as many as it has animals."""
-    own = islice(outcomes, len(sample.animals))
-    for place, (entry, outcome) in enumerate(zip(sample.animals, own, strict=True)):
+    outcomes_of_image = islice(outcomes, len(sample.animals))
+    for place, (entry, outcome) in enumerate(zip(sample.animals, outcomes_of_image, strict=True)):
         yield AnimalOutcome(
             image_index=index,
             image_id=sample.image_id,

@@ -78,18 +78,20 @@ class IndexFolder:
         state = file_state(file)
         memory = self.path / f"{digest(os.fsencode(file.resolve())).hex()}.state"
         try:
-            known = msgspec.msgpack.decode(memory.read_bytes(), type=_KnownDigest)
-            if known.state == state:
-                return known.digest
+            remembered = msgspec.msgpack.decode(memory.read_bytes(), type=_KnownDigest)
+            if remembered.state == state:
+                return remembered.digest
         except (OSError, msgspec.DecodeError):  # never seen, or a damaged memory
             pass
         with file.open("rb") as content:
-            taken = hashlib.file_digest(content, lambda: hashlib.blake2b(digest_size=16)).digest()
+            content_digest = hashlib.file_digest(
+                content, lambda: hashlib.blake2b(digest_size=16)
+            ).digest()
         is_settled = time.time_ns() - max(state[1:3]) > SETTLED_S * 1e9
         if is_settled and file_state(file) == state:
             with suppress(OSError):  # a folder that cannot be written to costs time, no more
-                write_whole(memory, msgspec.msgpack.encode(_KnownDigest(state, taken)))
-        return taken
+                write_whole(memory, msgspec.msgpack.encode(_KnownDigest(state, content_digest)))
+        return content_digest
 
     def _file(self, key: bytes) -> Path:
         return self.path / f"{key.hex()}.index"

@@ -107,10 +107,12 @@ def page_of(cells: Sequence[Cell]) -> str:
 
 def notebook_of(cells: Sequence[Cell]) -> str:
     """The tutorial as a notebook (nbformat 4.5), with its outputs."""
-    made = [_notebook_cell(number, cell) for number, cell in enumerate(cells)]
+    notebook_cells = [_notebook_cell(number, cell) for number, cell in enumerate(cells)]
     kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
     about = {"kernelspec": kernel, "language_info": {"name": "python"}}
-    return json.dumps({"cells": made, "metadata": about, "nbformat": 4, "nbformat_minor": 5})
+    return json.dumps(
+        {"cells": notebook_cells, "metadata": about, "nbformat": 4, "nbformat_minor": 5}
+    )
 
 
 def _notebook_cell(number: int, cell: Cell) -> dict[str, Any]:

@@ -100,10 +100,10 @@ def _known(animal: AnimalOutcome) -> dict[str, Value]:
 def _unread_values(animal: UnreadAnimal, labels_digest: str) -> list[Value]:
     """The row of an animal whose annotation cannot be read."""
     fault = animal.fault
-    known: dict[str, Value] = {
+    annotated: dict[str, Value] = {
         "image": animal.image_id,
         "animal": animal.number,
         "sample_id": fault.sample_id,
     }
     values: list[Value] = [animal.key(labels_digest), labels_digest, animal.index, "faulty"]
-    return [*values, fault.field, fault.problem, *unlabelled_values(known)]
+    return [*values, fault.field, fault.problem, *unlabelled_values(annotated)]

@@ -180,8 +180,8 @@ def read_part(part: Part, columns: Sequence[str]) -> dict[str, list[Value]]:
         if part.format == "parquet":
             import pyarrow.parquet
 
-            read = pyarrow.parquet.read_table(part.path, columns=list(columns))
-            return {name: read.column(name).to_pylist() for name in columns}
+            arrow = pyarrow.parquet.read_table(part.path, columns=list(columns))
+            return {name: arrow.column(name).to_pylist() for name in columns}
         rows = [*_csv_rows(part.path)]
         return {name: [_value(row[name], KINDS[name]) for row in rows] for name in columns}
     except (OSError, EOFError, ValueError, KeyError, csv.Error, zlib.error) as error:

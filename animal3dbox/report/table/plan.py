@@ -78,10 +78,10 @@ def table_plan(
         raise ConfigError(f"a shard must be (i, n) with i from 1 to n, got {shard}")
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"{folder} is a file: give a folder for the table's parts")
-    wanted = range(number - 1, table_length(dataset), of)
+    shard_indices = range(number - 1, table_length(dataset), of)
     parts = [part for part in parts_of(folder) if _may_hold(part, shard)]
     if not parts:
-        return TablePlan(folder, shard, wanted)
+        return TablePlan(folder, shard, shard_indices)
     if not resume:
         raise ConfigError(
             f"{folder} holds parts of this table, such as {parts[0].path.name}: go on with"
@@ -91,15 +91,15 @@ def table_plan(
     keys: set[str] = set()
     status: Counter[str] = Counter()
     for part in parts:
-        own = _checked_keys(dataset, part, status)
-        if not keys.isdisjoint(own):
+        part_keys = _checked_keys(dataset, part, status)
+        if not keys.isdisjoint(part_keys):
             raise ConfigError(
                 f"{part.path} holds rows that another part of {folder} holds, too: delete it"
             )
-        keys |= own
+        keys |= part_keys
     is_whole = any(part.shard != shard for part in parts)
-    check_known(dataset, range(table_length(dataset)) if is_whole else wanted, keys, folder)
-    indices = missing_indices(dataset, wanted, keys)
+    check_known(dataset, range(table_length(dataset)) if is_whole else shard_indices, keys, folder)
+    indices = missing_indices(dataset, shard_indices, keys)
     return TablePlan(folder, shard, indices, frozenset(keys), status)
 
 

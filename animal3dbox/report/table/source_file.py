@@ -62,14 +62,14 @@ def write_source(folder: Path, dataset: LabelDataset, path: Path) -> None:
     """
     animals = _animals_digest(dataset)
     if (folder / NAME).exists() and parts_of(folder):
-        known = read_source(folder)
-        if known.labels_digest not in ("", dataset.labels_digest):
+        earlier = read_source(folder)
+        if earlier.labels_digest not in ("", dataset.labels_digest):
             raise ConfigError(
                 f"{folder} is a table of labels that were made by another version of animal3dbox"
                 " or its libraries, or with other options or bodies: give another folder, or the"
                 " same options and version"
             )
-        if known.animals not in ("", animals):
+        if earlier.animals not in ("", animals):
             raise ConfigError(
                 f"{folder} is a table of other animals: the annotations have changed since, or are"
                 " others; give another folder"

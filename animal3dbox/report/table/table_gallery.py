@@ -127,13 +127,13 @@ def _chosen_keys(
                 labelled.append(_Choice(row["confidence"], row["key"]))
         least = heapq.nsmallest(worst, [*least, *labelled])
     keys = {choice.key for choice in least}
-    drawn: list[_Choice] = []
+    sample: list[_Choice] = []
     for part in parts:
         rows = _rows(part, ("key", "status"))
         others = (row["key"] for row in rows if row["status"] == "labelled")
         ranked = [_Choice(_drawn_rank(seed, key), key) for key in others if key not in keys]
-        drawn = heapq.nsmallest(random, [*drawn, *ranked])
-    return keys | {choice.key for choice in drawn}, counts
+        sample = heapq.nsmallest(random, [*sample, *ranked])
+    return keys | {choice.key for choice in sample}, counts
 
 
 def _drawn_rank(seed: int, key: str) -> float:

@@ -192,7 +192,7 @@ class AnnotationScan:
         count, flags = len(ranges), {name: np.zeros(len(ranges), np.bool_) for name in _FLAGS}
         joints = max((len(k.match.columns) for k in self.kinds if k.match is not None), default=0)
         kinds = np.full(count, -1, dtype=np.int16)
-        found = CleanAnnotations(
+        arrays = CleanAnnotations(
             image=np.full(count, -1, dtype=np.int64),
             number=np.full(count, NO_ID, dtype=np.int64),
             category=np.full(count, -1, dtype=np.int16),
@@ -202,19 +202,19 @@ class AnnotationScan:
             **flags,
         )
         for first, elements in _batches(data, ranges, _CleanAnnotation):
-            self._read_batch(first, elements, found, kinds)
+            self._read_batch(first, elements, arrays, kinds)
         for k, kind in enumerate(self.kinds):
             if not self._read[k] and len(places := np.nonzero(kinds == k)[0]):
-                found.left_out[kind.name] = np.append(
-                    found.left_out.get(kind.name, np.zeros(0, np.int64)), places
+                arrays.left_out[kind.name] = np.append(
+                    arrays.left_out.get(kind.name, np.zeros(0, np.int64)), places
                 )
-        return found
+        return arrays
 
     def _read_batch(
         self,
         first: int,
         elements: list[_CleanAnnotation | None],
-        found: CleanAnnotations,
+        arrays: CleanAnnotations,
         kinds: NDArray[np.int16],
     ) -> None:
         """Write what a batch of annotations says into the arrays of all."""
@@ -226,23 +226,23 @@ class AnnotationScan:
         if not whole:
             return
         at = np.array(places)
-        found.number[at] = [id_number(element.id) for element in whole]
+        arrays.number[at] = [id_number(element.id) for element in whole]
         image = self._images_of([id_number(element.image_id) for element in whole])
         kind = np.array([self._kind(element.category_id) for element in whole])
-        found.has_place[at] = [
+        arrays.has_place[at] = [
             not is_silent(element) and sighting_of(element).place is not None for element in whole
         ]
-        known = (image >= 0) & (kind >= 0)
-        found.has_place[at[known]] |= self.images.has_place[image[known]]
-        for k in np.unique(kind[known]).tolist():
-            rows = np.nonzero(known & (kind == k))[0]
+        has_both = (image >= 0) & (kind >= 0)
+        arrays.has_place[at[has_both]] |= self.images.has_place[image[has_both]]
+        for k in np.unique(kind[has_both]).tolist():
+            rows = np.nonzero(has_both & (kind == k))[0]
             group = [whole[row] for row in rows.tolist()]
             if self._read[k]:
-                self._read_animals(k, group, (at[rows], image[rows]), found)
+                self._read_animals(k, group, (at[rows], image[rows]), arrays)
             else:
-                found.is_clean[at[rows]] = True
-                found.image[at[rows]], kinds[at[rows]] = image[rows], k
-                found.content[at[rows]] = [hash(tuple(one.keypoints)) for one in group]
+                arrays.is_clean[at[rows]] = True
+                arrays.image[at[rows]], kinds[at[rows]] = image[rows], k
+                arrays.content[at[rows]] = [hash(tuple(one.keypoints)) for one in group]
 
     def _kind(self, category_id: int | str) -> int:
         return self._kind_of.get(str(category_id), -1)
@@ -261,7 +261,7 @@ class AnnotationScan:
         k: int,
         elements: list[_CleanAnnotation],
         where: tuple[Places, Places],
-        found: CleanAnnotations,
+        arrays: CleanAnnotations,
     ) -> None:
         """Check the animals of one category and write what they say.
 
@@ -269,7 +269,7 @@ class AnnotationScan:
             k: the category's number.
             elements: its annotations.
             where: (M,) their places, and those of their images.
-            found: the arrays of all.
+            arrays: the arrays of all.
 
         """
         kind, (at, image) = self.kinds[k], where
@@ -299,11 +299,11 @@ class AnnotationScan:
             "has_evident_corners": evident & has_box,
         }
         for name, value in values.items():
-            getattr(found, name)[at] = value & is_sound
+            getattr(arrays, name)[at] = value & is_sound
         at, image, points = at[is_sound], image[is_sound], points[is_sound]
-        found.image[at], found.category[at] = image, k
+        arrays.image[at], arrays.category[at] = image, k
         places = np.where(points[..., 2:] > 0, points[..., :2], np.nan)
-        found.keypoints[at, : points.shape[1]] = places
+        arrays.keypoints[at, : points.shape[1]] = places
 
 
 _FLAGS = (

@@ -170,8 +170,8 @@ class IndexedAnimals(RecordsOnDemand):
 
     def records_of(self, image: int) -> tuple[AnimalRecord, ...]:
         """The animals of an image."""
-        said = self._image(image)
-        return tuple(self._record(place, said) for place in self.members(image))
+        its_image = self._image(image)
+        return tuple(self._record(place, its_image) for place in self.members(image))
 
     def _image(self, image: int) -> CocoImage:
         """What the file says of an image."""

@@ -133,8 +133,8 @@ class CocoReading:
     def digest(self) -> bytes:
         """Names all that an index depends on besides the file and the installed code."""
         words = b"" if self.vocabulary is None else content_digest(self.vocabulary)
-        taken = (self.tolerance.optional, self.tolerance.visibility, self.tolerance.upright)
-        return digest(_LAYOUT, words, content_digest(taken), content_digest(self.categories))
+        options = (self.tolerance.optional, self.tolerance.visibility, self.tolerance.upright)
+        return digest(_LAYOUT, words, content_digest(options), content_digest(self.categories))
 
     def has_index(self, folder: Path) -> bool:
         """Whether there is an index of the file, which then is COCO's."""
