@@ -2,6 +2,7 @@
 
     OMP_NUM_THREADS=1 python benchmarks/distances.py --n 300
     OMP_NUM_THREADS=1 python benchmarks/distances.py --n 60 --seed 7
+    OMP_NUM_THREADS=1 python benchmarks/distances.py --n 320 --only learned
 
 One picture tells a distance only beside a known size. Here it is the length of this very animal
 from its nose over neck or withers to its tail base, in the pose that it stands in, as SpeciesScale
@@ -13,14 +14,18 @@ takes it from a table. Every method gives the distance from the camera to the bo
 with L the known length. Keypoints are off by 2 px and there is a mask; species are unknown. Without
 K, a 2D box is taken with the guessed focal length, and bodies with the one that labelling
 estimates. The error is that of the distance, in percent of the true one, without its sign.
+
+learned: fitted bodies before and after `learn_bodies` from the 2D of other animals of the same
+dataset, on the datasets of "learn, foreign" in fit_bodies.py; no length is learned from.
 """
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import torch
+from fit_bodies import CLASSES, FIRST_TAUGHT, LEARNED, class_arguments, some_animals
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -35,16 +40,19 @@ from animal3dbox.evaluate.fit_study import (
     fit_arguments,
 )
 from animal3dbox.labels.config import LabelConfig
-from animal3dbox.labels.fit.fit import fit_animal
+from animal3dbox.labels.fit.fit import fit_animal, fit_many
 from animal3dbox.labels.fit.fitted_body import FittedBody
+from animal3dbox.labels.fit.learning.rounds import learn_bodies
 from animal3dbox.labels.label import label_animal
-from animal3dbox.labels.types import CuboidLabel
+from animal3dbox.labels.types import CuboidLabel, Rejection
 
 CALIBRATION_SEED = 500
 """Seed of the animals whose 2D boxes tell what a box's width or diagonal is worth."""
 QUICK = LabelConfig(surface_share=False, mask_iou=False)
 SpanPx = Callable[[ForeignAnimal], float]
 Estimate = Callable[[ForeignAnimal, bool], float | None]
+Pair = tuple[float | None, float]
+"""An estimate of a distance, None where there is none, and the true one."""
 
 
 def length_of(animal: ForeignAnimal, landmarks: Tensor | NDArray[np.float64]) -> float:
@@ -120,7 +128,11 @@ def by_label(animal: ForeignAnimal, K_known: bool, preset: str | None) -> float 
 def by_fit(animal: ForeignAnimal, K_known: bool) -> float | None:
     """The estimate by a fitted body."""
     arguments = fit_arguments(animal) | ({} if K_known else {"K": None})
-    fit = fit_animal(**arguments)
+    return distance_of_fit(animal, fit_animal(**arguments))
+
+
+def distance_of_fit(animal: ForeignAnimal, fit: FittedBody | Rejection) -> float | None:
+    """The distance at which a fitted body is as long as its animal."""
     if not isinstance(fit, FittedBody):
         return None
     landmarks = fit.model.read_keypoints(fit.vocabulary, torch.from_numpy(fit.vertices))
@@ -138,9 +150,36 @@ def methods(calibrated: list[ForeignAnimal]) -> dict[str, Estimate]:
     }
 
 
-def report(name: str, animals: list[ForeignAnimal], estimate: Estimate, *, K_known: bool) -> None:
-    """Print the line of a method."""
-    pairs = [(estimate(animal, K_known), true_distance(animal)) for animal in animals]
+def learned_pairs(count: int, seed: int, taught_count: int) -> dict[str, list[Pair]]:
+    """Estimates and truth by fitted bodies before and after learning, of LEARNED datasets.
+
+    Args:
+        count: animals that are judged.
+        seed: of the first dataset.
+        taught_count: animals of each dataset that are learned from.
+
+    """
+    pairs: dict[str, list[Pair]] = {"before": [], "after": []}
+    for dataset in range(seed, seed + LEARNED):
+        taught = some_animals(CLASSES, dataset, range(FIRST_TAUGHT, FIRST_TAUGHT + taught_count))
+        judged = some_animals(CLASSES, dataset, range(count // LEARNED))
+        calibrations = {
+            "before": None,
+            "after": learn_bodies([class_arguments(animal, ()) for animal in taught]),
+        }
+        for name, calibration in calibrations.items():
+            fits = fit_many(
+                [{**class_arguments(one, ()), "calibration": calibration} for one in judged]
+            )
+            pairs[name] += [
+                (distance_of_fit(animal, fit), true_distance(animal))
+                for animal, fit in zip(judged, fits, strict=True)
+            ]
+    return pairs
+
+
+def report(name: str, pairs: Sequence[Pair], *, K_known: bool) -> None:
+    """Print the line of a method, of its estimates and the truth."""
     errors = [100 * abs(estimate / truth - 1) for estimate, truth in pairs if estimate is not None]
     print(
         f"{name:40} {'K known' if K_known else 'K unknown':10} n {len(errors):4d}"
@@ -156,7 +195,8 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=300)
     parser.add_argument("--seed", type=int, default=FIRST_SEED)
     parser.add_argument("--calibrated", type=int, default=200)
-    parser.add_argument("--only", default="", help="words of a method's name")
+    parser.add_argument("--only", default="", help="words of a method's name, or learned")
+    parser.add_argument("--taught", type=int, default=200, help="animals that are learned from")
     options = parser.parse_args()
     torch.set_num_threads(1)
     for world, config in WORLDS.items():
@@ -165,7 +205,12 @@ def main() -> None:
         for name, estimate in methods(others).items():
             if options.only in name:
                 for K_known in (True, False):
-                    report(f"{world}: {name}", animals, estimate, K_known=K_known)
+                    pairs = [(estimate(one, K_known), true_distance(one)) for one in animals]
+                    report(f"{world}: {name}", pairs, K_known=K_known)
+    if options.only in "learned":
+        groups = learned_pairs(options.n, options.seed, options.taught)
+        for name, pairs in groups.items():
+            report(f"foreign, {name} learning: fitted body", pairs, K_known=True)
 
 
 if __name__ == "__main__":
