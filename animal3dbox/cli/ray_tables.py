@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 EXTRA = "pip install 'animal3dbox[ray]'"
 MOST_BLOCKS = 2000
 """Into so many pieces the indices are divided at most: Ray's own cost grows with their number."""
+BATCHES_OF_BLOCK, BLOCKS_OF_ACTOR = 8, 8
+"""Batches of a piece, which share Ray's cost of a task, as long as each actor has so many pieces:
+with fewer, one actor would be left to work on the last while others have ended."""
 INDEX = "data"
 """The column that Ray gives the numbers of an array."""
 
@@ -70,7 +73,7 @@ def ray_tables(job: LabelJob, indices: Sequence[int], at_once: int) -> Generator
     ray = _ray()
     actors = _started(ray, job)
     try:
-        rows = ray.data.from_numpy(_blocks(np.asarray(indices), at_once)).map_batches(
+        rows = ray.data.from_numpy(_blocks(np.asarray(indices), at_once, actors)).map_batches(
             TableActor,
             fn_constructor_args=(job, str(Path.cwd())),
             batch_size=at_once,
@@ -123,10 +126,11 @@ def _started(ray: Any, job: LabelJob) -> int:
     return workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
 
 
-def _blocks(indices: np.ndarray[Any, Any], at_once: int) -> list[np.ndarray[Any, Any]]:
-    """The indices in pieces of whole batches, MOST_BLOCKS at most."""
+def _blocks(indices: np.ndarray[Any, Any], at_once: int, actors: int) -> list[np.ndarray[Any, Any]]:
+    """The indices in pieces of whole batches."""
     batches = -(-len(indices) // at_once)
-    each = at_once * -(-batches // MOST_BLOCKS)
+    shared = min(BATCHES_OF_BLOCK, batches // (BLOCKS_OF_ACTOR * actors))
+    each = at_once * max(shared, -(-batches // MOST_BLOCKS), 1)
     return [indices[start : start + each] for start in range(0, len(indices), each)]
 
 
