@@ -91,8 +91,8 @@ def _placement(job: CalibrateJob, dataset: ReadDataset, bodies: BodySource) -> L
         raise ConfigError(
             f"{job.path} teaches nothing about its keypoints' placement: none of {learned.animals}"
             f" animals has a body of its own without a template ({learned.faulty} could not be"
-            " read); such bodies come from a folder of meshes (docs/formats.md). Of photographs,"
-            " --learn places,shapes learns for bodies that are fitted"
+            " read); such bodies come from a folder with images/ and, under their names, meshes/."
+            " Of photographs, --learn places,shapes learns for bodies that are fitted"
         )
     return learned
 

@@ -85,7 +85,7 @@ class ExtraState(msgspec.Struct, kw_only=True):
 
 
 class DoctorReport(msgspec.Struct, kw_only=True):
-    """What `doctor --json` prints (docs/formats.md)."""
+    """What `doctor --json` prints."""
 
     versions: dict[str, str | None]
     threads: dict[str, int | str | None]

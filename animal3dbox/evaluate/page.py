@@ -4,7 +4,7 @@ import base64
 from collections.abc import Mapping
 from pathlib import Path
 
-from animal3dbox.evaluate.answers import QUESTIONS, answers_of
+from animal3dbox.evaluate.answers import PLOT_DESCRIPTIONS, QUESTIONS, answers_of
 from animal3dbox.evaluate.files import Evaluation
 from animal3dbox.evaluate.tables import shown
 from animal3dbox.files import write_whole
@@ -49,6 +49,7 @@ def write_page(
         plots=_in_base64(plots or {}),
         tables=evaluation.tables,
         questions=QUESTIONS,
+        descriptions=PLOT_DESCRIPTIONS,
         answers={table.name: answers_of(table) for table in evaluation.tables},
         shown=shown,
     )
