@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from animal3dbox.files import write_whole
+from animal3dbox.labels.types import REASONS
 from animal3dbox.report.advice import Finding, explanations
 from animal3dbox.report.html_page import render
 from animal3dbox.report.summary import FLAGS, Summary
@@ -175,6 +176,9 @@ def _funnel(summary: Summary) -> list[tuple[str, int, str]]:
         ("flagged", summary.flagged, ""),
         *((f"· {flag}", count, FLAGS.get(flag, "")) for flag, count in summary.flags.items()),
         ("rejected", summary.rejected, ""),
-        *((f"· {reason}", count, "") for reason, count in summary.reasons.items()),
+        *(
+            (f"· {reason}", count, REASONS.get(reason, ""))
+            for reason, count in summary.reasons.items()
+        ),
         ("faulty", summary.faulty, "see report.json" if summary.faulty else ""),
     ]
