@@ -13,6 +13,7 @@ from animal3dbox.evaluate.box_errors import FLANK_DEG, lateral_deg
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.plurals import counted
 from animal3dbox.report.gallery import card_picture
 from animal3dbox.report.html_page import render
 from animal3dbox.report.overlay import DrawnCuboid, cuboids_in_picture
@@ -106,7 +107,7 @@ def write_demo_page(path: Path, animals: Sequence[ComparedAnimal], about: str) -
     page = render(
         "animal3dbox.cli",
         "demo.html",
-        title=f"{len(animals)} synthetic animals: truth and labels",
+        title=f"{counted(len(animals), 'synthetic animal')}: truth and labels",
         about=about,
         right=sum(one.flank == one.true_flank for one in telling),
         shown=len(telling),

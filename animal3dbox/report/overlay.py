@@ -39,6 +39,8 @@ from animal3dbox.smal.model import SmalModel
 
 MOST_HEIGHT = 2000
 """A narrow strip is not enlarged beyond this."""
+LETTERS, LETTER_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+"""The letters of the words below a picture, and their scale in one LEAST_WIDTH wide."""
 HEAD_ON = 0.9
 """Cosine of the camera's angle to the x axis from which on the cross is read, and no arrow."""
 
@@ -250,21 +252,35 @@ def draw_cuboid(
 
 
 def with_words(canvas: Picture, lines: list[str]) -> Picture:
-    """The picture with a strip of text below it."""
+    """The picture with a strip of text below it; lines that are too long go on in the next one."""
     unit = thickness(canvas)
+    lines = [part for line in lines for part in _wrapped(line, canvas.shape[1] - 16 * unit, unit)]
     strip = np.full(((20 * len(lines) + 8) * unit, canvas.shape[1], 3), PAPER, dtype=np.uint8)
     for i, line in enumerate(lines):
         cv2.putText(
             strip,
             line,
             (8 * unit, (20 * i + 19) * unit),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.5 * unit,
+            LETTERS,
+            LETTER_SCALE * unit,
             INK,
             unit,
             cv2.LINE_AA,
         )
     return np.concatenate((canvas, strip))
+
+
+def _wrapped(line: str, width: int, unit: int) -> list[str]:
+    """The parts of a line of text, broken at spaces, that fit into a width in px."""
+    parts = [""]
+    for word in line.split(" "):
+        longer = f"{parts[-1]} {word}" if parts[-1] else word
+        (length, _), _ = cv2.getTextSize(longer, LETTERS, LETTER_SCALE * unit, unit)
+        if parts[-1] and length > width:
+            parts.append(word)
+        else:
+            parts[-1] = longer
+    return [part.rstrip() for part in parts]
 
 
 def _fill(

@@ -217,6 +217,20 @@ def test_the_plot_of_fits_has_a_bar_for_each_body_and_class(
     assert len(overlap.lines) == 0
 
 
+def test_settings_are_written_as_people_write_them(tmp_path: Path) -> None:
+    about = {"faults": [], "truth": True, "image_hw": [480, 640], "seed": 0}
+    write_page(tmp_path / "e.html", Evaluation("Title", about, ()), {})
+    words = "faults: none; truth: yes; image_hw: 480, 640; seed: 0"
+    assert f'<p class="note">{words}</p>' in (tmp_path / "e.html").read_text()
+
+
+def test_a_long_name_of_a_column_can_be_broken(tmp_path: Path) -> None:
+    table = Table("t", "Another", (), ("iou_3d_<b>", "px"), ((1.0, 2.0),))
+    write_page(tmp_path / "e.html", Evaluation("Title", {}, (table,)), {})
+    headings = "<th>iou_<wbr>3d_<wbr>&lt;b&gt;</th><th>px</th>"
+    assert headings in (tmp_path / "e.html").read_text()
+
+
 def test_the_page_asks_answers_shows_and_then_counts(tmp_path: Path) -> None:
     table = filled("dataset")
     write_page(tmp_path / "e.html", Evaluation("Title", {}, (table,)), {"dataset": b"png"})
