@@ -304,6 +304,11 @@ def test_the_words_tell_side_view_and_shares(label: CuboidLabel) -> None:
     assert fit == "keypoints 0.0 px"
 
 
+def test_a_share_that_would_be_0_percent_is_not_told(label: CuboidLabel) -> None:
+    words = replace(words_of_label(label), shares=(0.004, 0.0, 0.8, 0.0, 0.19, 0.006))
+    assert words.lines[1] == "left 80%  top 19%  bottom 1%"
+
+
 # Counts
 # --------------------------------------------------------------------------------------------------
 
