@@ -103,18 +103,13 @@ def _stability(records: list[dict[str, Any]]) -> "Figure | None":
     return _without_gaps(figure)
 
 
-def _accuracy(records: list[dict[str, Any]]) -> "Figure":
+def _accuracy(records: list[dict[str, Any]]) -> "Figure | None":
     figure, panels = new_figure(12, 4.2)
-    _bars(
-        panels[0],
-        records,
-        "rule",
-        [
-            c
-            for c in (records[0] if records else {})
-            if c not in ("rule", "animals", "p95 deg", "IoU3D median")
-        ],
-    )
+    others = ("rule", "animals", "p95 deg", "IoU3D median")
+    groups = [c for c in (records[0] if records else {}) if c not in others]
+    if _is_left_out(panels[0], "degrees", [r.get(group) for r in records for group in groups]):
+        return None
+    _bars(panels[0], records, "rule", groups)
     panels[0].set(yscale="log", ylabel="median angle to the true trunk, degrees")
     panels[0].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
     return figure
@@ -187,23 +182,20 @@ def _reproduction(records: list[dict[str, Any]]) -> "Figure | None":
     return _without_gaps(figure)
 
 
-def _faces(records: list[dict[str, Any]]) -> "Figure":
+def _faces(records: list[dict[str, Any]]) -> "Figure | None":
     figure, panels = new_figure(12, 3.2, 1, 2)
-    for panel, measures in zip(
-        panels,
-        (("in-frame share mean error", "in-frame share max error"), ("box to surface mean",)),
-        strict=True,
-    ):
-        _bars(
-            panel,
-            [{"measure": m, **{r["view"]: r[m] for r in records}} for m in measures],
-            "measure",
-            [r["view"] for r in records],
-        )
-    panels[0].axhline(0.01, color="black", linestyle=":", linewidth=1)
-    panels[0].set(yscale="log", ylabel="share (dotted: allowed)")
-    panels[1].set(ylabel="share")
-    return figure
+    errors = ("in-frame share mean error", "in-frame share max error")
+    for panel, measures in zip(panels, (errors, ("box to surface mean",)), strict=True):
+        if _is_left_out(panel, measures[0], [r.get(m) for r in records for m in measures]):
+            continue
+        by_measure = [{"measure": m, **{r["view"]: r[m] for r in records}} for m in measures]
+        _bars(panel, by_measure, "measure", [r["view"] for r in records])
+        if measures == errors:
+            panel.axhline(0.01, color="black", linestyle=":", linewidth=1)
+            panel.set(yscale="log", ylabel="share (dotted: allowed)")
+        else:
+            panel.set(ylabel="share")
+    return _without_gaps(figure)
 
 
 def _dataset(records: list[dict[str, Any]]) -> "Figure | None":
@@ -348,4 +340,4 @@ def _bars(panel: "Axes", records: list[dict[str, Any]], name: str, groups: Seque
         places = [i + (number - (len(records) - 1) / 2) * width for i in numbers]
         panel.bar(places, [record[groups[i]] for i in numbers], width, label=record[name])
     panel.set_xticks(range(len(groups)), list(groups), fontsize=8)
-    panel.legend(fontsize=7)
+    panel.legend(fontsize=7, ncols=5, loc="lower left", bbox_to_anchor=(0, 1))  # above the bars

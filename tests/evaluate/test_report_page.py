@@ -155,7 +155,7 @@ def test_a_panel_that_would_be_empty_is_left_out_and_named(monkeypatch: pytest.M
         assert len(figure.axes) == n_panels
 
 
-@pytest.mark.parametrize("name", ["stability", "pose", "reproduction", "fits", "dataset"])
+@pytest.mark.parametrize("name", sorted(set(PLOT_DESCRIPTIONS) - {"curve"}))
 def test_a_table_in_which_all_is_zero_or_unknown_has_no_plot(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
