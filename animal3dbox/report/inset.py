@@ -131,22 +131,22 @@ def with_insets(
     """
     draw(canvas, (0, 0), factor)
     image_hw = (image.shape[0], image.shape[1])
-    shown = [region for region in regions if region is not None]
-    small = [crop for group in _groups(shown, image_hw) if (crop := _crop_of(group, image_hw))]
+    in_picture = [region for region in regions if region is not None]
+    small = [crop for group in _groups(in_picture, image_hw) if (crop := _crop_of(group, image_hw))]
     crops = _apart([crop for crop in small if _zoom(crop, canvas) >= LEAST_GAIN * factor])
     frames = [_frame_of(crop).scaled(factor) for crop in crops]
-    hidden = _Hidden(
-        boxes=[region.scaled(factor) for region in shown] + frames,
+    obstacles = _Obstacles(
+        boxes=[region.scaled(factor) for region in in_picture] + frames,
         points=[[(value + 0.5) * factor - 0.5 for value in point[:2]] for point in points_px],
     )
     for number, (crop, frame) in enumerate(zip(crops, frames, strict=True), start=1):
         inset = _enlarged_part(image, crop, _zoom(crop, canvas), draw)
-        place = _plainest_corner(canvas, inset, hidden)
+        place = _plainest_corner(canvas, inset, obstacles)
         if place is None:
             continue
         covered = _paste(canvas, inset, place)
         _frame(canvas, frame)
-        hidden.boxes.append(covered)
+        obstacles.boxes.append(covered)
         if len(crops) > 1:
             _write_number(canvas, number, covered.x1, covered.y1)
             _write_number(canvas, number, frame.x1, frame.y1 - NUMBER_HEIGHT * _unit(canvas))
@@ -183,13 +183,13 @@ def _crop_of(region: Region, image_hw: tuple[int, int]) -> Crop | None:
     """What the inset shows of the picture; None of a large animal."""
     if not is_small(region, image_hw):
         return None
-    shown = _surroundings(region)
+    around = _surroundings(region)
     height, width = image_hw
     return (
-        max(0, int(np.floor(shown.x1))),
-        max(0, int(np.floor(shown.y1))),
-        min(width, int(np.ceil(shown.x2)) + 1),
-        min(height, int(np.ceil(shown.y2)) + 1),
+        max(0, int(np.floor(around.x1))),
+        max(0, int(np.floor(around.y1))),
+        min(width, int(np.ceil(around.x2)) + 1),
+        min(height, int(np.ceil(around.y2)) + 1),
     )
 
 
@@ -226,7 +226,7 @@ def _enlarged_part(image: Picture, crop: Crop, zoom: float, draw: Drawing) -> Pi
 
 
 @dataclass(frozen=True)
-class _Hidden:
+class _Obstacles:
     """What insets are not to hide, in px of the enlarged picture.
 
     Attributes:
@@ -238,7 +238,9 @@ class _Hidden:
     points: list[list[float]]
 
 
-def _plainest_corner(canvas: Picture, inset: Picture, hidden: _Hidden) -> tuple[int, int] | None:
+def _plainest_corner(
+    canvas: Picture, inset: Picture, obstacles: _Obstacles
+) -> tuple[int, int] | None:
     """Where the inset's first pixel (x, y) goes; None if each corner would hide a box."""
     gap = _gap(canvas)
     free_x, free_y = (max(0, canvas.shape[i] - inset.shape[i] - gap) for i in (1, 0))
@@ -250,7 +252,7 @@ def _plainest_corner(canvas: Picture, inset: Picture, hidden: _Hidden) -> tuple[
 
     def liveliness(place: tuple[int, int]) -> tuple[int, float]:
         x, y = place
-        n_points = sum(around(place).overlaps(Region(u, v, u, v)) for u, v in hidden.points)
+        n_points = sum(around(place).overlaps(Region(u, v, u, v)) for u, v in obstacles.points)
         below = grey[y : y + inset.shape[0], x : x + inset.shape[1]]
         return n_points, round(float(below.std()), 3)
 
@@ -258,7 +260,7 @@ def _plainest_corner(canvas: Picture, inset: Picture, hidden: _Hidden) -> tuple[
     free = [
         corner
         for corner in corners
-        if not any(around(corner).overlaps(region) for region in hidden.boxes)
+        if not any(around(corner).overlaps(region) for region in obstacles.boxes)
     ]
     return min(free, key=liveliness, default=None)
 
