@@ -49,8 +49,9 @@ if not isinstance(label, CuboidLabel):
 Image.fromarray(draw_label(animal.image.numpy(), label))
 
 # %% [markdown]
-# The front of the box is green and its back is blue. Left and right are the animal's own, never
-# the picture's: [Conventions](conventions.md) has every frame, and the numbers of the corners.
+# The front of the box is green, with a cross where it is seen, and its back is blue; a white arrow
+# points to the front. Left and right are the animal's own, never the picture's:
+# [Conventions](conventions.md) has every frame, and the numbers of the corners.
 #
 # A label says which side the picture shows, how much of it, and how far it may be trusted.
 

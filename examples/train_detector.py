@@ -142,7 +142,7 @@ def main() -> None:
             boxes = predict(detector, crops)
             metrics = BoxMetrics(pair_by="boxes", class_agnostic=True, relative=False)
             metrics.update(*crops.by_image(boxes))
-            print(f"seed {seed}, {name}:", *map(metrics.compute().get, SHOWN))
+            print(f"seed {seed}, {name}: {', '.join(SHOWN)} =", *map(metrics.compute().get, SHOWN))
             draw(datasets[name], crops, boxes, options.out / f"{name}-{seed}.jpg")
 
 

@@ -44,6 +44,7 @@ PROCESS = frozenset(
         "cli/test_worker_batches.py",
         "datasets/synthetic/test_world.py::test_another_process_draws_the_same_scene",
         "datasets/test_loading.py",
+        "report/test_gallery_in_browser.py",
         "smal/files/test_pickle_writer.py"
         "::test_pythons_own_unpickler_needs_nothing_but_chumpy_for_it",
         "smal/quadruped/test_quadruped.py"

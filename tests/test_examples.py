@@ -131,7 +131,7 @@ def test_the_detector_s_example_trains_judges_and_draws(tmp_path: Path) -> None:
     lines = run_example("train_detector.py", *options, cwd=tmp_path).splitlines()
     assert [line.split(":")[0] for line in lines] == ["seed 3, test-id", "seed 3, test-species"]
     for line in lines:
-        heading, flank, count = (float(word) for word in line.split(": ")[1].split())
+        heading, flank, count = (float(word) for word in line.split(" = ")[1].split())
         assert 0 < heading < 180
         assert 0 <= flank <= 1 < count
     names = {path.name for path in (tmp_path / "kept").iterdir()}

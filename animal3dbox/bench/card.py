@@ -48,8 +48,9 @@ animals, and `test-focal` shorter focal lengths than `train`.
 - `digests/SPLIT.json`: SHA-256 of each image's decoded pixels, and digests of scene and bodies.
 - `MANIFEST.json`, `VERSION`: digests of all other files; of which seed file this is.
 
-Check a copy with `animal3dbox bench verify`, a detector with `animal3dbox bench score`;
-docs/bench.md of animal3dbox has the rules. What it cannot tell: how a detector does on photographs.
+Check a copy with `animal3dbox bench verify`, a detector with `animal3dbox bench score` (its
+`--help` says what a result's folder holds). What it cannot tell: how a detector does on
+photographs.
 """
 """The card; what stands in braces is filled in."""
 

@@ -84,7 +84,11 @@ def read_head(folder: Path) -> ResultHead:
     """
     if not (folder / ABOUT).is_file():
         raise DatasetNotFoundError(
-            f"{folder} holds no {ABOUT}, which says what the result is of: see docs/bench.md"
+            f"{folder} holds no {ABOUT}, which says what the result is of: a JSON object with"
+            " version and edition as in the benchmark's MANIFEST.json, track (image, K, box or"
+            " keypoints: what the method looked at), method, and splits (of each split's name the"
+            " digest that MANIFEST.json gives its images). `animal3dbox bench baseline` writes one"
+            " for an example"
         )
     head: ResultHead = decode_json(folder / ABOUT, ResultHead)
     return head

@@ -11,6 +11,7 @@ from animal3dbox.bench.verify import verify_bench
 from animal3dbox.cli.bench_jobs import BaselineJob, BenchJob, MakeJob, ScoreJob, VerifyJob
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.evaluate.files import write_json, write_text
+from animal3dbox.plurals import counted
 
 
 def run_bench(job: BenchJob) -> ExitCode:
@@ -30,7 +31,8 @@ def _make(job: MakeJob) -> ExitCode:
     manifest = make_bench(plan, job.out, splits=job.split, workers=job.workers)
     for split in plan.splits:
         if entry := manifest.splits.get(split.name):
-            print(f"{split.name}: {entry.images} images, {entry.animals} animals, {entry.digest}")
+            content = f"{counted(entry.images, 'image')}, {counted(entry.animals, 'animal')}"
+            print(f"{split.name}: {content}, {entry.digest}")
     return ExitCode.OK
 
 
@@ -39,7 +41,8 @@ def _verify(job: VerifyJob) -> ExitCode:
     findings = verify_bench(job.bench, splits=job.split)
     for finding in findings.faults:
         print(f"  faulty: {finding}", file=sys.stderr)
-    print(f"{findings.files} files and {findings.images} images: {len(findings.faults)} faults")
+    looked_at = f"{counted(findings.files, 'file')} and {counted(findings.images, 'image')}"
+    print(f"{looked_at}: {counted(len(findings.faults), 'fault')}")
     return ExitCode.FAULTY if findings.faults else ExitCode.OK
 
 

@@ -49,7 +49,8 @@ class ScoreJob:
     bench: Annotated[Positional[Path], arg(metavar="BENCH")]
     """the folder that bench make wrote"""
     result: Annotated[Positional[Path], arg(metavar="RESULT")]
-    """the result's folder: about.json, and SPLIT.json in Cube R-CNN's layout (docs/bench.md)"""
+    """the result's folder: about.json, and SPLIT.json in Cube R-CNN's layout; bench baseline writes
+    such a folder"""
     out: Path
     """folder for score.json and score.txt"""
     split: tuple[str, ...] = ()
@@ -70,7 +71,7 @@ class BaselineJob:
     baseline: Annotated[Positional[Baseline], arg(metavar="NAME")]
     """constant, nearest (both learn from train), labels-fit or labels-preset (from keypoints)"""
     out: Path
-    """folder for about.json and SPLIT.json, as a detector's result has them (docs/bench.md)"""
+    """folder for about.json and SPLIT.json, as a detector's result has them"""
     split: tuple[str, ...] = ()
     """names of the splits; none: all that are whole"""
 

@@ -24,6 +24,7 @@ from animal3dbox.labels.axes.placement import LEAST_ANIMALS
 from animal3dbox.labels.calibration import Calibration
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.fit.learning.rounds import LEAST_TAUGHT
+from animal3dbox.plurals import counted
 from animal3dbox.progress import watched, watched_steps
 
 PLACEMENT = "placement"
@@ -91,8 +92,8 @@ def _placement(job: CalibrateJob, dataset: ReadDataset, bodies: BodySource) -> L
         raise ConfigError(
             f"{job.path} teaches nothing about its keypoints' placement: none of {learned.animals}"
             f" animals has a body of its own without a template ({learned.faulty} could not be"
-            " read); such bodies come from a folder of meshes (docs/formats.md). Of photographs,"
-            " --learn places,shapes learns for bodies that are fitted"
+            " read); such bodies come from a folder with images/ and, under their names, meshes/."
+            " Of photographs, --learn places,shapes learns for bodies that are fitted"
         )
     return learned
 
@@ -138,12 +139,15 @@ def _print(
 
 
 def _print_placement(learned: LearnedCalibration) -> None:
-    print(f"{learned.animals} animals: {learned.used} used, {learned.faulty} could not be read")
+    print(
+        f"{counted(learned.animals, 'animal')}: {learned.used} used,"
+        f" {learned.faulty} could not be read"
+    )
     for entry in learned.calibration.placement:
         who = entry.species or "all species"
         print(
             f"  {entry.vocabulary}, {who}: {entry.line} rises by {entry.pitch_deg:g} degrees"
-            f" ({entry.animals} animals)"
+            f" ({counted(entry.animals, 'animal')})"
         )
     if learned.used < LEAST_ANIMALS:
         print(f"  few: a pitch from fewer than {LEAST_ANIMALS} animals may be off by some degrees")

@@ -22,6 +22,7 @@ from animal3dbox.datasets.format_datasets import AnnotatedDataset
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.labels.drafts import EXCHANGED_SIDES
 from animal3dbox.labels.pose.problem import AS_GIVEN
+from animal3dbox.plurals import counted
 from animal3dbox.progress import watched
 from animal3dbox.report.label_checks import row_findings
 from animal3dbox.report.label_files import labels_file
@@ -70,18 +71,19 @@ def run_check(job: CheckJob) -> ExitCode:
     """Check labels or cuboids, and say what is wrong."""
     if job.workers < 0:
         raise ConfigError(f"--workers must not be negative, got {job.workers}")
-    noun = "animals"
+    nouns = ("animal", "animals")
     if is_labels(job.path):
         report = check_labels(job.path)
     elif (format := cuboid_format(job.path, job.dataset.format)) is not None:
         options = CuboidOptions(job.dataset.images, metric=job.metric)
-        report, noun = check_cuboids(job.path, options, format), "boxes"  # perhaps of cars
+        report = check_cuboids(job.path, options, format)
+        nouns = ("box", "boxes")  # perhaps of cars
     else:
         report = check_dataset(job)
     if job.json:
         sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
     else:
-        _print(report, noun)
+        _print(report, nouns)
     return ExitCode.FAULTY if report.faults else ExitCode.OK
 
 
@@ -275,8 +277,9 @@ def _unreadable(error: SampleError) -> CheckedFault:
     )
 
 
-def _print(report: CheckReport, noun: str) -> None:
-    print(f"{report.animals} {noun} in {report.source}: {len(report.faults)} faults")
+def _print(report: CheckReport, nouns: tuple[str, str]) -> None:
+    checked = counted(report.animals, *nouns)
+    print(f"{checked} in {report.source}: {counted(len(report.faults), 'fault')}")
     for check, count in report.counts.items():
         print(f"  {count} x {check}")
     for check, count in report.warnings.items():

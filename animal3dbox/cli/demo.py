@@ -26,6 +26,7 @@ from animal3dbox.geometry.rigid_transforms import rotation_angle
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.plurals import counted
 from animal3dbox.progress import watched
 from animal3dbox.report.run import write_run
 from animal3dbox.report.run_rows import Labelled
@@ -157,7 +158,7 @@ def _write(job: DemoJob, results: Sequence[Labelled], summaries: Sequence[Method
     write_run(
         job.out,
         results,
-        source=f"{job.n} synthetic animals, seed {job.seed}, {_faults(job)}",
+        source=f"{counted(job.n, 'synthetic animal')}, seed {job.seed}, {_faults(job)}",
         body=_body(job),
         config=METHODS["default"],
     )
@@ -172,7 +173,7 @@ def _write(job: DemoJob, results: Sequence[Labelled], summaries: Sequence[Method
     )
     table = table_from_records("methods", "Every method against the truth", records, notes=notes)
     evaluation = Evaluation(
-        f"{job.n} synthetic animals, seed {job.seed}",
+        f"{counted(job.n, 'synthetic animal')}, seed {job.seed}",
         {"keypoints": _faults(job), "body": _body(job)},
         (table,),
     )

@@ -13,9 +13,10 @@ from animal3dbox.evaluate.box_errors import FLANK_DEG, lateral_deg
 from animal3dbox.files import write_whole
 from animal3dbox.geometry.cuboid import Cuboid
 from animal3dbox.labels.types import CuboidLabel, Rejection
+from animal3dbox.plurals import counted
 from animal3dbox.report.gallery import card_picture
 from animal3dbox.report.html_page import render
-from animal3dbox.report.overlay import draw_cuboid, enlarged
+from animal3dbox.report.overlay import DrawnCuboid, cuboids_in_picture
 
 NEITHER = "neither"
 """The true flank of an animal that is seen from ahead or behind."""
@@ -88,9 +89,8 @@ def compared_animal(animal: SyntheticAnimal, outcome: CuboidLabel | Rejection) -
 def _picture(animal: SyntheticAnimal, box: Cuboid | None) -> str:
     """The animal's picture with a box of the camera frame, as JPEG in base64."""
     pixels: NDArray[np.uint8] = animal.image.numpy()
-    canvas, factor = enlarged(pixels)
-    if box is not None:
-        draw_cuboid(canvas, box, animal.K, factor)
+    cuboids = [] if box is None else [DrawnCuboid(box, animal.K)]
+    canvas = cuboids_in_picture(pixels, cuboids)
     return base64.b64encode(card_picture(canvas)).decode()
 
 
@@ -107,7 +107,7 @@ def write_demo_page(path: Path, animals: Sequence[ComparedAnimal], about: str) -
     page = render(
         "animal3dbox.cli",
         "demo.html",
-        title=f"{len(animals)} synthetic animals: truth and labels",
+        title=f"{counted(len(animals), 'synthetic animal')}: truth and labels",
         about=about,
         right=sum(one.flank == one.true_flank for one in telling),
         shown=len(telling),

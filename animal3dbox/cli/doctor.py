@@ -35,7 +35,7 @@ import torch
 matrix = torch.tensor([[2.0, 1.0], [1.0, 3.0]])
 assert torch.allclose(matrix @ torch.linalg.inv(matrix), torch.eye(2), atol=1e-5), "wrong inverse"
 device = torch.cuda.get_device_name() if torch.cuda.is_available() else "CPU only"
-print(f"{torch.get_num_threads()} threads, {device}")
+print(f"threads: {torch.get_num_threads()}; {device}")
 """
 OPENCV_CHECK = """
 import cv2, numpy
@@ -44,7 +44,7 @@ done, png = cv2.imencode(".png", picture)
 assert done and numpy.array_equal(cv2.imdecode(png, cv2.IMREAD_COLOR), picture), "a PNG changes"
 turned, _ = cv2.Rodrigues(numpy.array([0.0, 0.0, numpy.pi / 2]))
 assert abs(turned[1, 0] - 1) < 1e-9, "a rotation is wrong"
-print(f"{cv2.getNumThreads()} threads")
+print(f"threads: {cv2.getNumThreads()}")
 """
 BODY_CHECK = """
 from animal3dbox.smal.quadruped.preset_bodies import load_quadruped
@@ -85,7 +85,7 @@ class ExtraState(msgspec.Struct, kw_only=True):
 
 
 class DoctorReport(msgspec.Struct, kw_only=True):
-    """What `doctor --json` prints (docs/formats.md)."""
+    """What `doctor --json` prints."""
 
     versions: dict[str, str | None]
     threads: dict[str, int | str | None]

@@ -17,6 +17,7 @@ from animal3dbox.evaluate.pictures import pictures_of
 from animal3dbox.evaluate.plots import plots_of
 from animal3dbox.evaluate.run import evaluate_world, world_tables
 from animal3dbox.files import write_whole
+from animal3dbox.plurals import counted
 
 
 def run_evaluate(job: EvaluateJob) -> ExitCode:
@@ -60,7 +61,9 @@ def _world(job: EvaluateJob) -> Evaluation:
         "image_hw": list(config.world.image_hw),
     }
     return Evaluation(
-        f"animal3dbox on {job.n} synthetic animals, seed {job.seed}", about, world_tables(rows)
+        f"animal3dbox on {counted(job.n, 'synthetic animal')}, seed {job.seed}",
+        about,
+        world_tables(rows),
     )
 
 

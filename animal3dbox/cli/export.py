@@ -28,6 +28,7 @@ from animal3dbox.errors import (
     DatasetNotFoundError,
     SampleError,
 )
+from animal3dbox.plurals import counted
 from animal3dbox.report.ecology.camtrap_observations import write_camtrap_dp
 from animal3dbox.report.ecology.wbia import write_wbia
 from animal3dbox.report.ecology.wildlife_datasets import write_wildlife_datasets
@@ -74,7 +75,8 @@ def run_export(job: ExportJob) -> ExitCode:
         cuboids if job.metres_per_unit is None else in_metres(cuboids, job.metres_per_unit), job
     )
     print(
-        f"{exported.boxes} boxes in {exported.images} images written as {job.to}:"
+        f"{counted(exported.boxes, 'box', 'boxes')} in {counted(exported.images, 'image')} written"
+        f" as {job.to}:"
         f" {', '.join(map(str, exported.files))}; an export to be joined with this one goes on with"
         f" --first-id {exported.next_id}"
     )
@@ -126,7 +128,8 @@ def _export_rows(job: ExportJob) -> ExitCode:
         exported = write_wbia(file.animals, path)
     else:
         exported = write_wildlife_datasets(file.animals, path)
-    print(f"{exported.boxes} animals in {exported.images} images written as {job.to}: {path}")
+    content = f"{counted(exported.boxes, 'animal')} in {counted(exported.images, 'image')}"
+    print(f"{content} written as {job.to}: {path}")
     return _print_losses(exported, faults)
 
 
@@ -168,7 +171,8 @@ def _export_fits(job: ExportJob) -> ExitCode:
         path = _json_path(job, "train.json")
         exported = write_animal3d_fits(animals, path, load_model(job.model))
     print(
-        f"{exported.boxes} fitted bodies in {exported.images} images written as {job.to}:"
+        f"{counted(exported.boxes, 'fitted body', 'fitted bodies')} in"
+        f" {counted(exported.images, 'image')} written as {job.to}:"
         f" {exported.files[0]}"
     )
     notes = [f"{without} animals have labels of other bodies, which are not written"]

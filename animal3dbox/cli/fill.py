@@ -20,6 +20,7 @@ from animal3dbox.datasets.labelling.label_store import NOT_STORED
 from animal3dbox.datasets.labelling.load_report import Case
 from animal3dbox.errors import ConfigError
 from animal3dbox.labels.config import LabelConfig
+from animal3dbox.plurals import counted
 from animal3dbox.progress import watched
 
 REMEDY = "--resume keeps the labels that are in the cache"
@@ -138,8 +139,8 @@ def _report(dataset: LabelDataset, job: LabelJob, images: int, animals: int) -> 
         sys.stdout.write(msgspec.json.encode(content).decode() + "\n")
     else:
         print(
-            f"{images} images, {animals} animals: {stored} in the cache {job.cache.folder}"
-            " (rejections are kept too)"
+            f"{counted(images, 'image')}, {counted(animals, 'animal')}: {stored} in the cache"
+            f" {job.cache.folder} (rejections are kept too)"
         )
         for case in report.cases:
             print(f"  {case.kind}: {case}")

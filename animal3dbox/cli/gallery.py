@@ -2,6 +2,7 @@
 
 from animal3dbox.cli.exit_codes import ExitCode
 from animal3dbox.cli.jobs import GalleryJob
+from animal3dbox.plurals import counted
 from animal3dbox.report.table.table_gallery import write_table_gallery
 
 
@@ -18,5 +19,5 @@ def run_gallery(job: GalleryJob) -> ExitCode:
         seed=job.seed,
         images=job.images,
     )
-    print(f"{shown} labels: look at {page}")
+    print(f"{counted(shown, 'label')}: look at {page}")
     return ExitCode.OK

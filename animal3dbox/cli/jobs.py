@@ -242,13 +242,15 @@ class CompareJob:
     path: Annotated[Positional[Path], arg(metavar="LABELS")]
     """labels.json, the folder that label wrote, an Omni3D JSON, or a folder of KITTI's"""
     predictions: Annotated[Path, arg(name="with", metavar="PRED")]
-    """the detector's file or folder, in any layout of docs/predictions.md"""
+    """the file or folder of Cube R-CNN, OVMono3D, 3D-MOOD, WildDet3D, DetAny3D, Boxer, WildLIFT, or
+    KITTI's results"""
     truth: Path
     """the Omni3D JSON that was detected on, such as export made of the labels"""
     out: Path
     """folder for compare.json, compare.csv, compare.html and overlays"""
     layout: str | None = None
-    """the layout of --with, if it is not to be recognised"""
+    """the layout of --with (cubercnn, detect3d, detany3d, boxer, tracks, frames, kitti), if it is
+    not to be recognised"""
     cameras: str | None = None
     """poses of the cameras, of detections in a world: a file or folder; or the word camera"""
     category_ids: Literal["dataset", "contiguous"] | None = None
@@ -284,7 +286,7 @@ class InspectJob:
     fits: bool = False
     """with --model: compare stored parameters with bodies fitted here, of 200 animals at most"""
     json: bool = False
-    """print JSON (docs/formats.md) instead of words"""
+    """print JSON instead of words"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,6 +21,7 @@ from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.datasets.labelling.animal_outcomes import AnimalOutcome
 from animal3dbox.errors import ConfigError, SampleError
 from animal3dbox.files import portable_path
+from animal3dbox.plurals import counted
 from animal3dbox.progress import watched
 from animal3dbox.report.run import ROWS, RunWriter, make_results_folder
 from animal3dbox.report.run_rows import DrawnAnimal, Labelled, Pictures, drawn_animal
@@ -192,7 +193,7 @@ def _print(summary: Summary, job: LabelJob, out: Path) -> None:
         sys.stdout.write(msgspec.json.encode(summary).decode() + "\n")
         return
     print(
-        f"{summary.animals} animals: {summary.kept} kept, {summary.flagged} flagged,"
+        f"{counted(summary.animals, 'animal')}: {summary.kept} kept, {summary.flagged} flagged,"
         f" {summary.rejected} rejected, {summary.faulty} faulty"
     )
     for reason, count in {**summary.flags, **summary.reasons}.items():

@@ -146,8 +146,8 @@ class BodyOptions:
     "preset", the rigid one of each animal's category, else a dog; or "fit", a body fitted to each
     animal's keypoints and mask, which is the default without --model"""
     landmarks: Path | None = None
-    """JSON with the landmarks of the mesh file, or of a fitted model that is not SMAL's mesh
-    (docs/formats.md)"""
+    """JSON with the landmarks of the mesh file, or of a fitted model that is not SMAL's mesh: names
+    (nose, tail_base, ...) to lists of vertex ids"""
     species: str = "auto"
     """of fitted animals and presets: one for all, by each one's category (auto), or unknown"""
 
@@ -247,7 +247,7 @@ class ScaleOptions:
     metres_per_unit: float | None = None
     """metres in a unit of the bodies, to make labels metric"""
     species_scale: bool = False
-    """make labels metric by typical lengths of species (docs/formats.md)"""
+    """make labels metric by typical lengths of species"""
     altitude_m: float | None = None
     """make labels metric by the height of a camera that looks straight down"""
 

@@ -46,4 +46,4 @@ class DoctorJob:
     cache: Path = Path("labels-cache")
     """the label cache's folder, to see if it can be written to"""
     json: bool = False
-    """print JSON (docs/formats.md) instead of words"""
+    """print JSON instead of words"""

@@ -12,6 +12,7 @@ from animal3dbox.datasets.synthetic.stanfordextra_writer import write_stanfordex
 from animal3dbox.datasets.synthetic.synthetic_set import SyntheticSet, animal3d_world
 from animal3dbox.datasets.synthetic.world.config import WorldConfig
 from animal3dbox.errors import ConfigError
+from animal3dbox.plurals import counted
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 
 
@@ -35,13 +36,18 @@ def run_synth(job: SynthJob) -> ExitCode:
     if is_animal3d:
         model = job.model or job.out.parent / f"{job.out.name}-model.pkl"
         count = write_animal3d(pictures, job.out, model, workers=job.workers, resume=job.resume)
-        print(f"{job.n} images, {count} animals in {job.out}; their model is {model}")
+        print(f"{_content(job, count)} in {job.out}; the model of their bodies is {model}")
         print(f"label them: animal3dbox label {job.out} --model {model} --out {job.out}-labels")
     else:
         count = write_stanfordextra(pictures, job.out, workers=job.workers, resume=job.resume)
-        print(f"{job.n} images, {count} animals in {job.out}")
+        print(f"{_content(job, count)} in {job.out}")
         print(f"label them: animal3dbox label {job.out} --body dog --out {job.out}-labels")
     return ExitCode.OK
+
+
+def _content(job: SynthJob, animals: int) -> str:
+    """What was written, in words."""
+    return f"{counted(job.n, 'image')}, {counted(animals, 'animal')}"
 
 
 def _check_folder(job: SynthJob) -> None:

@@ -16,6 +16,7 @@ from animal3dbox.cli.ray_tables import ray_tables
 from animal3dbox.cli.worker_batches import AT_ONCE, worker_batches
 from animal3dbox.datasets.label_dataset import LabelDataset
 from animal3dbox.errors import ConfigError
+from animal3dbox.plurals import counted
 from animal3dbox.progress import watched
 from animal3dbox.report.table.columns import Table
 from animal3dbox.report.table.label_table import label_table
@@ -88,5 +89,5 @@ def _report(writer: PartWriter, job: LabelJob, folder: Path) -> ExitCode:
         sys.stdout.write(msgspec.json.encode(content).decode() + "\n")
     else:
         words = ", ".join(f"{count} {status}" for status, count in counts.items())
-        print(f"{sum(counts.values())} rows in {folder}: {words or 'none'}")
+        print(f"{counted(sum(counts.values()), 'row')} in {folder}: {words or 'none'}")
     return ExitCode.FAULTY if counts.get("faulty") else ExitCode.OK

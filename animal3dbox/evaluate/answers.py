@@ -15,11 +15,34 @@ QUESTIONS = {
     "faces": "Are the faces that a box shows, and their shares, those that rays find?",
     "foreign": "Do poses hold for animals that are built otherwise than ours?",
     "reliability": "Can the confidence of a label be believed?",
-    "curve": "Of labels that are told to be right so often, how many are right?",
+    "curve": "Of labels that state a confidence, how many are right?",
     "fits": "Is a fitted body better than a rigid one?",
     "dataset": "How well do labels fit what was annotated?",
 }
 """Name of a table of the evaluation -> the question that it answers, as its heading."""
+PLOT_DESCRIPTIONS = {
+    "stability": "Lines: by how many degrees the axes turn, against the noise, a line a rule; lower"
+    " is steadier. The scale is logarithmic.",
+    "accuracy": "Bars: the median angle between the axes and the true trunk, for all animals and by"
+    " pose; lower is better. The scale is logarithmic.",
+    "pose": "Bars: errors by kind of fault in the annotations, a colour a method; for the first"
+    " three panels lower is better, for the overlap (IoU3D) higher.",
+    "reproduction": "Bars: errors of the baseline by how many keypoints are at (0, 0); the dotted"
+    " line is what the paper printed.",
+    "faces": "Bars: by how much shares of the faces differ from those that rays find, by kind of"
+    " view; below the dotted line is allowed. The left scale is logarithmic.",
+    "foreign": "Bars: by how many degrees the box is turned against the true one, by how the"
+    " animals differ from ours; the line goes on to what 95 % stay below.",
+    "curve": "Points: groups of labels, at the confidence that they state on average, and as high"
+    " as the share of them that is right; the bars are 95 % bounds. On the dotted line as many are"
+    " right as was stated; below it labels promise too much.",
+    "fits": "Bars: errors of boxes by a rigid dog, by a body fitted to the animal, and by its true"
+    " body, for all animals and by class, with the number of animals; a thin line goes on to what"
+    " 95 % stay below.",
+    "dataset": "Bars: how well labels fit the annotations, a bar a method; a line goes on to what"
+    " 95 % of the animals reach.",
+}
+"""Name of a table with a plot -> what one sees in it."""
 
 
 def records_of(table: Table) -> list[dict[str, Any]]:
@@ -185,6 +208,25 @@ def _reliability(records: list[dict[str, Any]]) -> list[str]:
     return sentences
 
 
+def _curve(records: list[dict[str, Any]]) -> list[str]:
+    sentences = []
+    for kind in dict.fromkeys(r["labels"] for r in records):
+        bins = [r for r in records if r["labels"] == kind]
+        first, last = bins[0], bins[-1]
+        who = "the most confident" if len(bins) > 1 else "all"
+        words = f"Of labels {kind}, {who} (which state {last['told']:.0%} on average) are right in"
+        words += f" {_count_of_right(last)} cases"
+        if len(bins) > 1:
+            words += f", the least confident ({first['told']:.0%}) in {_count_of_right(first)}"
+        sentences.append(f"{words}.".replace("%", "\N{NO-BREAK SPACE}%"))
+    return sentences
+
+
+def _count_of_right(group: Record) -> str:
+    """How many labels of a bin of the reliability curve are right, in words."""
+    return f"{round(group['true'] * group['n'])} of {group['n']}"
+
+
 def _fits(records: list[dict[str, Any]]) -> list[str]:
     def row(body: str) -> Record:
         return _row(records, **{"world": "foreign", "class": "all", "body": body})
@@ -206,6 +248,7 @@ _ANSWERS: Mapping[str, Callable[[list[dict[str, Any]]], list[str]]] = {
     "faces": _faces,
     "foreign": _foreign,
     "reliability": _reliability,
+    "curve": _curve,
     "fits": _fits,
     "dataset": _dataset,
 }

@@ -16,7 +16,7 @@ from animal3dbox.datasets.records import CuboidRecord
 from animal3dbox.errors import SampleError
 from animal3dbox.evaluate.comparison import ComparedBox, cuboids_of
 from animal3dbox.geometry.cuboid import Cuboid
-from animal3dbox.report.overlay import draw_cuboid, enlarged, with_words
+from animal3dbox.report.overlay import DrawnCuboid, cuboids_in_picture, with_words
 
 BLANK = 70
 """Grey of a picture that is not there."""
@@ -62,26 +62,27 @@ def _pixels(box: ComparedBox, file: PicturePath | None) -> NDArray[np.uint8]:
 def drawn_boxes(pixels: NDArray[np.uint8], boxes: Sequence[ComparedBox]) -> NDArray[np.uint8]:
     """The picture (H', W', 3) with labels solid, detections dashed, and a line of words each.
 
+    Small animals are shown enlarged in a corner too, the worst match first.
+
     Args:
         pixels: (H, W, 3) uint8 RGB.
         boxes: of this image.
 
     """
-    canvas, factor = enlarged(pixels)
-    for box in boxes:
-        if box.label is not None:
-            draw_cuboid(canvas, _cuboid(box.label), torch.from_numpy(box.label.K), factor)
-    for box in boxes:
-        if box.detection is not None:
-            draw_cuboid(
-                canvas,
-                _cuboid(box.detection),
-                torch.from_numpy(box.detection.K),
-                factor,
-                dashed=True,
-                heading_known=box.detection.heading_known,
-            )
+    worst_first = sorted(boxes, key=lambda box: _worst([box]))
+    labels = [_drawn(box.label, dashed=False) for box in worst_first if box.label is not None]
+    detections = [
+        _drawn(box.detection, dashed=True) for box in worst_first if box.detection is not None
+    ]
+    canvas = cuboids_in_picture(pixels, labels + detections)
     return with_words(canvas, [_words(box) for box in boxes])
+
+
+def _drawn(record: CuboidRecord, *, dashed: bool) -> DrawnCuboid:
+    """The box of a record in the camera frame, as it is drawn."""
+    return DrawnCuboid(
+        _cuboid(record), torch.from_numpy(record.K), dashed, heading_known=record.heading_known
+    )
 
 
 def _cuboid(record: CuboidRecord) -> Cuboid:

@@ -3,8 +3,9 @@
 import base64
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from animal3dbox.evaluate.answers import QUESTIONS, answers_of
+from animal3dbox.evaluate.answers import PLOT_DESCRIPTIONS, QUESTIONS, answers_of
 from animal3dbox.evaluate.files import Evaluation
 from animal3dbox.evaluate.tables import shown
 from animal3dbox.files import write_whole
@@ -43,16 +44,26 @@ def write_page(
         "animal3dbox.evaluate",
         "page.html",
         title=evaluation.title,
-        about="; ".join(f"{name}: {value}" for name, value in evaluation.about.items()),
+        about="; ".join(f"{name}: {_in_words(v)}" for name, v in evaluation.about.items()),
         remedy=NO_PLOTS if plots is None else None,
         pictures=_in_base64({} if plots is None else pictures or {}),
         plots=_in_base64(plots or {}),
         tables=evaluation.tables,
         questions=QUESTIONS,
+        descriptions=PLOT_DESCRIPTIONS,
         answers={table.name: answers_of(table) for table in evaluation.tables},
         shown=shown,
     )
     write_whole(path, page.encode())
+
+
+def _in_words(value: Any) -> str:
+    """A setting as people write it: "yes", "none", "480, 640"."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value)) or "none"
+    return str(value)
 
 
 def _in_base64(pictures: Mapping[str, bytes]) -> dict[str, str]:

@@ -58,7 +58,8 @@ def pictures_of(seed: int) -> dict[str, bytes] | None:
     ]
     faults = f"{FAULTS.noise_px:g} px of noise and {FAULTS.outliers:.0%} outliers"
     figures = {
-        f"The same images with {faults}: basic, PCA, ours (front green, back blue)": ablation(who),
+        f"The same images with {faults}: basic, PCA, ours (front green and crossed,"
+        " back blue, an arrow to the front)": ablation(who),
         "Boxes on the mesh, by principal components and by ours, and their projections": (
             boxes_on_meshes(who[:3])
         ),
@@ -199,7 +200,7 @@ def _as_3d(figure: "Figure", panel: Any) -> Any:
 
 
 def _draw_mesh(axes: Any, vertices: Tensor, box: Cuboid, around: Sequence[Tensor] = ()) -> None:
-    """A shaded mesh with its box, front green and back blue, and numbered points around it."""
+    """A shaded mesh, its box, front green and crossed, back blue, and numbered points around."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     corners = vertices[load_quadruped().faces].numpy()
@@ -220,6 +221,9 @@ def _draw_mesh(axes: Any, vertices: Tensor, box: Cuboid, around: Sequence[Tensor
         )
     for a, b in EDGES:
         axes.plot(*points[[a, b]].T, color="tab:orange", linewidth=1)
+    first, second, third, fourth = FACES["front"]
+    for a, b in ((first, third), (second, fourth)):
+        axes.plot(*points[[a, b]].T, color=np.array(FRONT) / 255, linewidth=1)
     for number, place in enumerate(around):
         axes.scatter(*place.tolist(), color="tab:red", s=14)
         axes.text(*place.tolist(), f" {number + 1}", fontsize=8)

@@ -10,6 +10,8 @@ from animal3dbox.evaluate.tables import Cell, Table, percent, quantile, table_fr
 
 Array = NDArray[np.float64]
 BINS = 10
+LEAST_IN_BIN = 5
+"""A bin of the reliability curve has no fewer labels, unless there are fewer in all."""
 CHANCE_DRAWS = 100
 BASE_RATES = (0.15, 0.3, 0.5)
 """Parts of bad labels for which the calibration error is told."""
@@ -130,13 +132,17 @@ def reliability_table(judged: Sequence[Judged]) -> Table:
 
 
 def curve_table(judged: Sequence[Judged]) -> Table:
-    """The reliability curve: told and true frequency, bin by bin, with and without a mask."""
+    """The reliability curve: told and true frequency, bin by bin, with and without a mask.
+
+    There are BINS bins of equal count, or fewer, so that each has LEAST_IN_BIN labels.
+    """
     records: list[dict[str, Cell]] = []
     for has_mask in (True, False):
         group = [one for one in judged if one.has_mask == has_mask]
         told = np.array([one.probability for one in group])
         good = np.array([one.is_good for one in group])
-        for k, ids in enumerate(np.array_split(np.argsort(told, kind="stable"), BINS)):
+        n_bins = min(BINS, max(1, len(group) // LEAST_IN_BIN))
+        for k, ids in enumerate(np.array_split(np.argsort(told, kind="stable"), n_bins)):
             if len(ids):
                 records.append(
                     {
@@ -151,7 +157,10 @@ def curve_table(judged: Sequence[Judged]) -> Table:
         "curve",
         "Reliability curve of confidence",
         records,
-        notes=(),
+        notes=(
+            "told: the confidence that the bin's labels state, on average; true: the part of them"
+            " that is good. Bins of equal count, from the least confidence to the most.",
+        ),
         columns=("labels", "bin", "n", "told", "true"),
     )
 

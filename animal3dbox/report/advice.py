@@ -116,7 +116,7 @@ def flag_findings(
     """Why a label was flagged.
 
     Args:
-        flags: that it raises, of FLAGS.
+        flags: that it raises, of FLAGS; or the label's own ones, where it has no probability.
         numbers: of the label, by name: confidence, truncation, n_inliers, n_keypoints, mask_iou.
         causes: the label's own flags (labels.types.FLAGS), which tell why its probability is low.
 
@@ -127,6 +127,7 @@ def flag_findings(
         >>> low.sentence.split(". ")[1]
         'Another orientation explains the animal nearly as well.'
     """
+    sentences = {**_CAUSE_SENTENCES, **FLAG_SENTENCES}
     clauses = [
         LABEL_FLAGS[cause] for cause in causes if cause in LABEL_FLAGS and cause not in FLAGS
     ]
@@ -134,7 +135,7 @@ def flag_findings(
     return tuple(
         Finding(
             flag,
-            f"{FLAG_SENTENCES.get(flag, '').format_map(numbers) or f'It raises {flag}.'}"
+            f"{sentences.get(flag, '').format_map(numbers) or f'It raises {flag}.'}"
             f" {reasons.get(flag, '')}".rstrip(),
         )
         for flag in flags
@@ -153,12 +154,30 @@ def rejection_finding(reason: str, detail: str) -> Finding:
 
 
 def explanations() -> list[Explanation]:
-    """Every flag, then every reason for which an animal is rejected."""
+    """Every flag and every cause of doubt, then every reason for which an animal is rejected."""
+    doubt = FLAG_REMEDIES["low_confidence"]
     return [
         *(Explanation(key, _sentence(FLAGS[key]), FLAG_REMEDIES[key]) for key in FLAGS),
+        *(Explanation(key, sentence, doubt) for key, sentence in _CAUSE_SENTENCES.items()),
         *(Explanation(key, _sentence(REASONS[key]), REASON_REMEDIES[key]) for key in REASONS),
     ]
 
 
+def flag_meaning(flag: str) -> str:
+    """What a flag means, in a clause; nothing if it is not known.
+
+    Example:
+        >>> flag_meaning("ambiguous")
+        'another orientation explains the animal nearly as well'
+    """
+    return FLAGS.get(flag) or LABEL_FLAGS.get(flag, "")
+
+
 def _sentence(clause: str) -> str:
     return f"{clause[:1].upper()}{clause[1:]}."
+
+
+_CAUSE_SENTENCES = {
+    cause: _sentence(clause) for cause, clause in LABEL_FLAGS.items() if cause not in FLAGS
+}
+"""What a label's own flags say that are no flags of a run but causes of a low probability."""

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from animal3dbox.files import write_whole
-from animal3dbox.report.advice import Finding, explanations
+from animal3dbox.labels.types import REASONS
+from animal3dbox.report.advice import Finding, explanations, flag_meaning
 from animal3dbox.report.html_page import render
-from animal3dbox.report.summary import FLAGS, Summary
+from animal3dbox.report.summary import Summary
 
 MAX_BYTES = 4_500_000
 """The page stays below this; of a large dataset it shows the worst labels that fit, and says so."""
@@ -173,8 +174,11 @@ def _funnel(summary: Summary) -> list[tuple[str, int, str]]:
         ("animals", summary.animals, ""),
         ("kept", summary.kept, ""),
         ("flagged", summary.flagged, ""),
-        *((f"· {flag}", count, FLAGS.get(flag, "")) for flag, count in summary.flags.items()),
+        *((f"· {flag}", count, flag_meaning(flag)) for flag, count in summary.flags.items()),
         ("rejected", summary.rejected, ""),
-        *((f"· {reason}", count, "") for reason, count in summary.reasons.items()),
+        *(
+            (f"· {reason}", count, REASONS.get(reason, ""))
+            for reason, count in summary.reasons.items()
+        ),
         ("faulty", summary.faulty, "see report.json" if summary.faulty else ""),
     ]

@@ -8,6 +8,9 @@ from animal3dbox.geometry.cuboid import FACE_NAMES
 from animal3dbox.labels.types import CuboidLabel
 from animal3dbox.report.labels_csv import FIELD_COLUMNS
 
+LEAST_SHARE = 0.005
+"""Smaller shares of faces would be shown as 0%."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LabelWords:
@@ -45,7 +48,8 @@ class LabelWords:
     def lines(self) -> list[str]:
         """The lines of text below a picture: side, viewpoint, shares, fit."""
         named = zip(self.shares, FACE_NAMES, strict=True)
-        shares = sorted(((share, name) for share, name in named if share > 0), reverse=True)
+        shown = [(share, name) for share, name in named if share >= LEAST_SHARE]
+        shares = sorted(shown, reverse=True)
         fit = [] if self.error_px is None else [f"keypoints {self.error_px:.1f} px"]
         fit += [] if self.mask_iou is None else [f"mask IoU {self.mask_iou:.2f}"]
         return [

@@ -5,7 +5,8 @@ box points to it. Lines are as thick as the animal's size admits, and a small an
 more, enlarged, in a corner.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -32,14 +33,34 @@ from animal3dbox.report.cuboid_pen import (
     thickness,
 )
 from animal3dbox.report.fitted_outline import draw_fitted_outline
-from animal3dbox.report.inset import Picture, with_inset
+from animal3dbox.report.inset import Picture, with_insets
 from animal3dbox.report.label_words import words_of_label
 from animal3dbox.smal.model import SmalModel
 
 MOST_HEIGHT = 2000
 """A narrow strip is not enlarged beyond this."""
+LETTERS, LETTER_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+"""The letters of the words below a picture, and their scale in one LEAST_WIDTH wide."""
 HEAD_ON = 0.9
 """Cosine of the camera's angle to the x axis from which on the cross is read, and no arrow."""
+
+
+@dataclass(frozen=True)
+class DrawnCuboid:
+    """A cuboid and how it is drawn.
+
+    Attributes:
+        cuboid_cam: in the camera frame.
+        K: (3, 3) px of the picture.
+        dashed: draw lines dashed and fill no face, as of a detection beside a label.
+        heading_known: whether the box has a front; one that has none is drawn without its colours,
+            cross and arrow.
+    """
+
+    cuboid_cam: Cuboid
+    K: torch.Tensor
+    dashed: bool = False
+    heading_known: bool = True
 
 
 def draw_label(image: Picture, label: CuboidLabel, fitted: SmalModel | None = None) -> Picture:
@@ -102,13 +123,12 @@ def cuboid_in_picture(
         (H', W', 3) uint8 RGB; enlarged if it was small.
 
     """
+    points = [] if keypoints is None else keypoints[keypoints[:, 2] > 0, :2].tolist()
     canvas, whole_factor = enlarged(image)
     unit = thickness(canvas)
-    points = [] if keypoints is None else keypoints[keypoints[:, 2] > 0, :2].tolist()
 
     def draw(canvas: Picture, origin_px: tuple[int, int], factor: float) -> None:
-        part_K = K.clone()
-        part_K[:2, 2] -= torch.tensor(origin_px, dtype=K.dtype)
+        part_K = _K_of_part(K, origin_px)
         region = region_of(cuboid_cam, part_K, size_before(canvas, factor))
         widths = line_widths(canvas, region, factor, unit=unit)
         if draw_beneath is not None and widths.strong > 1:  # else it would cover the animal
@@ -118,8 +138,46 @@ def cuboid_in_picture(
             center = [(z - o + 0.5) * factor - 0.5 for z, o in zip(point, origin_px, strict=True)]
             cv2.circle(canvas, fixed(*center), widths.dot << SHIFT, POINT, -1, cv2.LINE_AA, SHIFT)
 
-    region = region_of(cuboid_cam, K, (image.shape[0], image.shape[1]))
-    return with_inset(image, canvas, region, factor=whole_factor, draw=draw, points_px=points)
+    regions = [region_of(cuboid_cam, K, (image.shape[0], image.shape[1]))]
+    return with_insets(image, canvas, regions, factor=whole_factor, draw=draw, points_px=points)
+
+
+def cuboids_in_picture(image: Picture, cuboids: Sequence[DrawnCuboid]) -> Picture:
+    """The picture with several cuboids, small ones enlarged in its corners too; a new array.
+
+    Args:
+        image: (H, W, 3) uint8 RGB.
+        cuboids: in the order in which they are drawn, and enlarged where not all can be.
+
+    Returns:
+        (H', W', 3) uint8 RGB; enlarged if it was small.
+
+    """
+    canvas, whole_factor = enlarged(image)
+    unit = thickness(canvas)
+
+    def draw(canvas: Picture, origin_px: tuple[int, int], factor: float) -> None:
+        for one in cuboids:
+            draw_cuboid(
+                canvas,
+                one.cuboid_cam,
+                _K_of_part(one.K, origin_px),
+                factor,
+                dashed=one.dashed,
+                heading_known=one.heading_known,
+                unit=unit,
+            )
+
+    image_hw = (image.shape[0], image.shape[1])
+    regions = [region_of(one.cuboid_cam, one.K, image_hw) for one in cuboids]
+    return with_insets(image, canvas, regions, factor=whole_factor, draw=draw)
+
+
+def _K_of_part(K: torch.Tensor, origin_px: tuple[int, int]) -> torch.Tensor:
+    """The intrinsics (3, 3) of the part of a picture that begins at a pixel (x, y)."""
+    part_K = K.clone()
+    part_K[:2, 2] -= torch.tensor(origin_px, dtype=K.dtype)
+    return part_K
 
 
 def enlarged(image: Picture) -> tuple[Picture, float]:
@@ -194,21 +252,35 @@ def draw_cuboid(
 
 
 def with_words(canvas: Picture, lines: list[str]) -> Picture:
-    """The picture with a strip of text below it."""
+    """The picture with a strip of text below it; lines that are too long go on in the next one."""
     unit = thickness(canvas)
+    lines = [part for line in lines for part in _wrapped(line, canvas.shape[1] - 16 * unit, unit)]
     strip = np.full(((20 * len(lines) + 8) * unit, canvas.shape[1], 3), PAPER, dtype=np.uint8)
     for i, line in enumerate(lines):
         cv2.putText(
             strip,
             line,
             (8 * unit, (20 * i + 19) * unit),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.5 * unit,
+            LETTERS,
+            LETTER_SCALE * unit,
             INK,
             unit,
             cv2.LINE_AA,
         )
     return np.concatenate((canvas, strip))
+
+
+def _wrapped(line: str, width: int, unit: int) -> list[str]:
+    """The parts of a line of text, broken at spaces, that fit into a width in px."""
+    parts = [""]
+    for word in line.split(" "):
+        longer = f"{parts[-1]} {word}" if parts[-1] else word
+        (length, _), _ = cv2.getTextSize(longer, LETTERS, LETTER_SCALE * unit, unit)
+        if parts[-1] and length > width:
+            parts.append(word)
+        else:
+            parts[-1] = longer
+    return [part.rstrip() for part in parts]
 
 
 def _fill(

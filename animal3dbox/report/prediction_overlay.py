@@ -4,7 +4,7 @@ import torch
 
 from animal3dbox.errors import SampleError
 from animal3dbox.report.inset import Picture
-from animal3dbox.report.overlay import draw_cuboid, enlarged, with_words
+from animal3dbox.report.overlay import DrawnCuboid, cuboids_in_picture, with_words
 from animal3dbox.report.target_boxes import Fields, checked_field, cuboids_of, picture_of
 
 
@@ -17,7 +17,9 @@ def draw_predictions(
 ) -> Picture:
     """The picture with a target's cuboids, solid, and those of a detector, dashed; a new array.
 
-    Front is green and back blue on both, so that a box that looks the wrong way is seen at once.
+    Front is green and back blue on both, and an arrow in each box points to its front, so that a
+    box that looks the wrong way is seen at once. Animals below a sixth of the picture's width are
+    shown enlarged in a corner too, two at most.
 
     Args:
         image: (3, H, W) uint8, as a Dataset gives it, or (H, W, 3) uint8 RGB.
@@ -44,7 +46,7 @@ def draw_predictions(
         >>> draw_predictions(image, target, prediction).shape
         (388, 480, 3)
     """
-    canvas, factor = enlarged(picture_of(image))
+    picture = picture_of(image)
     image_id = str(target.get("image_id", "target"))
     if "K" not in target:
         raise SampleError(image_id, "target K", "is missing, and nothing can be drawn without it")
@@ -55,10 +57,13 @@ def draw_predictions(
     detections = [
         cuboid for cuboid, score in zip(boxes, scores, strict=True) if score >= least_score
     ]
-    for cuboids, dashed in ((animals, False), (detections, True)):
-        for cuboid in cuboids:
-            if cuboid is not None:
-                draw_cuboid(canvas, cuboid, K, factor, dashed=dashed)
+    drawn = [
+        DrawnCuboid(cuboid, K, dashed=dashed)
+        for cuboids, dashed in ((animals, False), (detections, True))
+        for cuboid in cuboids
+        if cuboid is not None
+    ]
     broken = sum(cuboid is None for cuboid in detections)
     words = f"{len(animals)} labelled, {len(detections)} detected (dashed, score {least_score}+)"
+    canvas = cuboids_in_picture(picture, drawn)
     return with_words(canvas, [f"{words}, {broken} of them no boxes" if broken else words])

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from animal3dbox.errors import SampleError
+from animal3dbox.plurals import counted
 from animal3dbox.training.side_votes import SideVotes
 
 CHECKS = {
@@ -132,7 +133,8 @@ class TargetReport:
         )
 
     def __str__(self) -> str:
-        lines = [f"{self.targets} targets, {self.animals} animals: {self.faults} faults"]
+        checked = f"{counted(self.targets, 'target')}, {counted(self.animals, 'animal')}"
+        lines = [f"{checked}: {counted(self.faults, 'fault')}"]
         lines += [f"  {count} x {check}" for check, count in self.counts.most_common()]
         lines += [f"  warning: {count} x {check}" for check, count in self.warnings.most_common()]
         lines += [f"  warning: {sentence}" for sentence in self.sides.warnings]

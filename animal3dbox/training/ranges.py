@@ -66,7 +66,7 @@ class TargetRanges:
         >>> dog = TargetRanges(stated_by_class={0: {"length": (0.2, 2.0)}})
         >>> target = {"size": torch.tensor([[3.0, 0.8, 1.6]] * 2), "labels": torch.tensor([0, 1])}
         >>> print(check_targets([target], ranges=dog, on_fault="count"))  # doctest: +ELLIPSIS
-        1 targets, 2 animals: 1 faults
+        1 target, 2 animals: 1 fault
           1 x range
           range: target 0 of the batch#0: size: length of class 0 is 3, outside the stated ...
     """

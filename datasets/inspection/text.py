@@ -9,6 +9,7 @@ from animal3dbox.datasets.inspection.result import (
     PictureFit,
     Residual,
 )
+from animal3dbox.plurals import counted
 
 MANY = 12
 """Number of counts after which a line of them is cut."""
@@ -30,8 +31,8 @@ def as_text(inspection: Inspection) -> str:
 def _counts(inspection: Inspection) -> Iterator[str]:
     """Lines on the facts that every format has."""
     yield (
-        f"{inspection.path}: {inspection.format}, {inspection.animals} animals in"
-        f" {inspection.images} images (at most {inspection.largest_group} in one)"
+        f"{inspection.path}: {inspection.format}, {counted(inspection.animals, 'animal')} in"
+        f" {counted(inspection.images, 'image')} (at most {inspection.largest_group} in one)"
     )
     for name, counts in (
         ("files", inspection.splits),

@@ -58,7 +58,7 @@ def test_the_command_names_what_is_wrong_and_exits_with_4(bench: Path, tmp_path:
     code, words = ran("bench", "verify", copy, "--split", "val")
     assert code == 4
     assert "images/val/000007.png: image: cannot be read" in words
-    assert "7 files and 30 images: 1 faults" in words
+    assert "7 files and 30 images: 1 fault" in words
     code, words = ran("bench", "make", copy, "--edition", "small", "--split", "val")
     assert code == 0
     assert ran("bench", "verify", copy, "--split", "val")[0] == 0

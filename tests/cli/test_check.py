@@ -37,7 +37,7 @@ def checked(tmp_path: Path, content: Content, *options: str) -> tuple[int, str]:
 
 def test_good_labels_pass(tmp_path: Path, good: Content) -> None:
     code, output = checked(tmp_path, good)
-    assert (code, output.splitlines()[0]) == (0, f"1 animals in {tmp_path}: 0 faults")
+    assert (code, output.splitlines()[0]) == (0, f"1 animal in {tmp_path}: 0 faults")
 
 
 SPOILT: dict[str, tuple[Callable[[Content], None], str, str]] = {

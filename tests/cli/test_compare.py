@@ -23,6 +23,7 @@ from animal3dbox.evaluate.comparison import (
     cuboids_of,
     matched_pairs,
 )
+from animal3dbox.evaluate.comparison_pictures import drawn_boxes
 from animal3dbox.report.cuboid_pen import FRONT
 from animal3dbox.report.overlay import draw_cuboid
 
@@ -234,6 +235,17 @@ def test_a_box_without_a_heading_has_no_coloured_front() -> None:
             greens.append(int((canvas == FRONT).all(-1).sum()))
         assert greens[0] > 0
         assert greens[1] == 0
+
+
+def test_the_picture_of_a_comparison_enlarges_small_animals_and_no_front_is_made_up() -> None:
+    far = simple_record(center=np.array([-4.0, 0.5, 40]))
+    pixels = np.zeros((480, 640, 3), dtype=np.uint8)
+    for heading_known in (True, False):
+        record = replace(far, heading_known=heading_known)
+        (box,) = compared_boxes(CuboidSet("l", (record,), ()), CuboidSet("d", (record,), ()))
+        picture = drawn_boxes(pixels, [box])
+        assert picture[:, 480:].any()  # the inset, far from the animal
+        assert (picture == FRONT).all(-1).any() == heading_known
 
 
 def test_kitti_labels_have_their_own_pictures_and_the_truth_those_of_images(

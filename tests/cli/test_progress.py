@@ -146,6 +146,18 @@ def test_a_command_shows_a_bar_on_a_terminal_and_none_in_a_log(
     )
 
 
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("name", ["bench score", "compare"])
+def test_the_scales_and_the_resampling_of_metrics_have_bars_too(
+    name: str, places: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with terminal(monkeypatch) as shown:
+        called(CALLS[name], places, tmp_path / "new")
+    on_terminal = b"".join(shown).decode()
+    assert re.search(r"matching.* 0/28 ", on_terminal)
+    assert re.search(r"measuring.* 0/\d+ ", on_terminal)
+
+
 def test_a_library_shows_no_bar_even_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     with terminal(monkeypatch) as shown:
         assert list(watched(range(3), "counting", unit="number")) == [0, 1, 2]

@@ -8,12 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from animal3dbox.evaluate.answers import QUESTIONS, answers_of, records_of
+from animal3dbox.evaluate.answers import (
+    PLOT_DESCRIPTIONS,
+    QUESTIONS,
+    answers_of,
+    records_of,
+)
 from animal3dbox.evaluate.dataset_study import DatasetRow, dataset_table
 from animal3dbox.evaluate.files import Evaluation
 from animal3dbox.evaluate.fit_study import fit_table
 from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.plots import plots_of
+from animal3dbox.evaluate.reliability import Judged, curve_table
 from animal3dbox.evaluate.run import StudyRows, world_tables
 from animal3dbox.evaluate.tables import Table
 
@@ -28,6 +34,7 @@ NAMES: dict[str, list[dict[str, str]]] = {
         for method in ("basic", "default")
     ],
     "foreign": [{"setting": "K known"}, {"setting": "preset"}],
+    "curve": [{"labels": "with mask"}, {"labels": "without mask"}],
     "reliability": [{"labels": "all, with mask"}, {"labels": "all, without mask"}],
     "fits": [
         {"world": "foreign", "class": "all", "body": body}
@@ -57,9 +64,10 @@ def value(table: Table, column: str, **wanted: str) -> str:
     return f"{row[column]:.1f}" if row[column] >= 100 else f"{row[column]:.2f}"
 
 
-def test_every_table_has_its_question_and_all_but_the_curve_an_answer() -> None:
+def test_every_table_has_its_question_and_an_answer_and_each_plot_its_description() -> None:
     assert set(QUESTIONS) == {*EMPTY, "dataset"}
-    for name in set(QUESTIONS) - {"curve"}:
+    assert set(PLOT_DESCRIPTIONS) == set(QUESTIONS) - {"reliability"}
+    for name in QUESTIONS:
         answers = answers_of(filled(name))
         assert 1 <= len(answers) <= 5
         assert all(re.fullmatch(r"[A-Z].*\.", answer) for answer in answers)
@@ -129,7 +137,7 @@ def test_the_plot_of_a_dataset_has_no_empty_panel(monkeypatch: pytest.MonkeyPatc
     assert figures_of(dataset_table([]), monkeypatch) == []
 
 
-def test_a_panel_whose_bars_are_all_zero_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_panel_that_would_be_empty_is_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
     table = filled("reproduction")
     place = table.columns.index("degenerate %")
 
@@ -137,12 +145,27 @@ def test_a_panel_whose_bars_are_all_zero_says_so(monkeypatch: pytest.MonkeyPatch
         rows = [(*row[:place], cell, *row[place + 1 :]) for row in table.rows]
         return replace(table, rows=tuple(rows))
 
-    for cell, words in ((0.0, ["0 for all of them"]), (None, ["not known"]), (1.0, [])):
+    for cell, words, n_panels in (
+        (0.0, "degenerate %: 0 for all", 1),
+        (None, "degenerate %: not known", 1),
+        (1.0, "", 2),
+    ):
         (figure,) = figures_of(with_cell(cell), monkeypatch)
-        assert [text.get_text() for text in figure.axes[1].texts] == words
+        assert figure.get_supxlabel() == words
+        assert len(figure.axes) == n_panels
 
 
-@pytest.mark.parametrize("name", sorted(set(QUESTIONS) - {"reliability", "fits", "curve"}))
+@pytest.mark.parametrize("name", sorted(set(PLOT_DESCRIPTIONS) - {"curve"}))
+def test_a_table_in_which_all_is_zero_or_unknown_has_no_plot(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = filled(name)
+    for value in (0.0, None):
+        rows = [tuple(c if isinstance(c, str) else value for c in row) for row in table.rows]
+        assert len(figures_of(replace(table, rows=tuple(rows)), monkeypatch)) == 0
+
+
+@pytest.mark.parametrize("name", sorted(set(PLOT_DESCRIPTIONS) - {"curve"}))
 def test_a_table_without_animals_and_one_with_them_can_be_drawn(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,9 +175,60 @@ def test_a_table_without_animals_and_one_with_them_can_be_drawn(
 
 def test_the_curve_lies_beside_what_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     rows: list[tuple[Any, ...]] = [("with mask", 1, 5, 0.2, 0.3), ("with mask", 2, 5, 0.8, 0.7)]
-    (figure,) = figures_of(replace(EMPTY["curve"], rows=tuple(rows)), monkeypatch)
-    _, line = figure.axes[0].lines
+    table = replace(EMPTY["curve"], rows=tuple(rows))
+    (figure,) = figures_of(table, monkeypatch)
+    (line,) = [one for one in figure.axes[0].lines if one.get_marker() == "o"]
     assert np.asarray(line.get_xydata()).tolist() == [[0.2, 0.3], [0.8, 0.7]]
+    assert figure.axes[0].get_title() == "labels with mask: 10, 5 a point"
+    assert answers_of(table)[0].replace("\N{NO-BREAK SPACE}", " ") == (
+        "Of labels with mask, the most confident (which state 80 % on average) are right in 4 of 5"
+        " cases, the least confident (20 %) in 2 of 5."
+    )
+
+
+def test_the_curve_of_few_labels_has_few_points() -> None:
+    """A point of one label is either 0 or 1, and says nothing."""
+
+    def counts(n_labels: int) -> list[int]:
+        judged = [Judged("fit", True, i / n_labels, True, 0.1, 0.1) for i in range(n_labels)]
+        return [record["n"] for record in curve_table(judged).records()]
+
+    assert counts(4) == [4]
+    assert counts(11) == [6, 5]
+    assert counts(200) == [20] * 10
+    (answer,) = answers_of(curve_table([Judged("fit", True, 0.5, True, 0.1, 0.1)]))
+    assert answer.endswith(
+        "all (which state 50\N{NO-BREAK SPACE}% on average) are right in 1 of 1 cases."
+    )
+
+
+def test_the_plot_of_fits_has_a_bar_for_each_body_and_class(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (figure,) = figures_of(filled("fits"), monkeypatch)
+    table = filled("fits").records()
+    trunk, overlap = figure.axes
+    for panel, measure in ((trunk, "trunk median deg"), (overlap, "IoU median")):
+        widths = [bar.get_extents().width for bar in panel.patches]
+        scale = [row[measure] / width for row, width in zip(table, widths, strict=True)]
+        assert scale == pytest.approx([scale[0]] * len(table))
+    ends = [np.asarray(line.get_xydata())[:, 0].tolist() for line in trunk.lines]
+    assert ends == [[row["trunk median deg"], row["trunk p95 deg"]] for row in table]
+    assert len(overlap.lines) == 0
+
+
+def test_settings_are_written_as_people_write_them(tmp_path: Path) -> None:
+    about = {"faults": [], "truth": True, "image_hw": [480, 640], "seed": 0}
+    write_page(tmp_path / "e.html", Evaluation("Title", about, ()), {})
+    words = "faults: none; truth: yes; image_hw: 480, 640; seed: 0"
+    assert f'<p class="note">{words}</p>' in (tmp_path / "e.html").read_text()
+
+
+def test_a_long_name_of_a_column_can_be_broken(tmp_path: Path) -> None:
+    table = Table("t", "Another", (), ("iou_3d_<b>", "px"), ((1.0, 2.0),))
+    write_page(tmp_path / "e.html", Evaluation("Title", {}, (table,)), {})
+    headings = "<th>iou_<wbr>3d_<wbr>&lt;b&gt;</th><th>px</th>"
+    assert headings in (tmp_path / "e.html").read_text()
 
 
 def test_the_page_asks_answers_shows_and_then_counts(tmp_path: Path) -> None:
@@ -162,7 +236,9 @@ def test_the_page_asks_answers_shows_and_then_counts(tmp_path: Path) -> None:
     write_page(tmp_path / "e.html", Evaluation("Title", {}, (table,)), {"dataset": b"png"})
     page = (tmp_path / "e.html").read_text()
     question, answer = QUESTIONS["dataset"], answers_of(table)[0]
-    order = [page.index(part) for part in (question, answer, "<figure", "<img", "<table>")]
+    description = f'alt="{table.title}. {PLOT_DESCRIPTIONS["dataset"]}"'
+    parts = (question, answer, "<figure", "<img", description, "<figcaption", "<table>")
+    order = [page.index(part) for part in parts]
     assert order == sorted(order)
     links, ids = (set(re.findall(rf'{name}="#?([\w-]+)"', page)) for name in ("href", " id"))
     assert links == ids == {"dataset", "table-dataset"}

@@ -102,6 +102,22 @@ def test_a_finding_has_the_animals_own_numbers_and_the_cause_of_its_probability(
     assert sentences["few_inliers"].startswith("3 of 9 ")
     assert "0.55" in sentences["low_overlap"]
     assert flag_findings(["of a later version"], {})[0].sentence == "It raises of a later version."
+    (own,) = flag_findings(["rolled"], {})  # of a label without a probability
+    assert own.sentence == f"The camera{LABEL_FLAGS['rolled'].removeprefix('the camera')}."
+
+
+def test_the_table_and_the_glossary_say_what_every_flag_and_reason_means(tmp_path: Path) -> None:
+    every = dict.fromkeys({*FLAGS, *LABEL_FLAGS}, 1)
+    nothing = summarize(
+        source="s", body="dog", method="default", animals=(), flags=(), rejected=(), faults=()
+    )
+    nothing.flags, nothing.reasons = every, dict.fromkeys(REASONS, 1)
+    write_gallery(tmp_path / "gallery.html", [], nothing)
+    page = (tmp_path / "gallery.html").read_text()
+    rows = dict(re.findall(r"<tr><th>· (\w+)</th>.*?<td>([^<]*)</td></tr>", page))
+    assert set(rows) == {*every, *REASONS}
+    assert all(rows.values())
+    assert {one.key for one in explanations()} == set(rows)
 
 
 def test_options_that_a_remedy_names_are_those_of_label() -> None:
@@ -131,7 +147,8 @@ def test_a_run_tells_why_each_animal_was_flagged_or_rejected(tmp_path: Path) -> 
     assert [a["data-category"] for a in articles] == ["leopard", "zebra", "zebra"]
     assert ["data-flank" in a for a in articles] == [False, True, True]
     remedies = {a["data-remedy"]: text.strip() for a, text in elements.of("span")}
-    assert remedies == {**FLAG_REMEDIES, **REASON_REMEDIES}
+    causes_of_doubt = dict.fromkeys({*LABEL_FLAGS} - {*FLAGS}, FLAG_REMEDIES["low_confidence"])
+    assert remedies == {**FLAG_REMEDIES, **REASON_REMEDIES, **causes_of_doubt}
 
 
 @given(st.text(st.sampled_from("\"'<>&=`/ a\n{}%$;"), min_size=1, max_size=30))

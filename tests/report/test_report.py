@@ -41,7 +41,7 @@ from animal3dbox.report.label_files import (
 )
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.label_words import words_of_label
-from animal3dbox.report.overlay import draw_cuboid, draw_label, enlarged
+from animal3dbox.report.overlay import draw_cuboid, draw_label, enlarged, with_words
 from animal3dbox.report.run import overlay_name, write_run
 from animal3dbox.report.run_rows import Labelled
 from animal3dbox.report.summary import FLAGS, Summary, flags_of, summarize
@@ -281,6 +281,17 @@ def test_strips_stay_small_enough_to_show(size: tuple[int, int]) -> None:
     assert 1 <= shown.shape[0] <= 1260
 
 
+def test_words_that_are_too_long_for_the_picture_go_on_in_the_next_line() -> None:
+    canvas = np.zeros((50, 480, 3), dtype=np.uint8)
+    words = "12 labelled, 12 detected (dashed, score 0.3+), 12 of them no boxes and some more words"
+    once, long = (with_words(canvas, [line]) for line in (words[:30], words))
+    assert long.shape[0] == once.shape[0] + 20
+    right = long[50:, -8:]
+    assert (right == right[0, 0]).all()  # nothing is cut off at the border
+    first = with_words(canvas, [words[:30], ""])
+    assert np.array_equal(first[50:70, :200], long[50:70, :200])
+
+
 def test_a_picture_that_is_small_already_is_not_touched() -> None:
     assert small_picture(GREY, 640) is GREY
 
@@ -291,6 +302,11 @@ def test_the_words_tell_side_view_and_shares(label: CuboidLabel) -> None:
     assert shares.startswith("left ")
     assert sum(int(part) for part in re.findall(r"(\d+)%", shares)) == pytest.approx(100, abs=2)
     assert fit == "keypoints 0.0 px"
+
+
+def test_a_share_that_would_be_0_percent_is_not_told(label: CuboidLabel) -> None:
+    words = replace(words_of_label(label), shares=(0.004, 0.0, 0.8, 0.0, 0.19, 0.006))
+    assert words.lines[1] == "left 80%  top 19%  bottom 1%"
 
 
 # Counts

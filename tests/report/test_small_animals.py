@@ -14,7 +14,13 @@ from animal3dbox.geometry.cuboid import FACES, Cuboid
 from animal3dbox.geometry.rigid_transforms import rotation_from_axis_angle
 from animal3dbox.report.cuboid_pen import BACK, EDGE, FRONT, line_widths, region_of
 from animal3dbox.report.inset import Picture, Region, is_small
-from animal3dbox.report.overlay import cuboid_in_picture, draw_cuboid
+from animal3dbox.report.overlay import (
+    DrawnCuboid,
+    cuboid_in_picture,
+    cuboids_in_picture,
+    draw_cuboid,
+)
+from animal3dbox.report.prediction_overlay import draw_predictions
 
 F64 = torch.float64
 HW = (600, 900)
@@ -166,6 +172,65 @@ def test_a_large_animal_one_that_is_not_there_and_strips_have_no_inset() -> None
     above = box(at=(0, -7.4))  # within the first rows of the picture
     assert region_of(above, K, (30, 900)) is not None
     assert not differs(above, (30, 900))  # a strip has no room to enlarge anything
+
+
+def framed_places(picture: Picture, plain: Picture) -> list[tuple[int, int, int, int]]:
+    """The rectangles (x, y, width, height) round what insets and frames changed."""
+    changed = cv2.dilate((picture != plain).any(-1).astype(np.uint8), np.ones((5, 5)))
+    outlines, _ = cv2.findContours(changed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    return sorted((x, y, w, h) for x, y, w, h in map(cv2.boundingRect, outlines))
+
+
+def drawn_and_plain(*cuboids: DrawnCuboid) -> tuple[Picture, Picture]:
+    """A picture with several cuboids, and the same without insets."""
+    plain = grey()
+    for one in cuboids:
+        draw_cuboid(plain, one.cuboid_cam, K, dashed=one.dashed)
+    return cuboids_in_picture(grey(), cuboids), plain
+
+
+def test_a_detection_beside_its_label_is_enlarged_with_it() -> None:
+    label, detection = DrawnCuboid(box(30), K), DrawnCuboid(box(40, at=(0.8, 0)), K, dashed=True)
+    drawn, plain = drawn_and_plain(label, detection)
+    frame, (x, y, _, _) = framed_places(drawn, plain)
+    regions = [region_of(one.cuboid_cam, K, HW) for one in (label, detection)]
+    for region in regions:
+        assert region is not None
+        assert frame[0] < region.x1 < region.x2 < frame[0] + frame[2]
+    alone, _ = drawn_and_plain(label)
+    assert (drawn[y:, x:] != alone[y:, x:]).any()  # the detection is in the inset
+    target, answer = (
+        {
+            "center": one.cuboid_cam.center[None],
+            "rotation": one.cuboid_cam.rotation[None],
+            "size": one.cuboid_cam.size[None],
+        }
+        for one in (label, detection)
+    )
+    scores = torch.ones(1, dtype=F64)
+    picture = draw_predictions(grey(), {**target, "K": K}, {**answer, "scores": scores})
+    assert np.array_equal(picture[: HW[0]], drawn)
+
+
+def test_of_small_animals_far_apart_two_are_enlarged_in_corners_of_their_own() -> None:
+    places = [(-7.0, 0.0), (0.0, 0.0), (7.0, 0.0)]
+    drawn, plain = drawn_and_plain(*(DrawnCuboid(box(30, at=at), K) for at in places))
+    assert len(framed_places(drawn, plain)) == 4
+    for at, is_framed in zip(places, (True, True, False), strict=True):
+        region = region_of(box(30, at=at), K, HW)
+        assert region is not None
+        y, x = pixels_within(region)
+        assert np.array_equal(drawn[y, x], plain[y, x])
+        around = (slice(y.start - 26, y.stop + 26), slice(x.start - 26, x.stop + 26))
+        assert (drawn[around] != plain[around]).any() == is_framed
+
+
+def test_no_inset_hides_another_box() -> None:
+    for distance, is_enlarged in ((2.2, False), (8, True)):  # it fills the picture, or its middle
+        drawn, plain = drawn_and_plain(
+            DrawnCuboid(box(distance=distance), K), DrawnCuboid(box(30, at=(9, 0)), K)
+        )
+        assert np.array_equal(drawn, plain) != is_enlarged
 
 
 @pytest.mark.parametrize("azimuth_deg", [0, 30, 60, 90, 135, 200, 270, 315])

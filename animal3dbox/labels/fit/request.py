@@ -17,6 +17,7 @@ from animal3dbox.labels.observation import checked_intrinsics
 from animal3dbox.labels.pose.keypoint_uncertainty import keypoint_sigma
 from animal3dbox.labels.pose.problem import SAME_PIXEL
 from animal3dbox.labels.types import Rejection
+from animal3dbox.plurals import counted
 from animal3dbox.smal.keypoints.vocabularies import find_vocabulary
 from animal3dbox.smal.keypoints.vocabulary import Vocabulary
 from animal3dbox.smal.model import SmalModel
@@ -186,7 +187,8 @@ def without_points(request: FitRequest, config: LabelConfig) -> Rejection | None
         return Rejection(
             request.sample_id,
             "too_few_keypoints",
-            f"{len(seen)} visible keypoints, but min_keypoints is {config.min_keypoints}",
+            f"{counted(len(seen), 'visible keypoint')}, but min_keypoints is"
+            f" {config.min_keypoints}",
         )
     if np.abs(seen - seen[0]).max() < SAME_PIXEL:
         return Rejection(

@@ -15,6 +15,7 @@ from animal3dbox.geometry.camera import project
 from animal3dbox.geometry.mask_outline import MaskOutline
 from animal3dbox.geometry.mask_supports import MaskSupports
 from animal3dbox.geometry.unit_frame import translation_from_unit_frame, unit_frame
+from animal3dbox.plurals import counted
 
 Array = NDArray[np.float64]
 RELATIVE_FLATNESS = 1e-3
@@ -182,7 +183,8 @@ def degenerate_points(problem: PoseProblem, min_keypoints: int) -> PoseFailure |
     count = len(points)
     if count < min_keypoints:
         return PoseFailure(
-            "too_few_keypoints", f"{count} visible keypoints, but min_keypoints is {min_keypoints}"
+            "too_few_keypoints",
+            f"{counted(count, 'visible keypoint')}, but min_keypoints is {min_keypoints}",
         )
     spread = np.linalg.svd(points - points.mean(0), compute_uv=False)
     distinct = _distinct_points(points, COINCIDENCE * spread[0])

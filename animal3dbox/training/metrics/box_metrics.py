@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from animal3dbox.errors import ConfigError
+from animal3dbox.progress import watched
 from animal3dbox.training.metrics.box_table import WIDTH, BoxTable, Floats
 from animal3dbox.training.metrics.candidates import Candidates
 from animal3dbox.training.metrics.evaluation import Evaluation, Statistic
@@ -157,7 +158,7 @@ class BoxMetrics:
         once, resamples = np.ones((1, images), np.int64), self.options.resamples
         # One image says nothing of others: its intervals are unknown
         draws = resampled(images, resamples, self.options.seed) if images > 1 else once
-        for statistic in statistics:
+        for statistic in watched(statistics, "measuring", unit="group of metrics"):
             values |= {name: _or_none(value[0]) for name, value in statistic(once).items()}
             if resamples:
                 for name, sample in statistic(draws).items():

@@ -7,6 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from animal3dbox.geometry.cuboid import FACE_NAMES
+from animal3dbox.progress import watched
 from animal3dbox.training.metrics.average_precision import AveragePrecision
 from animal3dbox.training.metrics.box_table import Flags, Floats, Whole
 from animal3dbox.training.metrics.candidates import Candidates
@@ -245,7 +246,8 @@ class Evaluation:
         """
         once = np.ones((1, self.candidates.images), np.int64)
         best: tuple[float, float, Matches] | None = None
-        for scale in sorted(SCALES, key=lambda factor: abs(np.log(factor))):
+        scales = sorted(SCALES, key=lambda factor: abs(np.log(factor)))
+        for scale in watched(scales, "matching", unit="scale"):
             matches = match(self.candidates, self.candidates.overlaps(scale), IOU_THRESHOLDS)
             value = float(self._precision(matches, once)[0])
             if not np.isnan(value) and (best is None or value > best[0]):

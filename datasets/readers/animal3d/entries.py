@@ -101,8 +101,8 @@ def find_splits(path: Path) -> list[Path]:
     splits = splits or sorted(path.glob(MANY))
     if not splits:
         raise DatasetNotFoundError(
-            f"{path} must hold {' or '.join(SPLITS)}: download Animal3D there first (see"
-            " docs/formats.md)"
+            f"{path} must hold {' or '.join(SPLITS)}: download Animal3D and unzip it there, the"
+            " annotations beside the folders of images and masks that they name"
         )
     return splits
 

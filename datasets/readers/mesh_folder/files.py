@@ -122,8 +122,8 @@ def list_mesh_folder(root: Path, images: Path) -> Listing:
     for folder in (images, root / "meshes"):
         if not folder.is_dir():
             raise DatasetNotFoundError(
-                f"there is no folder {folder}: a mesh folder has images/ and meshes/ (see"
-                " docs/formats.md)"
+                f"there is no folder {folder}: a mesh folder has images/ and meshes/, and the mesh"
+                " of images/a.jpg is meshes/a.obj (.ply, .stl, .off, .npz)"
             )
     listing = Listing()
     files = _list_files(root, images, listing)

@@ -98,8 +98,8 @@ def recognised_layout(path: Path, layout: str | None = None) -> DetectionLayout:
     name = _of_folder(path) if path.is_dir() else _of_file(path)
     if name is None:
         raise DatasetFormatError(
-            f"{path} is in no layout of detections that is known ({', '.join(LAYOUTS)}; see"
-            " docs/predictions.md); if it is one of them, name it (layout=, --layout)"
+            f"{path} is in no layout of detections that is known ({', '.join(LAYOUTS)}); if it is"
+            " one of them, name it (layout=, --layout)"
         )
     return LAYOUTS[name]
 

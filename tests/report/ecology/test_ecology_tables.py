@@ -208,7 +208,7 @@ def test_the_command_writes_each_and_says_what_is_missing(
     assert "needs --datapackage" in output
     code, output = ran(*camtrap, "--datapackage", package)
     assert code == 0, output
-    assert "1 animals in 1 images written as camtrap-dp" in output
+    assert "1 animal in 1 image written as camtrap-dp" in output
     code, output = ran(*camtrap[:-1], package, "--datapackage", package)
     assert code == 2
     assert "is the package's own observations.csv" in output

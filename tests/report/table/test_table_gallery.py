@@ -64,7 +64,7 @@ def test_a_table_that_is_the_working_folder_has_its_page_beside_it(
     (table / inside).mkdir(exist_ok=True)
     monkeypatch.chdir(table / inside)
     code, output = ran("gallery", path, "--worst", "1", "--random", "0")
-    assert (code, output.strip()) == (0, f"1 labels: look at {page}")
+    assert (code, output.strip()) == (0, f"1 label: look at {page}")
     assert page.exists()
 
 
