@@ -170,25 +170,56 @@ def write_part(
 
 
 def read_part(part: Part, columns: Sequence[str]) -> dict[str, list[Value]]:
-    """Columns of a part.
+    """Columns of a part, whose checksums must be right.
+
+    Parquet has one for each page of each column: only those of the columns that are read are
+    verified. CSV has one for the whole part.
 
     Raises:
         DatasetFormatError: the file is damaged or lacks a column.
 
     """
-    try:
+    with _named_damage(part):
         if part.format == "parquet":
-            import pyarrow.parquet
-
-            arrow = pyarrow.parquet.read_table(part.path, columns=list(columns))
+            arrow = _arrow_columns(part, columns)
             return {name: arrow.column(name).to_pylist() for name in columns}
         rows = [*_csv_rows(part.path)]
         return {name: [_value(row[name], KINDS[name]) for row in rows] for name in columns}
+
+
+def check_part(part: Part) -> None:
+    """Raise a DatasetFormatError if any column of a part is damaged, also one that nobody reads."""
+    with _named_damage(part):
+        if part.format == "parquet":
+            _arrow_columns(part, [*KINDS])
+        else:
+            with gzip.open(part.path) as file:
+                while file.read(1 << 20):
+                    pass
+
+
+@contextmanager
+def _named_damage(part: Part) -> Iterator[None]:
+    """Name the part, and the remedy, in whatever its reader raises of a damaged file."""
+    try:
+        yield
     except (OSError, EOFError, ValueError, KeyError, csv.Error, zlib.error) as error:
         raise DatasetFormatError(
             f"{part.path} cannot be read ({error}): delete it and --resume, which makes its rows"
             " anew"
         ) from error
+
+
+def _arrow_columns(part: Part, columns: Sequence[str]) -> "pyarrow.Table":
+    """Columns of a part in Parquet; raises a ValueError, KeyError or OSError if it is damaged."""
+    import pyarrow.parquet
+
+    try:
+        return pyarrow.parquet.read_table(
+            part.path, columns=list(columns), page_checksum_verification=True
+        ).select(list(columns))
+    except pyarrow.ArrowException as error:  # such as NotImplementedError of a type it never had
+        raise ValueError(str(error)) from error
 
 
 def arrow_table(table: Mapping[str, Sequence[Any]]) -> "pyarrow.Table":
@@ -216,7 +247,9 @@ def _parquet(table: Mapping[str, Sequence[Any]]) -> bytes:
     import pyarrow.parquet
 
     buffer = io.BytesIO()
-    pyarrow.parquet.write_table(arrow_table(table), buffer, compression="zstd")
+    pyarrow.parquet.write_table(
+        arrow_table(table), buffer, compression="zstd", write_page_checksum=True
+    )
     return buffer.getvalue()
 
 

@@ -17,6 +17,7 @@ from animal3dbox.report.table.keys import missing_indices, row_keys, table_lengt
 from animal3dbox.report.table.parts import (
     WHOLE_TABLE,
     Part,
+    check_part,
     part_format,
     parts_of,
     read_part,
@@ -117,7 +118,7 @@ def _may_hold(part: Part, shard: tuple[int, int]) -> bool:
 
 
 def _checked_keys(dataset: LabelDataset, part: Part, status: Counter[str]) -> set[str]:
-    """The keys of a part, whose rows must be of the same code, config and options."""
+    """The keys of a part, which must be whole, its rows of the same code, config and options."""
     columns = read_part(part, ["key", "labels_digest", "status"])
     others = {*columns["labels_digest"]} - {dataset.labels_digest}
     if others:
@@ -126,6 +127,7 @@ def _checked_keys(dataset: LabelDataset, part: Part, status: Counter[str]) -> se
             f" libraries, or with other options or bodies (labels_digest {min(map(str, others))},"
             f" now {dataset.labels_digest}): give another folder, or the same options and version"
         )
+    check_part(part)
     status.update(map(str, columns["status"]))
     return {*map(str, columns["key"])}
 

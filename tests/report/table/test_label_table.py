@@ -31,7 +31,13 @@ from animal3dbox.report.labels_csv import CSV_COLUMNS, FORMULA_SIGNS, csv_values
 from animal3dbox.report.summary import flags_of
 from animal3dbox.report.table.columns import KINDS, columns_table
 from animal3dbox.report.table.keys import row_keys, table_length
-from animal3dbox.report.table.parts import arrow_table, locked_shard, parts_of, read_part
+from animal3dbox.report.table.parts import (
+    arrow_table,
+    check_part,
+    locked_shard,
+    parts_of,
+    read_part,
+)
 from animal3dbox.target_schema import FILE_FIELDS
 
 DOCS = Path(__file__).parents[3] / "docs" / "formats.md"
@@ -289,6 +295,12 @@ def with_changed_byte(data: bytes, place: int) -> bytes:
     return bytes(changed)
 
 
+def with_flipped_bit(data: bytes, place: int, bit: int) -> bytes:
+    changed = bytearray(data)
+    changed[place] ^= 1 << bit
+    return bytes(changed)
+
+
 CSV_DAMAGES: dict[str, Callable[[bytes], bytes]] = {
     "head": lambda data: with_changed_byte(data, 0),
     "first block": lambda data: with_changed_byte(data, 12),
@@ -309,6 +321,44 @@ def test_a_damaged_csv_part_is_named(
     path.write_bytes(CSV_DAMAGES[damage](path.read_bytes()))
     with pytest.raises(DatasetFormatError, match=f"{path.name} cannot be read.*delete it"):
         read_part(parts_of(tmp_path)[0], [*KINDS])
+
+
+def test_no_flipped_bit_of_a_csv_part_makes_another_row(
+    dataset: LabelDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("animal3dbox.report.table.parts.find_spec", lambda name: None)
+    path = write_part(tmp_path, label_table(dataset, [0]))
+    assert path is not None
+    (part,), whole, rng = parts_of(tmp_path), path.read_bytes(), np.random.default_rng(0)
+    rows = read_part(part, ["key", "center_2"])
+    refused = 0
+    for place in rng.integers(10, len(whole), 40):  # behind gzip's header, which says nothing
+        path.write_bytes(with_flipped_bit(whole, place, int(rng.integers(8))))
+        for read in (check_part, lambda part: read_part(part, [*rows])):
+            try:
+                assert read(part) in (None, rows)
+            except DatasetFormatError:
+                refused += 1
+    assert refused >= 78  # of 80; a bit that pads the last block says nothing
+
+
+def test_a_flipped_bit_in_a_page_of_parquet_is_refused_where_it_is_read(
+    dataset: LabelDataset, tmp_path: Path
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="make test-extras installs it")
+    path = write_part(tmp_path, whole_table(dataset))
+    assert path is not None
+    (part,), whole = parts_of(tmp_path), path.read_bytes()
+    row_group = parquet.ParquetFile(path).metadata.row_group(0)
+    end = row_group.column([*KINDS].index("center_2")).data_page_offset  # of its dictionary
+    damaged = f"{path.name} cannot be read.*delete it and --resume"
+    for place in range(end - 40, end, 9):
+        path.write_bytes(with_flipped_bit(whole, place, place % 8))
+        assert read_part(part, ["key", "center_1"])["key"]
+        with pytest.raises(DatasetFormatError, match=damaged):
+            read_part(part, ["key", "center_2"])
+        with pytest.raises(DatasetFormatError, match=damaged):
+            table_plan(dataset, tmp_path, resume=True)
 
 
 def test_boxes_that_come_as_they_are_have_rows_too() -> None:
