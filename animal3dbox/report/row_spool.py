@@ -1,6 +1,7 @@
 """The rows of a run on disk, while it goes on: they need no memory, and survive a kill."""
 
 import shutil
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from animal3dbox.report.run_rows import RunRow
 
 ROWS_AT_ONCE = 64
 """Rows of a file, at least."""
+_CHECKSUM = 4
+"""Bytes of the CRC-32 of its rows with which a file begins."""
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER = msgspec.msgpack.Decoder(tuple[RunRow, ...])
 
@@ -40,7 +43,8 @@ class RowSpool:
         if rows:
             files = self._files()
             number = int(files[-1].stem) + 1 if files else 0  # some before it may be missing
-            write_whole(self.folder / f"{number:09d}.rows", _ENCODER.encode(rows))
+            content = _ENCODER.encode(rows)
+            write_whole(self.folder / f"{number:09d}.rows", _checksum(content) + content)
 
     def __iter__(self) -> Iterator[RunRow]:
         """All rows that are written.
@@ -51,7 +55,7 @@ class RowSpool:
         """
         for path in self._files():
             try:
-                yield from _DECODER.decode(path.read_bytes())
+                yield from _rows_of(path.read_bytes())
             except (msgspec.DecodeError, msgspec.ValidationError) as error:
                 raise DatasetFormatError(
                     f"{path} is damaged ({error}): label again without --resume"
@@ -83,3 +87,16 @@ class RowSpool:
 
     def _files(self) -> list[Path]:
         return sorted(self.folder.glob("[0-9]*.rows"))
+
+
+def _checksum(content: bytes) -> bytes:
+    return zlib.crc32(content).to_bytes(_CHECKSUM, "big")
+
+
+def _rows_of(data: bytes) -> tuple[RunRow, ...]:
+    """The rows of a file's bytes; raises a DecodeError if they are not those that were written."""
+    checksum, content = data[:_CHECKSUM], data[_CHECKSUM:]
+    if checksum != _checksum(content):
+        raise msgspec.DecodeError("its checksum is another")
+    rows: tuple[RunRow, ...] = _DECODER.decode(content)
+    return rows

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from animal3dbox.errors import DatasetFormatError
 from animal3dbox.report.row_spool import RowSpool
 from animal3dbox.report.run_rows import RunRow
 
@@ -77,3 +78,15 @@ def test_a_folder_that_cannot_be_renamed_goes_too(
     monkeypatch.setattr(Path, "rename", refused)
     filled(tmp_path / ".rows", 2).remove()
     assert [*tmp_path.iterdir()] == []
+
+
+def test_a_flipped_bit_is_no_other_row(tmp_path: Path) -> None:
+    filled(tmp_path, 1)
+    file = tmp_path / "000000000.rows"
+    whole = file.read_bytes()
+    for place in range(len(whole)):
+        changed = bytearray(whole)
+        changed[place] ^= 1 << place % 8
+        file.write_bytes(changed)
+        with pytest.raises(DatasetFormatError, match=r"0\.rows is damaged.*without --resume"):
+            keys(tmp_path)
