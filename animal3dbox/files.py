@@ -2,9 +2,10 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 
@@ -75,3 +76,63 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+@dataclass(frozen=True)
+class OwnFiles:
+    """The pictures that runs of one command write into a folder, which may hold others' files too.
+
+    A hidden list in the folder has their names, each put there before its file is written, so that
+    it has those of a killed run, too. By it the next run removes what does not belong to its own
+    results, and nothing that somebody else put there.
+
+    Attributes:
+        folder: of the command's results.
+        command: whose files they are.
+    """
+
+    folder: Path
+    command: str
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file, by its path from the folder; raises OSError."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with self._list.open(
+            "ab"
+        ) as names:  # begun by an end of line: a kill may leave half of one
+            names.write(f"\n{name}".encode())
+        write_whole(self.folder / name, data)
+
+    def keep_only(self, names: Iterable[str]) -> None:
+        """Remove the files of earlier runs, but those of these names.
+
+        Raises:
+            OSError: a file cannot be removed.
+
+        """
+        kept = [*names]
+        plain = {name.casefold() for name in kept}  # the same file where case does not matter
+        for name in self._listed():
+            if name.casefold() not in plain:
+                (self.folder / name).unlink(missing_ok=True)
+        if kept:
+            write_whole(self._list, "\n".join(kept).encode())
+        else:
+            self._list.unlink(missing_ok=True)
+
+    def _listed(self) -> list[str]:
+        """The names in the list that lead to a place below the folder."""
+        try:
+            lines = self._list.read_text("utf-8", errors="replace").split("\n")
+        except FileNotFoundError:
+            return []
+        paths = ((line, PurePosixPath(line)) for line in lines if line)
+        return [
+            line
+            for line, path in paths
+            if not path.is_absolute() and ".." not in path.parts and (self.folder / path).is_file()
+        ]
+
+    @property
+    def _list(self) -> Path:
+        return self.folder / f".{self.command}-pictures"

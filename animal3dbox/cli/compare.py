@@ -28,7 +28,7 @@ from animal3dbox.evaluate.comparison_pictures import comparison_pictures, png_of
 from animal3dbox.evaluate.files import Evaluation, write_json
 from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.tables import Table
-from animal3dbox.files import user_path, write_whole
+from animal3dbox.files import OwnFiles, user_path, write_whole
 from animal3dbox.progress import watched
 from animal3dbox.report.gallery import small_picture
 from animal3dbox.report.labels_csv import text_cell
@@ -152,16 +152,16 @@ def _pictures(
         files: image -> its file.
 
     """
-    folder = job.out / "overlays"
-    for old in folder.glob("[0-9][0-9][0-9][0-9].png"):  # of an earlier run
-        old.unlink()
+    own, names = OwnFiles(job.out, "compare"), list[str]()
     faults: list[SampleError] = []
     pictures: dict[str, bytes] = {}
     of_images = islice(comparison_pictures(boxes, files, faults), job.pictures)
     total = min(job.pictures, len({box.image_id for box in boxes}))
     for name, picture in watched(of_images, "drawing", unit="picture", total=total):
-        write_whole(folder / f"{len(pictures):04d}.png", png_of(picture))
+        names.append(f"overlays/{len(pictures):04d}.png")
+        own.write(names[-1], png_of(picture))
         pictures[name] = png_of(small_picture(picture, PAGE_WIDTH))
+    own.keep_only(names)
     notes = [f"{len(faults)} pictures are grey: {faults[0]}"] if faults else []
     return pictures, notes
 

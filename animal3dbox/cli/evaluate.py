@@ -16,7 +16,7 @@ from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.pictures import pictures_of
 from animal3dbox.evaluate.plots import plots_of
 from animal3dbox.evaluate.run import evaluate_world, world_tables
-from animal3dbox.files import write_whole
+from animal3dbox.files import OwnFiles
 from animal3dbox.plurals import counted
 
 
@@ -42,8 +42,11 @@ def run_evaluate(job: EvaluateJob) -> ExitCode:
     write_json(job.out / "evaluation.json", evaluation)
     write_text(job.out / "evaluation.txt", evaluation)
     pictures = pictures_of(job.seed) if job.path is None and job.pictures else None
-    for number, picture in enumerate((pictures or {}).values()):
-        write_whole(job.out / f"picture-{number + 1}.png", picture)
+    own = OwnFiles(job.out, "evaluate")
+    names = [f"picture-{number + 1}.png" for number in range(len(pictures or {}))]
+    for name, picture in zip(names, (pictures or {}).values(), strict=True):
+        own.write(name, picture)
+    own.keep_only(names)
     write_page(job.out / "evaluation.html", evaluation, plots_of(evaluation.tables), pictures)
     sys.stdout.write(as_text(evaluation))
     print(f"look at {job.out / 'evaluation.html'}")

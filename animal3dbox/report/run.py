@@ -10,7 +10,7 @@ import msgspec
 
 from animal3dbox.datasets.labelling.animal_outcomes import animal_number
 from animal3dbox.errors import ConfigError, SampleError
-from animal3dbox.files import write_whole
+from animal3dbox.files import OwnFiles, write_whole
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.gallery import write_gallery
 from animal3dbox.report.label_files import LabelFile, write_label_rows
@@ -74,7 +74,8 @@ class RunWriter:
     rows that are waiting, also if it ends by an error.
 
     Args:
-        out: the folder, made if it is missing; files of an earlier run are replaced.
+        out: the folder, made if it is missing; files of an earlier run are replaced, and its
+            overlays removed at the end, but not what somebody else put there.
         source: the dataset, for the page's title.
         body: the body source's name.
         config: how the labels were made.
@@ -102,6 +103,7 @@ class RunWriter:
         make_results_folder(out)
         self.out, self.source, self.body, self.config = out, source, body, config
         self.spool = RowSpool(out / ROWS)
+        self._overlays = OwnFiles(out, "label")
         if not resume:
             self.spool.clear()
         self.known_keys: set[str] = set()
@@ -134,7 +136,7 @@ class RunWriter:
         if animal.overlay is None:
             return animal.row
         name = overlay_name(animal.row.image, animal.row.number, self._overlay_names)
-        write_whole(self.out / "overlays" / name, animal.overlay)
+        self._overlays.write(f"overlays/{name}", animal.overlay)
         return msgspec.structs.replace(animal.row, overlay=f"overlays/{name}")
 
     def finish(self) -> Summary:
@@ -166,6 +168,7 @@ class RunWriter:
         write_gallery(self.out / "gallery.html", cards, summary)
         report = msgspec.json.format(msgspec.json.encode(summary), indent=1)
         write_whole(self.out / "report.json", report)
+        self._overlays.keep_only(row.overlay for row in rows if row.overlay is not None)
         self.spool.remove()
         return summary
 

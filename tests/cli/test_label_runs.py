@@ -9,6 +9,7 @@ from killed_commands import can_kill, run_in_child
 from small_animals import model_of
 
 from animal3dbox.errors import WorkerError
+from animal3dbox.files import OwnFiles
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.run import ROWS, RunWriter
 from animal3dbox.report.run_rows import DrawnAnimal
@@ -107,8 +108,14 @@ def test_rows_of_another_run_are_not_gone_on_with(
 def test_fewer_pictures_cost_no_label(
     animals: Path, tmp_path: Path, whole: dict[str, bytes], pictures: str
 ) -> None:
+    earlier = OwnFiles(tmp_path, "label")
+    for name in whole:
+        if name.startswith("overlays/"):
+            earlier.write(name, b"of an earlier run")
+    (tmp_path / "overlays" / "mine.txt").write_bytes(b"a user's")
     assert ran(*command(animals, tmp_path, "--pictures", pictures))[0] == 0
     own = contents(tmp_path)
+    assert own.pop("overlays/mine.txt") == b"a user's"
     assert own["labels.json"] == whole["labels.json"]
     assert own["labels.csv"] == whole["labels.csv"]
     drawn, page = sum(name.startswith("overlays/") for name in own), own["gallery.html"]

@@ -42,8 +42,8 @@ from animal3dbox.report.label_files import (
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.label_words import words_of_label
 from animal3dbox.report.overlay import draw_cuboid, draw_label, enlarged, with_words
-from animal3dbox.report.run import overlay_name, write_run
-from animal3dbox.report.run_rows import Labelled
+from animal3dbox.report.run import RunWriter, overlay_name, write_run
+from animal3dbox.report.run_rows import Labelled, drawn_animal
 from animal3dbox.report.summary import FLAGS, Summary, flags_of, summarize
 
 Picture = NDArray[np.uint8]
@@ -620,6 +620,7 @@ def test_a_run_leaves_all_its_files_and_the_counts(tmp_path: Path, label: Cuboid
         [kept(label, "a.jpg"), SampleError("c.jpg", "seg", "is an empty mask"), refused],
     )
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        ".label-pictures",
         "gallery.html",
         "labels.csv",
         "labels.json",
@@ -729,7 +730,26 @@ def test_a_second_run_writes_the_same_bytes(tmp_path: Path, label: CuboidLabel) 
             }
         )
     assert contents[0] == contents[1]
-    assert len(contents[0]) == 6
+    assert len(contents[0]) == 7
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_overlays_of_a_killed_run_stay_with_their_rows_alone(
+    tmp_path: Path, label: CuboidLabel, resume: bool
+) -> None:
+    def writer(*, resume: bool) -> RunWriter:
+        return RunWriter(tmp_path, source="set", body="toy", config=LabelConfig(), resume=resume)
+
+    run(tmp_path, [kept(label, "old.jpg"), kept(label, "a.jpg")])
+    with writer(resume=False) as killed:
+        killed.add([drawn_animal(kept(label, name), 0, key=name) for name in ("a.jpg", "b.jpg")])
+    (tmp_path / "overlays" / "mine.png").write_bytes(b"a user's")
+    with writer(resume=resume) as last:
+        assert last.known_keys == ({"a.jpg", "b.jpg"} if resume else set())
+        last.add([drawn_animal(kept(label, "c.jpg"), 0, key="c", pictures="none")])
+    last.finish()
+    stay = {"a.png", "b.png"} if resume else set()
+    assert {path.name for path in (tmp_path / "overlays").iterdir()} == {"mine.png", *stay}
 
 
 def test_a_run_without_animals_says_so(tmp_path: Path) -> None:
