@@ -8,6 +8,7 @@ import re
 import warnings
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 
 from PIL import ExifTags, Image
 
@@ -18,7 +19,7 @@ from animal3dbox.datasets.images.orientation import (
     exif_tags,
     stored_width_height,
 )
-from animal3dbox.datasets.images.remote_files import PictureSource, local_source, readable
+from animal3dbox.datasets.images.remote_files import PictureSource, of_header, readable
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
 """Pillow's formats that a file may have, whatever its name.
@@ -76,12 +77,15 @@ def header_facts(source: PictureSource, *, upright: bool = False) -> PhotoFacts:
         upright: whether its pixels are used turned as the header says, not as stored.
 
     """
+
+    def facts(local: Path | str | bytes) -> PhotoFacts:
+        with Image.open(readable(local), formats=FORMATS) as image:
+            return facts_of(image, upright=upright)
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            local = readable(local_source(source, ""))
-            with Image.open(local, formats=FORMATS) as image:
-                return facts_of(image, upright=upright)
+            return of_header(source, "", facts)
     except (OSError, SyntaxError, ValueError, NotImplementedError, Image.DecompressionBombError):
         return PhotoFacts()  # reading the picture says what is wrong with it
 

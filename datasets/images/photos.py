@@ -32,7 +32,12 @@ from animal3dbox.datasets.images.orientation import (
     stored_width_height,
     turned_upright,
 )
-from animal3dbox.datasets.images.remote_files import PictureSource, local_source, readable
+from animal3dbox.datasets.images.remote_files import (
+    PictureSource,
+    local_source,
+    of_header,
+    readable,
+)
 from animal3dbox.errors import ConfigError, SampleError
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
@@ -199,10 +204,14 @@ def stored_size(path: PictureSource, sample_id: str, *, upright: bool = False) -
         SampleError: no image, or too large a one.
 
     """
-    with _open_image(path, sample_id) as image:
-        _check_size(image, sample_id, None, upright=upright)
-        width, height = _used_size(image, upright=upright)
-        return height, width
+
+    def size(local: Path | str | bytes) -> tuple[int, int]:
+        with _open_image(local, sample_id, name=_name_of(path)) as image:
+            _check_size(image, sample_id, None, upright=upright)
+            width, height = _used_size(image, upright=upright)
+            return height, width
+
+    return of_header(path, sample_id, size)
 
 
 def checked_facts(
@@ -218,19 +227,22 @@ def checked_facts(
         SampleError: no image, a truncated one, too large a one, or one of another size.
 
     """
-    local = local_source(path, sample_id)
-    content = whole_jpeg(local)
-    header = None if content is None else jpeg_header(content)
-    if header is not None and header.is_silent and _is_expected(header.image_hw, expected_hw):
-        return PhotoFacts()
-    with _open_image(local, sample_id, name=_name_of(path)) as image:
-        _check_size(image, sample_id, expected_hw, upright=upright)
-        facts = facts_of(image, upright=upright)
-        if image.format == "JPEG" and content is None:
-            decode_as_stored(image)
-        elif image.format == "PNG":
-            image.verify()
-        return facts
+
+    def facts(local: Path | str | bytes) -> PhotoFacts:
+        content = whole_jpeg(local)
+        header = None if content is None else jpeg_header(content)
+        if header is not None and header.is_silent and _is_expected(header.image_hw, expected_hw):
+            return PhotoFacts()
+        with _open_image(local, sample_id, name=_name_of(path)) as image:
+            _check_size(image, sample_id, expected_hw, upright=upright)
+            facts = facts_of(image, upright=upright)
+            if image.format == "JPEG" and content is None:
+                decode_as_stored(image)
+            elif image.format == "PNG":
+                image.verify()
+            return facts
+
+    return of_header(path, sample_id, facts, with_end=True)
 
 
 def _used_size(image: Image.Image, *, upright: bool) -> tuple[int, int]:

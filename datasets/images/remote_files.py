@@ -6,7 +6,10 @@ s3fs, gs:// gcsfs, https:// aiohttp; memory:// needs nothing.
 
 import io
 import re
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import TypeVar
 
 from animal3dbox.errors import ConfigError, SampleError
 
@@ -35,6 +38,10 @@ PicturePath = Path | PictureUrl
 """Where a picture lies."""
 PictureSource = Path | str | bytes
 """Where a picture lies, a URL as any text; or its content."""
+HEAD_BYTES = 1 << 16
+"""So much of a JPEG at a URL is fetched for its header, which hardly any exceeds."""
+_JPEG_BEGIN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
+_T = TypeVar("_T")
 
 
 def is_remote(name: str) -> bool:
@@ -87,20 +94,75 @@ def local_source(source: PictureSource, sample_id: str) -> Path | str | bytes:
     """
     if isinstance(source, bytes | Path) or not is_remote(source):
         return source
+    return _fetched(source, sample_id)
+
+
+def of_header(
+    source: PictureSource,
+    sample_id: str,
+    read: Callable[[Path | str | bytes], _T],
+    *,
+    with_end: bool = False,
+) -> _T:
+    """What a function reads of a picture that needs no pixels.
+
+    Of a JPEG at a URL the first HEAD_BYTES are fetched, and given to the function with the marker
+    of an end behind them. Where they are not enough, or it is no JPEG, the whole picture is fetched
+    and given. A small picture, or any of a store that knows no ranges, comes whole at once.
+
+    Args:
+        source: of the picture.
+        sample_id: named in the error.
+        read: from a picture as it can be opened here; raises OSError, SyntaxError or ValueError,
+            such as SampleError, of what it cannot read.
+        with_end: whether the picture must be whole: it is looked whether a JPEG of which the
+            beginning is given ends as one does.
+
+    Raises:
+        ConfigError, SampleError: see local_source; or whatever the function raises of the whole.
+
+    """
+    if isinstance(source, bytes | Path) or not is_remote(source):
+        return read(source)
+    head = _some_bytes(source, 0, HEAD_BYTES)
+    if head is not None and len(head) != HEAD_BYTES:
+        return read(head)  # all that there is: a small file, or a store that knows no ranges
+    is_jpeg = (head or b"").startswith(_JPEG_BEGIN)
+    if head and is_jpeg and (not with_end or _ends_as_jpeg(source)):
+        with suppress(OSError, SyntaxError, ValueError):  # its header may be longer
+            return read(head + _JPEG_END)
+    return read(local_source(source, sample_id))
+
+
+def _ends_as_jpeg(url: str) -> bool:
+    end = _some_bytes(url, -len(_JPEG_END), None)
+    return end is not None and end.endswith(_JPEG_END)
+
+
+def _some_bytes(url: str, begin: int, end: int | None) -> bytes | None:
+    """Some bytes of a file, all of them if its store knows no ranges; None if that fails."""
+    try:
+        return _fetched(url, "", begin, end)
+    except SampleError:  # which the whole picture has too, if it is not the range
+        return None
+
+
+def _fetched(url: str, sample_id: str, begin: int | None = None, end: int | None = None) -> bytes:
+    """The content of a URL, or some bytes of it; errors as in local_source."""
     check_remote_extra()
     import fsspec
 
     try:
-        with fsspec.open(source, "rb") as file:
-            content: bytes = file.read()
+        filesystem, path = fsspec.core.url_to_fs(url)
+        content: bytes = filesystem.cat_file(path, start=begin, end=end)
     except Exception as error:
         # Stores raise errors of their own kinds; none may end a run over a million pictures.
-        message = str(error).replace(source, without_secrets(source))
+        message = str(error).replace(url, without_secrets(url))
         reason = f"{type(error).__name__}: {message}" if message else type(error).__name__
         raise SampleError(
             sample_id,
             "image",
-            f"{without_secrets(source)} cannot be read ({reason}); is it there, and have you the"
+            f"{without_secrets(url)} cannot be read ({reason}); is it there, and have you the"
             " rights and the package for its store?",
         ) from error
     return content

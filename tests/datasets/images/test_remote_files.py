@@ -16,8 +16,13 @@ from PIL import ExifTags, Image
 
 from animal3dbox.datasets import CocoKeypointsDataset
 from animal3dbox.datasets.images.exif import header_facts
-from animal3dbox.datasets.images.photos import checked_facts, read_photo
-from animal3dbox.datasets.images.remote_files import PictureUrl, is_remote, without_secrets
+from animal3dbox.datasets.images.photos import checked_facts, read_photo, stored_size
+from animal3dbox.datasets.images.remote_files import (
+    HEAD_BYTES,
+    PictureUrl,
+    is_remote,
+    without_secrets,
+)
 from animal3dbox.errors import ConfigError, SampleError
 
 STORE = "memory://animals"
@@ -92,6 +97,73 @@ def test_files_of_this_machine_and_chains_are_no_urls() -> None:
     for name in ("file:///etc/passwd", "local://a.jpg", "filecache::s3://b/a.jpg", "C:/a.jpg"):
         assert not is_remote(name)
     assert not is_remote("s3://a::file:///etc/passwd")
+
+
+class Requests:
+    """What is fetched of a store in memory, which may know no ranges."""
+
+    def __init__(self, store: Any, monkeypatch: pytest.MonkeyPatch, *, ranges: bool = True) -> None:
+        self.sizes = list[int]()
+        cat_file = type(store).cat_file
+
+        def counted(
+            store: Any, path: str, start: int | None = None, end: int | None = None, **more: Any
+        ) -> bytes:
+            content: bytes = cat_file(store, path, *((start, end) if ranges else ()), **more)
+            self.sizes.append(len(content))
+            return content
+
+        monkeypatch.setattr(type(store), "cat_file", counted)
+
+
+def large_picture(format: str = "JPEG", **options: Any) -> bytes:
+    """A picture of more bytes than are fetched for a header."""
+    content = picture(format, **options)
+    assert len(content) < HEAD_BYTES
+    if format == "JPEG":  # pixels that are followed by many of no meaning to a header
+        return content[:-2] + bytes(2 * HEAD_BYTES) + content[-2:]
+    return content + bytes(2 * HEAD_BYTES)
+
+
+@pytest.mark.parametrize("ranges", [True, False])
+def test_of_a_large_jpeg_a_header_is_fetched_by_ranges(
+    store: Any, monkeypatch: pytest.MonkeyPatch, ranges: bool
+) -> None:
+    content = large_picture()
+    url, requests = put(store, "a.jpg", content), Requests(store, monkeypatch, ranges=ranges)
+    assert header_facts(url) == header_facts(content)
+    assert stored_size(url, "a") == HW
+    assert checked_facts(url, "a", HW) == checked_facts(content, "a", HW)
+    whole = len(content)
+    expected = [HEAD_BYTES, HEAD_BYTES, HEAD_BYTES, 2] if ranges else [whole, whole, whole]
+    assert requests.sizes == expected
+
+
+def test_what_a_range_does_not_tell_is_read_whole(
+    store: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    long_header = large_picture()
+    long_header = long_header[:2] + 3 * (b"\xff\xfe\x80\x00" + bytes(0x7FFE)) + long_header[2:]
+    png = large_picture("PNG")
+    for content in (long_header, png):
+        url, requests = put(store, "a.jpg", content), Requests(store, monkeypatch)
+        assert checked_facts(url, "a", HW) == checked_facts(content, "a", HW)
+        assert requests.sizes[-1] == len(content)
+        monkeypatch.undo()
+
+
+def test_a_large_jpeg_that_was_cut_off_at_a_url_is_faulty(store: Any) -> None:
+    rng = np.random.default_rng(0)
+    whole = io.BytesIO()
+    Image.fromarray(rng.integers(0, 256, (400, 400, 3), dtype=np.uint8)).save(whole, "JPEG")
+    url = put(store, "cut.jpg", whole.getvalue()[:-1000])
+    assert len(whole.getvalue()) > HEAD_BYTES + 1000
+    with pytest.raises(SampleError, match=r"^me: image: cut.jpg cannot be decoded"):
+        checked_facts(url, "me", (400, 400))
+    whole_url = put(store, "whole.jpg", whole.getvalue())
+    with pytest.raises(SampleError, match=r"^me: image: its pixels are 400 x 400"):
+        checked_facts(whole_url, "me", HW)
+    assert checked_facts(whole_url, "me", (400, 400)).orientation == 1
 
 
 def remote_dataset(store: Any, root: Path, **options: Any) -> CocoKeypointsDataset:
