@@ -21,6 +21,12 @@ from animal3dbox.datasets.exchange.oracle2d_writer import write_oracle2d
 from animal3dbox.datasets.exchange.quadruped_file import write_quadruped
 from animal3dbox.datasets.formats import path_summary
 from animal3dbox.datasets.images.named_files import resolve_inside
+from animal3dbox.datasets.images.remote_files import (
+    PicturePath,
+    PictureUrl,
+    check_remote_extra,
+    is_remote,
+)
 from animal3dbox.datasets.records import CuboidRecord, CuboidSet
 from animal3dbox.errors import (
     ConfigError,
@@ -84,7 +90,10 @@ def run_export(job: ExportJob) -> ExitCode:
 
 
 def _cuboids_of(job: ExportJob) -> CuboidSet:
-    """The cuboids to write; KITTI's pictures of labels are in the folder that --images names."""
+    """The cuboids to write; KITTI's pictures of labels are in the folder that --images names.
+
+    Those at URLs are fetched from there.
+    """
     if job.to != "kitti" or not is_labels(job.path):
         return read_cuboids(job.path, CuboidOptions(job.images, metric=job.metric))
     cuboids = read_cuboids(job.path, CuboidOptions(metric=job.metric))
@@ -94,8 +103,14 @@ def _cuboids_of(job: ExportJob) -> CuboidSet:
     return replace(cuboids, records=tuple(records))
 
 
-def _picture(record: CuboidRecord, images: Path | None) -> Path | None:
-    """The file of a label's image in the user's folder; None, which is noted, if there is none."""
+def _picture(record: CuboidRecord, images: Path | None) -> PicturePath | None:
+    """The URL of a label's image, or its file in the user's folder.
+
+    None, which is noted, if there is none; a ConfigError if URLs cannot be read here.
+    """
+    if is_remote(record.image_id):
+        check_remote_extra()
+        return PictureUrl(record.image_id)
     if images is None:
         return None
     try:

@@ -1,13 +1,17 @@
 """``animal3dbox export``: labels and Omni3D files to every format, its refusals and exit codes."""
 
+import io
 import json
+import sys
 from pathlib import Path
 
+import fsspec
 import msgspec
 import numpy as np
 import pytest
 from commands import labels_of_one_animal, ran
 from cuboid_sets import random_set
+from PIL import Image
 
 from animal3dbox.datasets.exchange.omni3d_writer import write_omni3d
 from animal3dbox.datasets.readers.kitti.reader import read_kitti
@@ -135,6 +139,28 @@ def test_labels_become_coco_and_kitti(labels: Path, tmp_path: Path, row: AnimalR
     assert code == 0
     assert "at worst (1 boxes)" in output
     assert read_kitti(tmp_path / "kitti").records[0].category == "dog"
+
+
+def test_kitti_has_the_pictures_of_labels_at_urls(
+    labels: Path, tmp_path: Path, row: AnimalRow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = "memory://herd/a.png"
+    content = json.loads((labels / "labels.json").read_text())
+    content["animals"][0]["image"] = url
+    (labels / "labels.json").write_text(json.dumps(content))
+    pixels = np.zeros((*row.image_hw, 3), dtype=np.uint8)
+    picture = io.BytesIO()
+    Image.fromarray(pixels + np.uint8(7)).save(picture, "PNG")
+    memory = fsspec.filesystem("memory")
+    memory.pipe(url, picture.getvalue())
+    words = ("export", labels, "--to", "kitti", "--scale-free", "--out")
+    assert ran(*words, tmp_path / "kitti")[0] == 0
+    with Image.open(tmp_path / "kitti" / "image_2" / "000000.png") as image:
+        assert np.array_equal(np.asarray(image), pixels + 7)
+    monkeypatch.setitem(sys.modules, "fsspec", None)
+    code, output = ran(*words, tmp_path / "without")
+    assert (code, "pip install 'animal3dbox[remote]'" in output) == (2, True)
+    memory.store.clear()
 
 
 def test_an_omni3d_file_becomes_any_format_and_its_faults_set_the_exit_code(tmp_path: Path) -> None:

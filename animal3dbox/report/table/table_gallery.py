@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.images.photos import read_photo
+from animal3dbox.datasets.images.remote_files import PicturePath, PictureUrl, is_remote
 from animal3dbox.datasets.storage.fingerprint import digest
 from animal3dbox.errors import ConfigError, DatasetNotFoundError, SampleError
 from animal3dbox.geometry.cuboid import Cuboid
@@ -82,13 +83,15 @@ def write_table_gallery(
         worst: how many labels of least confidence are drawn.
         random: how many of the others, whatever their confidence.
         seed: another one draws others.
-        images: the folder that images' names are relative to; None: as _source.json says.
+        images: the folder that images' names are relative to; None: as _source.json says. Pictures
+            at URLs are fetched, those that are drawn alone.
 
     Returns:
         How many cards the page shows; those of least confidence first, as many as fit in it.
 
     Raises:
-        ConfigError: a negative number, or nobody knows where the images are.
+        ConfigError: a negative number, nobody knows where the images are, or they are at URLs and
+            the extra that reads those is not installed.
         DatasetNotFoundError: there is no table.
         DatasetFormatError: a part or _source.json is damaged.
 
@@ -102,12 +105,10 @@ def write_table_gallery(
     if not parts_of(table):
         raise DatasetNotFoundError(f"{table} holds no parts of a table (label --table)")
     source = read_source(table)
-    if images is None and source.images is None:
-        raise ConfigError(f"{table} does not say where its images are: give --images")
-    folder = images or table / str(source.images)
+    folder = None if source.images is None else table / source.images
     keys, counts = _chosen_keys(parts_of(table), worst, random, seed=seed)
     rows = watched(_rows_of(parts_of(table), keys), "drawing", unit="picture", total=len(keys))
-    cards = [_card(row, folder) for row in rows]
+    cards = [_card(row, images or folder, table) for row in rows]
     chosen = f"the {worst} of least confidence and {random} drawn at random from the others"
     summary = _summary(counts, source.source, source.body, source.method)
     return write_gallery(page, cards, summary, source_of_cards=f"{chosen}; the table has all")
@@ -154,14 +155,22 @@ def _rows_of(parts: list[Part], keys: set[str]) -> Iterator[Row]:
             yield from (row for row in _rows(part, (*KINDS,)) if row["key"] in keys)
 
 
-def _card(row: Row, images: Path) -> Card:
-    """The card of a labelled row; without a picture, and with the reason, if there is none."""
+def _card(row: Row, images: Path | None, table: Path) -> Card:
+    """The card of a labelled row; without a picture, and with the reason, if there is none.
+
+    Args:
+        row: of the table.
+        images: the folder of pictures, if it is known.
+        table: named in the error.
+
+    """
     words = words_of_row(row)
     flags = row["flags"].split(";") if row["flags"] else []
     facts = words.facts(flags)
+    place = _picture_place(row["image"], images, table)
     picture: bytes | None = None
     try:
-        picture = card_picture(_drawn(row, images, words.lines))
+        picture = card_picture(_drawn(row, place, words.lines))
     except SampleError as error:
         facts = (*facts, f"no picture: {error.problem}")
     return Card(
@@ -180,10 +189,19 @@ def _card(row: Row, images: Path) -> Card:
     )
 
 
-def _drawn(row: Row, images: Path, lines: list[str]) -> NDArray[np.uint8]:
+def _picture_place(name: str, images: Path | None, table: Path) -> PicturePath:
+    """The URL or file of an image; raises a ConfigError if nobody knows where its file is."""
+    if is_remote(name):
+        return PictureUrl(name)
+    if images is None:
+        raise ConfigError(f"{table} does not say where its images are: give --images")
+    return images / name
+
+
+def _drawn(row: Row, place: PicturePath, lines: list[str]) -> NDArray[np.uint8]:
     """The picture of a row's image with its cuboid; raises SampleError."""
     hw = row["image_height"], row["image_width"]
-    photo = read_photo(images / row["image"], row["sample_id"], hw, upright=row["upright"])
+    photo = read_photo(place, row["sample_id"], hw, upright=row["upright"])
     cuboid = Cuboid(_tensor(row, "center"), _tensor(row, "rotation"), _tensor(row, "size"))
     return with_words(cuboid_in_picture(photo.pixels, cuboid, _tensor(row, "K")), lines)
 

@@ -1,8 +1,14 @@
 """The gallery of a sample of a table."""
 
+import json
 import re
+import shutil
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import fsspec
 import pytest
 from commands import ran
 from small_animals import model_of, small_dataset
@@ -73,6 +79,69 @@ def test_a_picture_that_is_gone_costs_its_picture_alone(table: Path, tmp_path: P
     more = ("--worst", "2", "--random", "0", "--images", tmp_path, "--out", page)
     assert ran("gallery", table, *more)[0] == 0
     assert page.read_text().count("no picture: ") == 2
+
+
+STORE = "memory://gallery"
+
+
+@pytest.fixture
+def remote_table(animals: Path, tmp_path: Path) -> Iterator[Path]:
+    """A table whose pictures lie in a store in memory, but for one."""
+    memory, folder, dataset = (
+        fsspec.filesystem("memory"),
+        tmp_path / "table",
+        small_dataset(animals),
+    )
+    part = label_table(dataset, range(4))
+    part["confidence"] = [(place + 1) / 100 for place in range(len(part["key"]))]
+    for name in {*part["image"]} - {part["image"][0]}:
+        memory.pipe(f"{STORE}/{name}", (animals / name).read_bytes())
+    write_part(folder, {**part, "image": [f"{STORE}/{name}" for name in part["image"]]})
+    write_source(folder, dataset, animals)
+    source = folder / "_source.json"
+    content = json.loads(source.read_text())
+    source.write_text(json.dumps({**content, "images": None}))
+    yield folder
+    memory.store.clear()
+
+
+def test_pictures_at_urls_are_fetched_of_the_rows_that_are_drawn(
+    remote_table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory = fsspec.filesystem("memory")
+    urls, cat_file = list[str](), type(memory).cat_file
+
+    def noted(store: Any, path: str, **more: Any) -> bytes:
+        urls.append(path)
+        content: bytes = cat_file(store, path, **more)
+        return content
+
+    monkeypatch.setattr(type(memory), "cat_file", noted)
+    page = tmp_path / "page.html"
+    assert ran("gallery", remote_table, "--worst", "3", "--random", "0", "--out", page)[0] == 0
+    drawn, without = page.read_text().count("<img "), page.read_text().count("no picture: ")
+    assert drawn + without == len(urls) == 3
+    assert without == page.read_text().count("cannot be read (FileNotFoundError") > 0 < drawn
+
+
+def test_without_the_extra_pictures_at_urls_are_refused_in_a_line(
+    remote_table: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "fsspec", None)
+    code, output = ran("gallery", remote_table, "--out", tmp_path / "page.html")
+    assert code == 2
+    assert "pip install 'animal3dbox[remote]'" in output
+    assert len(output.strip().splitlines()) == 1
+
+
+def test_a_table_that_does_not_say_where_its_images_are_asks_for_the_folder(
+    table: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(table, tmp_path / "copy")
+    source = tmp_path / "copy" / "_source.json"
+    source.write_text(json.dumps({**json.loads(source.read_text()), "images": None}))
+    code, output = ran("gallery", tmp_path / "copy")
+    assert (code, "does not say where its images are: give --images" in output) == (2, True)
 
 
 def test_the_images_folder_is_told_without_an_absolute_path(table: Path, animals: Path) -> None:
