@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from animal3dbox.errors import Animal3DBoxError
 
+MOST_GROUPS = 6
+"""Groups of five bits of a number, 30 bits, of a mask without a fault."""
+
 
 class RleError(Animal3DBoxError, ValueError):
     """A run-length mask that does not describe a mask of its size."""
@@ -47,6 +50,29 @@ def decode_counts(text: str) -> list[int]:
     return counts
 
 
+def ordinary_counts(text: str) -> NDArray[np.int64] | None:
+    """decode_counts of a text without a fault, all numbers at once; None of any other.
+
+    In a quarter of its time: of opening StanfordExtra that was a fifth
+    (benchmarks/opening_lists.py, "stanfordextra").
+    """
+    characters = np.frombuffer(text.encode("utf-8", "surrogatepass"), dtype=np.uint8)
+    groups = characters.astype(np.int64) - 48
+    ends = np.flatnonzero(groups & 32 == 0)
+    if not len(ends) or ends[-1] != len(groups) - 1 or groups.min() < 0 or groups.max() > 63:
+        return None
+    begins = np.append(0, ends[:-1] + 1)
+    lengths = ends + 1 - begins
+    if lengths.max() > MOST_GROUPS:
+        return None
+    shifts = 5 * (np.arange(len(groups)) - np.repeat(begins, lengths))
+    counts = np.add.reduceat((groups & 31) << shifts, begins)
+    counts -= np.where(groups[ends] & 16, 1 << (5 * lengths), 0)
+    counts[1::2] = counts[1::2].cumsum()
+    counts[2::2] = counts[2::2].cumsum()
+    return counts
+
+
 def encode_counts(counts: Sequence[int]) -> str:
     """The compressed string that stands for run lengths; the inverse of decode_counts."""
     text = []
@@ -68,6 +94,32 @@ def decode_mask(counts: str | Sequence[int], image_hw: tuple[int, int]) -> NDArr
         RleError: the runs do not fill the image exactly.
 
     """
+    runs, (height, width) = _runs(counts, image_hw), image_hw
+    values = np.arange(len(runs)) % 2 == 1
+    return np.repeat(values, runs).reshape(width, height).T
+
+
+def mask_area(counts: str | Sequence[int], image_hw: tuple[int, int]) -> int:
+    """How many pixels of a mask are 1; raises as decode_mask, which it need not make for that.
+
+    Example:
+        >>> mask_area("231", (2, 3))
+        3
+    """
+    return int(_runs(counts, image_hw)[1::2].sum())
+
+
+def _runs(counts: str | Sequence[int], image_hw: tuple[int, int]) -> NDArray[np.int64]:
+    """The run lengths of a mask, which fill its image exactly; raises RleError."""
+    runs = ordinary_counts(counts) if isinstance(counts, str) else None
+    area = image_hw[0] * image_hw[1]
+    if runs is None or runs.min() < 0 or runs.max() > area or runs.sum() != area:
+        return np.array(_checked_runs(counts, image_hw), dtype=np.int64)
+    return runs
+
+
+def _checked_runs(counts: str | Sequence[int], image_hw: tuple[int, int]) -> list[int]:
+    """The run lengths of a mask; raises an RleError unless they fill the image exactly."""
     runs = decode_counts(counts) if isinstance(counts, str) else list(counts)
     height, width = image_hw
     if any(run < 0 for run in runs):
@@ -77,8 +129,7 @@ def decode_mask(counts: str | Sequence[int], image_hw: tuple[int, int]) -> NDArr
             f"has runs of {sum(runs)} pixels in all, but the image has {height} x {width} ="
             f" {height * width}: it is another image's, or cut off"
         )
-    values = np.arange(len(runs)) % 2 == 1
-    return np.repeat(values, runs).reshape(width, height).T
+    return runs
 
 
 def encode_mask(mask: NDArray[np.bool_]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from animal3dbox.datasets.images.rle import RleError, decode_mask, encode_mask
+from animal3dbox.datasets.images.rle import RleError, encode_mask, mask_area
 from animal3dbox.errors import SampleError
 
 Runs = str | tuple[int, ...]
@@ -41,7 +41,7 @@ def read_runs(seg: object, image_hw: tuple[int, int], sample_id: str, field: str
         raise SampleError(sample_id, field, "must be a run-length string or {size, counts}")
     runs = counts if isinstance(counts, str) else tuple(counts)
     try:
-        if not decode_mask(runs, image_hw).any():
+        if not mask_area(runs, image_hw):
             raise SampleError(
                 sample_id, field, f"is an empty mask: leave {field} out if there is none"
             )

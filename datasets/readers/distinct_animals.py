@@ -173,7 +173,7 @@ def _with_own_boxes(
     and holds the keypoints if it is a corner, the others of the file are taken for what they may
     be, too.
     """
-    suspects = [(record, *_as_corners(record)) for record in records]
+    suspects = [*zip(records, *_as_corners(records), strict=True)]
     is_file_of_corners = (
         others_may_be_corners
         and any(evident for _, _, evident in suspects)
@@ -202,18 +202,29 @@ def _refuse_corners(record: AnimalRecord) -> None:
     )
 
 
-def _as_corners(record: AnimalRecord) -> tuple[bool, bool]:
-    """Whether a record's box may be two corners, and evidently is; see may_be_corners."""
-    if record.box is None:
-        return False, False
-    image_hw = np.array([record.image_hw])
-    possible, evident = may_be_corners(record.box[None], record.keypoints_2d[None], image_hw)
-    return bool(possible[0]), bool(evident[0])
+def _as_corners(records: Sequence[AnimalRecord]) -> tuple[Flags, Flags]:
+    """Whether boxes of records may be two corners, and evidently are; see may_be_corners.
+
+    Records of as many keypoints are looked at together: one by one they took a seventh of opening
+    StanfordExtra (benchmarks/opening_lists.py, "stanfordextra").
+    """
+    groups: dict[int, list[int]] = {}
+    for place, record in enumerate(records):
+        if record.box is not None:
+            groups.setdefault(len(record.keypoints_2d), []).append(place)
+    possible, evident = (np.zeros(len(records), dtype=np.bool_) for _ in range(2))
+    for places in groups.values():
+        possible[places], evident[places] = may_be_corners(
+            np.array([records[place].box for place in places]),
+            np.stack([records[place].keypoints_2d for place in places]),
+            np.array([records[place].image_hw for place in places]),
+        )
+    return possible, evident
 
 
 def has_evident_corners(records: Sequence[AnimalRecord]) -> bool:
     """Whether a box of some animals evidently is two corners."""
-    return any(_as_corners(record)[1] for record in records)
+    return bool(_as_corners(records)[1].any())
 
 
 def may_be_corners(boxes: Array, keypoints: Array, image_hw: NDArray[Any]) -> tuple[Flags, Flags]:

@@ -13,6 +13,8 @@ from animal3dbox.datasets.images.rle import (
     decode_mask,
     encode_counts,
     encode_mask,
+    mask_area,
+    ordinary_counts,
 )
 from animal3dbox.errors import Animal3DBoxError
 
@@ -90,6 +92,21 @@ def test_a_mask_comes_back_from_its_text_and_from_its_counts(mask: NDArray[np.bo
 @given(st.lists(st.integers(0, 10**9), max_size=40))
 def test_counts_of_any_size_come_back_from_the_slow_reference(counts: list[int]) -> None:
     assert decode_counts(slow_text(counts)) == counts
+
+
+@given(st.lists(st.integers(-10, 10**6), min_size=1, max_size=40) | st.text(max_size=12))
+def test_ordinary_texts_are_read_at_once_as_one_by_one(counts: list[int] | str) -> None:
+    text = counts if isinstance(counts, str) else encode_counts(counts)
+    runs = ordinary_counts(text)
+    assert runs is not None or isinstance(counts, str)
+    if runs is not None:
+        assert runs.tolist() == decode_counts(text)
+
+
+@given(MASKS)
+def test_the_area_of_a_mask_is_that_of_its_pixels(mask: NDArray[np.bool_]) -> None:
+    shape = (mask.shape[0], mask.shape[1])
+    assert mask_area(encode_mask(mask), shape) == mask_area(slow_runs(mask), shape) == mask.sum()
 
 
 @given(st.text(max_size=30), st.integers(1, 9), st.integers(1, 9))
