@@ -92,7 +92,7 @@ class PictureFolder:
             if not self.checks:
                 return self.home / name
         self.was_asked = True
-        return resolve_inside(self.root, name, sample_id, "file_name")
+        return resolve_inside(self.root, name, sample_id, "file_name", home=self.home)
 
     def stored_size(self, name: str, sample_id: str, *, upright: bool) -> tuple[int, int]:
         """Height and width of a picture by its header; see photos.stored_size."""
@@ -116,7 +116,7 @@ class PictureFolder:
 
     def _is_found(self, name: str) -> bool:
         try:
-            resolve_inside(self.root, name, name, "file_name")
+            resolve_inside(self.root, name, name, "file_name", home=self.home)
         except SampleError:
             return False
         return True

@@ -104,7 +104,7 @@ def read_stanfordextra(
     )
     if not root.is_dir():
         raise DatasetNotFoundError(f"there is no folder of images {root}")
-    tolerance = tolerance or Tolerance()
+    tolerance, home = tolerance or Tolerance(), root.resolve()
     records: list[AnimalRecord] = []
     faults: list[SampleError] = []
     counts: dict[str, int] = {}
@@ -114,7 +114,7 @@ def read_stanfordextra(
         raise DatasetFormatError(f"{annotations} is a list without an entry")
     for i, raw in enumerate(entries):
         try:
-            record = _record(raw, i, root, counts, tolerance=tolerance)
+            record = _record(raw, i, root, counts, home=home, tolerance=tolerance)
             if (first := copies.setdefault(bytes(raw), i)) != i:
                 raise SampleError(
                     record.sample_id,
@@ -135,7 +135,13 @@ def read_stanfordextra(
 
 
 def _record(
-    raw: msgspec.Raw, index: int, root: Path, counts: dict[str, int], *, tolerance: Tolerance
+    raw: msgspec.Raw,
+    index: int,
+    root: Path,
+    counts: dict[str, int],
+    *,
+    home: Path,
+    tolerance: Tolerance,
 ) -> AnimalRecord:
     """The record of one entry, checked; raises SampleError.
 
@@ -144,6 +150,7 @@ def _record(
         index: its place in the file.
         root: the folder that img_path is relative to.
         counts: image -> entries so far, to which this one is added.
+        home: the same folder, resolved.
         tolerance: how bad parts are taken.
 
     """
@@ -164,7 +171,7 @@ def _record(
     return AnimalRecord(
         sample_id=sample_id,
         image_id=image,
-        image_path=resolve_inside(root, image, sample_id, "img_path"),
+        image_path=resolve_inside(root, image, sample_id, "img_path", home=home),
         image_hw=image_hw,
         vocabulary=VOCABULARY,
         keypoints_2d=tolerance.without_minus_ones(rows, sample_id),
