@@ -167,7 +167,7 @@ def main() -> None:
     path = WRITERS[options.format](options.folder, options.animals)
     file = path if path.is_file() else path / "train.json"
     print(f"{options.format}: {options.animals} animals, {file.stat().st_size / 1e6:.0f} MB")
-    for name in ("whole", "whole", "shard"):
+    for name in ("whole", "shard"):
         ran = subprocess.run(
             [sys.executable, __file__, str(path), options.format, "--measure", name],
             capture_output=True,
