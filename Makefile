@@ -41,7 +41,8 @@ test-extras: setup
 	$(BIN)/python -m pytest -q tests/test_examples.py -k lightning
 	$(BIN)/python -m pytest -q tests/report/table tests/report/test_rerun_view.py tests/cli/test_ray_tables.py
 
-# The same tests on the lowest versions of everything that pyproject.toml admits (torch stays at the version that is at hand).
+# The same tests on the lowest versions of everything that pyproject.toml admits. PyPI's torch of that version brings
+# several gigabytes of CUDA, which the tests do not use.
 test-lowest:
 	rm -rf .venv-lowest && $(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-lowest.txt -e '.[dev]'
