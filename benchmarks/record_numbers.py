@@ -76,6 +76,13 @@ NUMBERS = (
         "{1} / {2} % (n {0})",
     ),
     Number(
+        "distance, foreign bodies, learned",
+        "the same after `calibrate` on 200 other animals of the dataset",
+        f"{DISTANCES} --only learned",
+        f"foreign, after learning: {BODY}",
+        "{1} / {2} % (n {0})",
+    ),
+    Number(
         "distance, K unknown",
         "the same of our bodies, K unknown",
         DISTANCES,
