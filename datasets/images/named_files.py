@@ -9,6 +9,7 @@ comes nearest.
 import difflib
 import unicodedata
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
@@ -45,6 +46,8 @@ def resolve_inside(
         path = (home / relative).resolve()
         if path.is_file() and path.is_relative_to(home):
             return path
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.stat()  # raises of a loop of links, which resolve() accepts from Python 3.13 on
         other = _as_others_mean_it(home, relative)
     except (OSError, RuntimeError, ValueError) as error:
         # Too long a name, a loop of links, or a character that no file's name has.
