@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from animal3dbox.evaluate.tables import PAPER, Table, shown
+from animal3dbox.plurals import counted
 
 Record = Mapping[str, Any]
 
@@ -63,7 +64,7 @@ def answers_of(table: Table) -> list[str]:
         >>> from animal3dbox.evaluate.dataset_study import DatasetRow, dataset_table
         >>> table = dataset_table([DatasetRow("a.jpg", "default", None, annotated_px=3.5)])
         >>> answers_of(table)[0]
-        'The default labelled 1 of 1 animals.'
+        'The default labelled 1 of 1 animal.'
     """
     sentences = _ANSWERS.get(table.name)
     return [] if sentences is None else sentences(records_of(table))
@@ -84,6 +85,11 @@ def _sentence(template: str, **values: float | str | None) -> list[str]:
     return [template.format(**words)]
 
 
+def _counted(count: int | None, noun: str) -> str | None:
+    """A count with its noun; None if it is not known."""
+    return None if count is None else counted(count, noun)
+
+
 def _dataset(records: list[dict[str, Any]]) -> list[str]:
     default = _row(records, method="default")
     sentences = []
@@ -91,7 +97,10 @@ def _dataset(records: list[dict[str, Any]]) -> list[str]:
         row = _row(records, method=method)
         n, total = row.get("labelled"), row.get("animals")
         sentences += _sentence(
-            "The {words} labelled {n} of {total} animals.", words=words, n=n, total=total
+            "The {words} labelled {n} of {total}.",
+            words=words,
+            n=n,
+            total=_counted(total, "animal"),
         )
         sentences += _sentence(
             "Its keypoints are off by a median of {px} px.", px=row.get("annotated median px")
@@ -131,9 +140,9 @@ def _stability(records: list[dict[str, Any]]) -> list[str]:
 def _accuracy(records: list[dict[str, Any]]) -> list[str]:
     ours = _row(records, rule="ours, mesh")
     return _sentence(
-        "Over {n} animals our axes are off the true trunk by a median of {ours} degrees (95 % below"
+        "Over {animals} our axes are off the true trunk by a median of {ours} degrees (95 % below"
         " {p95}), the paper's by {paper}, and principal components by {pca}.",
-        n=ours.get("animals"),
+        animals=_counted(ours.get("animals"), "animal"),
         ours=ours.get("median deg"),
         p95=ours.get("p95 deg"),
         paper=_row(records, rule="landmarks (paper)").get("median deg"),
@@ -196,8 +205,8 @@ def _reliability(records: list[dict[str, Any]]) -> list[str]:
     for mask in ("with", "without"):
         row = _row(records, labels=f"all, {mask} mask")
         sentences += _sentence(
-            "Of {n} labels {mask} a mask {bad} % are bad.",
-            n=row.get("n"),
+            "Of {labels} {mask} a mask {bad} % are bad.",
+            labels=_counted(row.get("n"), "label"),
             mask=mask,
             bad=row.get("bad %"),
         )
@@ -215,7 +224,7 @@ def _curve(records: list[dict[str, Any]]) -> list[str]:
         first, last = bins[0], bins[-1]
         who = "the most confident" if len(bins) > 1 else "all"
         words = f"Of labels {kind}, {who} (which state {last['told']:.0%} on average) are right in"
-        words += f" {_count_of_right(last)} cases"
+        words += f" {_count_of_right(last)}"
         if len(bins) > 1:
             words += f", the least confident ({first['told']:.0%}) in {_count_of_right(first)}"
         sentences.append(f"{words}.".replace("%", "\N{NO-BREAK SPACE}%"))

@@ -11,7 +11,7 @@ from animal3dbox.evaluate.tables import Cell, Table, percent, quantile, table_fr
 Array = NDArray[np.float64]
 BINS = 10
 LEAST_IN_BIN = 5
-"""A bin of the reliability curve has no fewer labels, unless there are fewer in all."""
+"""A bin of the reliability curve has no fewer labels."""
 CHANCE_DRAWS = 100
 BASE_RATES = (0.15, 0.3, 0.5)
 """Parts of bad labels for which the calibration error is told."""
@@ -134,25 +134,26 @@ def reliability_table(judged: Sequence[Judged]) -> Table:
 def curve_table(judged: Sequence[Judged]) -> Table:
     """The reliability curve: told and true frequency, bin by bin, with and without a mask.
 
-    There are BINS bins of equal count, or fewer, so that each has LEAST_IN_BIN labels.
+    There are BINS bins of equal count, or fewer, so that each has LEAST_IN_BIN labels at least, and
+    none of a group that is smaller.
     """
     records: list[dict[str, Cell]] = []
     for has_mask in (True, False):
         group = [one for one in judged if one.has_mask == has_mask]
         told = np.array([one.probability for one in group])
         good = np.array([one.is_good for one in group])
-        n_bins = min(BINS, max(1, len(group) // LEAST_IN_BIN))
-        for k, ids in enumerate(np.array_split(np.argsort(told, kind="stable"), n_bins)):
-            if len(ids):
-                records.append(
-                    {
-                        "labels": "with mask" if has_mask else "without mask",
-                        "bin": k + 1,
-                        "n": len(ids),
-                        "told": float(told[ids].mean()),
-                        "true": float(good[ids].mean()),
-                    }
-                )
+        n_bins = min(BINS, len(group) // LEAST_IN_BIN)
+        order = np.argsort(told, kind="stable")
+        for k, ids in enumerate(np.array_split(order, n_bins) if n_bins else ()):
+            records.append(
+                {
+                    "labels": "with mask" if has_mask else "without mask",
+                    "bin": k + 1,
+                    "n": len(ids),
+                    "told": float(told[ids].mean()),
+                    "true": float(good[ids].mean()),
+                }
+            )
     return table_from_records(
         "curve",
         "Reliability curve of confidence",

@@ -112,7 +112,9 @@ def shown(cell: Cell) -> str:
     if isinstance(cell, str | int):
         return str(cell)
     size = abs(cell)
-    if size != 0 and (size < 1e-4 or size >= 1e5):
+    if size == 0:
+        return "0"
+    if size < 1e-4 or size >= 1e5:
         return f"{cell:.1e}"
     return f"{cell:.1f}" if size >= 100 else f"{cell:.2f}" if size >= 1 else f"{cell:.4f}"
 

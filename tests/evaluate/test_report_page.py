@@ -104,7 +104,7 @@ def test_what_is_not_known_is_not_answered() -> None:
         assert answers_of(table) == []
     assert answers_of(Table("t", "Another", (), ("px",), ((1.0,),))) == []
     ours, theirs, truth = answers_of(dataset_table([DatasetRow("a.jpg", "default", "no_pose")]))
-    assert ours == "The default labelled 0 of 1 animals."
+    assert ours == "The default labelled 0 of 1 animal."
     assert theirs == "The paper's baseline (basic) labelled 0 of 0 animals."
     assert truth.startswith("There are no true boxes")
 
@@ -181,8 +181,8 @@ def test_the_curve_lies_beside_what_is_told(monkeypatch: pytest.MonkeyPatch) -> 
     assert np.asarray(line.get_xydata()).tolist() == [[0.2, 0.3], [0.8, 0.7]]
     assert figure.axes[0].get_title() == "labels with mask: 10, 5 a point"
     assert answers_of(table)[0].replace("\N{NO-BREAK SPACE}", " ") == (
-        "Of labels with mask, the most confident (which state 80 % on average) are right in 4 of 5"
-        " cases, the least confident (20 %) in 2 of 5."
+        "Of labels with mask, the most confident (which state 80 % on average) are right in 4 of 5,"
+        " the least confident (20 %) in 2 of 5."
     )
 
 
@@ -193,12 +193,13 @@ def test_the_curve_of_few_labels_has_few_points() -> None:
         judged = [Judged("fit", True, i / n_labels, True, 0.1, 0.1) for i in range(n_labels)]
         return [record["n"] for record in curve_table(judged).records()]
 
-    assert counts(4) == [4]
+    assert counts(4) == []
+    assert counts(5) == [5]
     assert counts(11) == [6, 5]
     assert counts(200) == [20] * 10
-    (answer,) = answers_of(curve_table([Judged("fit", True, 0.5, True, 0.1, 0.1)]))
+    (answer,) = answers_of(curve_table([Judged("fit", True, 0.5, True, 0.1, 0.1)] * 5))
     assert answer.endswith(
-        "all (which state 50\N{NO-BREAK SPACE}% on average) are right in 1 of 1 cases."
+        "all (which state 50\N{NO-BREAK SPACE}% on average) are right in 5 of 5."
     )
 
 

@@ -33,7 +33,7 @@ def test_bounds_of_a_rate_hold_it_and_narrow_with_the_count() -> None:
 def test_numbers_are_shown_with_about_four_digits_and_the_unknown_as_a_dash() -> None:
     numbers = {1.234567: "1.23", 0.01234567: "0.0123", 123.456: "123.5", 1e-7: "1.0e-07"}
     assert {number: shown(number) for number in numbers} == numbers
-    assert [shown(cell) for cell in (0.0, 12, "word")] == ["0.0000", "12", "word"]
+    assert [shown(cell) for cell in (0.0, 12, "word")] == ["0", "12", "word"]
     assert [shown(cell) for cell in (None, float("nan"))] == ["-", "-"]
 
 
