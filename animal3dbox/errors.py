@@ -1,8 +1,20 @@
 """The errors this package raises; each message says what was expected, what came and what to do."""
 
 import json
+import re
 
 _NOTE = "animal3dbox sample error: "
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+
+
+def without_addresses(message: str) -> str:
+    """Another library's message without addresses in memory, which differ from run to run.
+
+    Example:
+        >>> without_addresses("cannot read <_io.BytesIO object at 0x7f2c81a0>")
+        'cannot read <_io.BytesIO object>'
+    """
+    return _ADDRESS.sub("", message)
 
 
 class Animal3DBoxError(Exception):

@@ -224,8 +224,15 @@ def _labelled(keypoints: Path, root: Path, body: str) -> Answers:
     ]
     starts = range(0, len(animals), AT_ONCE)
     for start in watched(starts, "labelling", unit=f"{AT_ONCE} animals"):
-        some = animals[start : start + AT_ONCE]
-        requests = [request_of_record(record, bodies) for record in some]
+        some: list[AnimalRecord] = []
+        requests = []
+        for record in animals[start : start + AT_ONCE]:
+            try:
+                requests.append(request_of_record(record, bodies))
+            except SampleError as error:
+                answers.left_out[error.field] += 1
+                continue
+            some.append(record)
         outcomes = label_records(requests, config, misplaced="flag")
         for record, outcome in zip(some, outcomes, strict=True):
             if isinstance(outcome, CuboidLabel):

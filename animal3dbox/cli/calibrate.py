@@ -58,6 +58,8 @@ def run_calibrate(job: CalibrateJob) -> ExitCode:
     remove_fits(_fits_folder(job))
     if job.json:
         sys.stdout.write(job.out.read_text(encoding="utf-8"))
+        for error in () if fitted is None else fitted.faults:
+            print(f"faulty: {error}", file=sys.stderr)
     else:
         _print(job, placement, fitted)
     for fault in dataset.records.faults:
@@ -113,11 +115,13 @@ def _fitted(
             records, bodies, LabelConfig(), learn=learn, folder=_fits_folder(job), watch=watch
         )
     if not learned.used:
+        first = f", the first because {learned.faults[0]}" if learned.faults else ""
         counts = ", ".join(f"{n} of {name}" for name, n in sorted(learned.few.items())) or "none"
         raise ConfigError(
             f"{job.path} has too few animals that a body can be fitted to ({counts};"
             f" {learned.left_out} with too few keypoints or a lens, {len(learned.faults)} could not"
-            f" be read): places and shapes are learned from {LEAST_TAUGHT} of a vocabulary on"
+            f" be read{first}): places and shapes are learned from {LEAST_TAUGHT} of a vocabulary"
+            " on"
         )
     return learned
 

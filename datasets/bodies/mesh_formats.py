@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from animal3dbox.errors import DatasetFormatError
+from animal3dbox.errors import DatasetFormatError, without_addresses
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 """Suffixes of the files that read_mesh takes."""
@@ -89,7 +89,7 @@ def _problem(error: Exception) -> str:
     return (
         "its rows have different lengths"
         if "array element with a sequence" in str(error)
-        else str(error)
+        else without_addresses(str(error))
     )
 
 

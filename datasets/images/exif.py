@@ -5,10 +5,8 @@ A header that is damaged or no longer fits its picture gives no focal length, bu
 
 import math
 import re
-import warnings
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 
 from PIL import ExifTags, Image
 
@@ -19,7 +17,6 @@ from animal3dbox.datasets.images.orientation import (
     exif_tags,
     stored_width_height,
 )
-from animal3dbox.datasets.images.remote_files import PictureSource, of_header, readable
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "GIF", "PPM", "JPEG2000")
 """Pillow's formats that a file may have, whatever its name.
@@ -67,27 +64,6 @@ class PhotoFacts:
     def turn(self) -> dict[str, int | bool]:
         """How the picture lay in its file and whether it was turned, for a target's meta."""
         return {"exif_orientation": self.orientation, "turned_upright": self.upright}
-
-
-def header_facts(source: PictureSource, *, upright: bool = False) -> PhotoFacts:
-    """The facts of a file's header, its pixels not decoded; the defaults of a file without one.
-
-    Args:
-        source: a picture's file, URL or content.
-        upright: whether its pixels are used turned as the header says, not as stored.
-
-    """
-
-    def facts(local: Path | str | bytes) -> PhotoFacts:
-        with Image.open(readable(local), formats=FORMATS) as image:
-            return facts_of(image, upright=upright)
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            return of_header(source, "", facts)
-    except (OSError, SyntaxError, ValueError, NotImplementedError, Image.DecompressionBombError):
-        return PhotoFacts()  # reading the picture says what is wrong with it
 
 
 def facts_of(image: Image.Image, *, upright: bool = False) -> PhotoFacts:

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from animal3dbox.datasets.images.exif import FORMATS, PhotoFacts, facts_of
 from animal3dbox.datasets.images.jpeg import (
@@ -34,11 +34,13 @@ from animal3dbox.datasets.images.orientation import (
 )
 from animal3dbox.datasets.images.remote_files import (
     PictureSource,
+    is_remote,
     local_source,
     of_header,
     readable,
+    without_secrets,
 )
-from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.errors import ConfigError, SampleError, without_addresses
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 """Suffixes of the files that are images where nothing but their folder names them."""
@@ -179,17 +181,27 @@ def _open_image(
                 yield image
     except Image.DecompressionBombError as error:
         raise SampleError(sample_id, "image", f"{name} is too large to decode: {error}") from error
+    except UnidentifiedImageError as error:
+        # Pillow names the object in memory that it read from, another at every run.
+        reason = f"it is no image of the formats {', '.join(FORMATS)}"
+        raise SampleError(
+            sample_id, "image", f"{name} cannot be decoded ({reason}); replace the file"
+        ) from error
     except (OSError, SyntaxError, ValueError, NotImplementedError) as error:
         if isinstance(error, SampleError | ConfigError):
             raise
         raise SampleError(
-            sample_id, "image", f"{name} cannot be decoded ({error}); replace the file"
+            sample_id,
+            "image",
+            f"{name} cannot be decoded ({without_addresses(str(error))}); replace the file",
         ) from error
 
 
 def _name_of(source: PictureSource) -> str:
-    """What a picture is called in an error."""
-    return "its content" if isinstance(source, bytes) else Path(source).name
+    """What a picture is called in an error: the last part of its path or URL, without secrets."""
+    if isinstance(source, bytes):
+        return "its content"
+    return Path(without_secrets(str(source)) if is_remote(str(source)) else source).name
 
 
 def stored_size(path: PictureSource, sample_id: str, *, upright: bool = False) -> tuple[int, int]:
@@ -212,6 +224,26 @@ def stored_size(path: PictureSource, sample_id: str, *, upright: bool = False) -
             return height, width
 
     return of_header(path, sample_id, size)
+
+
+def header_facts(source: PictureSource, sample_id: str, *, upright: bool = False) -> PhotoFacts:
+    """The facts of a picture's header, its pixels not decoded; the defaults of one without EXIF.
+
+    Args:
+        source: a picture's file, URL or content.
+        sample_id: named in every error.
+        upright: whether its pixels are used turned as the header says, not as stored.
+
+    Raises:
+        SampleError: it cannot be read, or is no image.
+
+    """
+
+    def facts(local: Path | str | bytes) -> PhotoFacts:
+        with _open_image(local, sample_id, name=_name_of(source)) as image:
+            return facts_of(image, upright=upright)
+
+    return of_header(source, sample_id, facts)
 
 
 def checked_facts(

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
-from animal3dbox.errors import ConfigError, SampleError
+from animal3dbox.errors import ConfigError, SampleError, without_addresses
 
 _URL = re.compile(r"([a-z][a-z0-9+.-]+)://[^\0]+")
 LOCAL_SCHEMES = ("file", "local")
@@ -41,6 +41,9 @@ PictureSource = Path | str | bytes
 HEAD_BYTES = 1 << 16
 """So much of a JPEG at a URL is fetched for its header, which hardly any exceeds."""
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
+_PNG_BEGIN, _PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
+_WHOLE = ((_JPEG_BEGIN, _JPEG_END), (_PNG_BEGIN, _PNG_END))
+"""How pictures begin and end in the formats that have a mark of their end."""
 _T = TypeVar("_T")
 
 
@@ -108,7 +111,9 @@ def of_header(
 
     Of a JPEG at a URL the first HEAD_BYTES are fetched, and given to the function with the marker
     of an end behind them. Where they are not enough, or it is no JPEG, the whole picture is fetched
-    and given. A small picture, or any of a store that knows no ranges, comes whole at once.
+    and given. A small JPEG or PNG, or any picture of a store that knows no ranges, comes whole at
+    once. Fewer bytes than asked for are the whole picture only if they end as one: a proxy may
+    limit the length of ranges.
 
     Args:
         source: of the picture.
@@ -125,13 +130,20 @@ def of_header(
     if isinstance(source, bytes | Path) or not is_remote(source):
         return read(source)
     head = _some_bytes(source, 0, HEAD_BYTES)
-    if head is not None and len(head) != HEAD_BYTES:
-        return read(head)  # all that there is: a small file, or a store that knows no ranges
-    is_jpeg = (head or b"").startswith(_JPEG_BEGIN)
-    if head and is_jpeg and (not with_end or _ends_as_jpeg(source)):
+    if head is not None and (len(head) > HEAD_BYTES or _is_whole(head)):
+        return read(head)  # all that there is: of a store that knows no ranges, or a small file
+    is_long = head is not None and len(head) == HEAD_BYTES and head.startswith(_JPEG_BEGIN)
+    if head is not None and is_long and (not with_end or _ends_as_jpeg(source)):
         with suppress(OSError, SyntaxError, ValueError):  # its header may be longer
             return read(head + _JPEG_END)
     return read(local_source(source, sample_id))
+
+
+def _is_whole(head: bytes) -> bool:
+    """Whether the first bytes of a picture, at most HEAD_BYTES, are a JPEG or PNG to its end."""
+    if len(head) == HEAD_BYTES:
+        return False  # more may follow
+    return any(head.startswith(begin) and head.endswith(end) for begin, end in _WHOLE)
 
 
 def _ends_as_jpeg(url: str) -> bool:
@@ -157,7 +169,7 @@ def _fetched(url: str, sample_id: str, begin: int | None = None, end: int | None
         content: bytes = filesystem.cat_file(path, start=begin, end=end)
     except Exception as error:
         # Stores raise errors of their own kinds; none may end a run over a million pictures.
-        message = str(error).replace(url, without_secrets(url))
+        message = without_addresses(str(error).replace(url, without_secrets(url)))
         reason = f"{type(error).__name__}: {message}" if message else type(error).__name__
         raise SampleError(
             sample_id,

@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
+from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.images.masks import mask_levels
-from animal3dbox.datasets.images.photos import stored_size
+from animal3dbox.datasets.images.photos import header_facts, stored_size
 from animal3dbox.datasets.inspection.measures import residual, spread
 from animal3dbox.datasets.inspection.result import (
     BodyFacts,
@@ -42,11 +42,12 @@ def image_facts(records: Sequence[AnimalRecord]) -> ImageFacts:
     for path, record in watched(looked_at, "looking at pictures", unit="picture"):
         try:
             size = stored_size(path, record.sample_id, upright=record.upright)
+            orientation = header_facts(path, record.sample_id).orientation
         except SampleError as error:
             counts["unreadable"] += 1
             examples.append(str(error))
             continue
-        counts["turned"] += header_facts(path).orientation != 1
+        counts["turned"] += orientation != 1
         if size != record.image_hw:
             counts["other"] += 1
             examples.append(

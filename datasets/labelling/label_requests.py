@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from animal3dbox.datasets.bodies.own_or_fitted import OwnOrFittedBodies
 from animal3dbox.datasets.bodies.sources import BodySource
-from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
+from animal3dbox.datasets.images.exif import PhotoFacts
+from animal3dbox.datasets.images.photos import checked_facts
 from animal3dbox.datasets.labelling.image_index import AnimalEntry
 from animal3dbox.datasets.labelling.image_samples import (
     ImageSample,
@@ -111,7 +112,7 @@ def request_of_record(
         facts: of its picture's header; None: read here, if there is a file.
 
     Raises:
-        SampleError: the picture's header cannot be read.
+        SampleError: see facts_of_record.
 
     Example:
         >>> from animal3dbox.datasets import SyntheticSet, preset_body, request_of_record
@@ -121,6 +122,23 @@ def request_of_record(
         True
     """
     if facts is None:
-        path = record.image_path
-        facts = PhotoFacts() if path is None else header_facts(path, upright=record.upright)
+        facts = facts_of_record(record)
     return LabelRequest(sample_of_record(record, bodies), 0, facts)
+
+
+def facts_of_record(record: Record) -> PhotoFacts:
+    """The facts of the header of a record's picture; none are known of a picture in memory.
+
+    Raises:
+        SampleError: the picture cannot be read, is cut off, or has another size than annotated.
+
+    Example:
+        >>> from animal3dbox.datasets import SyntheticSet
+        >>> facts_of_record(SyntheticSet(seed=0, images=1).records().records[0]).focal_px is None
+        True
+    """
+    if record.image_path is None:
+        return PhotoFacts()
+    return checked_facts(
+        record.image_path, record.sample_id, record.image_hw, upright=record.upright
+    )

@@ -12,12 +12,12 @@ from typing import Any, overload
 import numpy as np
 
 from animal3dbox.datasets.bodies.fitted import FittedBodies
-from animal3dbox.datasets.images.exif import PhotoFacts, header_facts
+from animal3dbox.datasets.images.exif import PhotoFacts
 from animal3dbox.datasets.images.remote_files import PicturePath
 from animal3dbox.datasets.labelling.image_samples import sample_of_record
 from animal3dbox.datasets.labelling.keypoint_places import keypoints_problem
 from animal3dbox.datasets.labelling.label_records import fit_arguments
-from animal3dbox.datasets.labelling.label_requests import LabelRequest
+from animal3dbox.datasets.labelling.label_requests import LabelRequest, facts_of_record
 from animal3dbox.datasets.records import AnimalRecord
 from animal3dbox.datasets.storage.fingerprint import code_digest, content_digest, digest
 from animal3dbox.errors import SampleError
@@ -161,16 +161,13 @@ def _usable(
     """The animals that a body can be fitted to, by vocabulary and in the order of their names."""
     usable: Usable = defaultdict(list)
     left_out, faults = 0, []
-    headers: dict[PicturePath, PhotoFacts] = {}
+    headers: dict[PicturePath, PhotoFacts | SampleError] = {}
     for record in sorted(records, key=lambda one: (one.sample_id, one.image_id)):
         if not bodies.can_fit(record):
             left_out += 1
             continue
         try:
-            path = record.image_path
-            if path is not None and path not in headers:
-                headers[path] = header_facts(path, upright=record.upright)
-            facts = PhotoFacts() if path is None else headers[path]
+            facts = _facts(record, headers)
             request = fit_request(config=config, **FittedAnimals([record], [facts], bodies)[0])
             if problem := keypoints_problem(record, record.mask):
                 raise SampleError(record.sample_id, "keypoints_2d", problem)
@@ -182,6 +179,33 @@ def _usable(
             continue
         usable[record.vocabulary.name].append((record, facts))
     return usable, left_out, tuple(faults)
+
+
+def _facts(
+    record: AnimalRecord, headers: dict[PicturePath, PhotoFacts | SampleError]
+) -> PhotoFacts:
+    """The facts of the header of an animal's picture, of which each is read once.
+
+    Args:
+        record: the animal.
+        headers: the facts that were read, or why they cannot be; is extended.
+
+    Raises:
+        SampleError: see facts_of_record.
+
+    """
+    path = record.image_path
+    if path is None:
+        return facts_of_record(record)
+    if path not in headers:
+        try:
+            headers[path] = facts_of_record(record)
+        except SampleError as error:
+            headers[path] = error
+    facts = headers[path]
+    if isinstance(facts, SampleError):
+        raise SampleError(record.sample_id, facts.field, facts.problem)
+    return facts
 
 
 def _small_classes(usable: Usable, used: Mapping[str, int]) -> tuple[tuple[str, str, int], ...]:

@@ -1,6 +1,7 @@
 """calibrate --learn places,shapes: from photographs to a file, resumed and in any order."""
 
 import json
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -201,6 +202,28 @@ def test_few_animals_are_told_with_their_number(
     monkeypatch.setattr(learned_bodies, "LEAST_TAUGHT", 30)
     with pytest.raises(ConfigError, match=r"too few animals .*\d+ of stanfordextra24"):
         run_calibrate(job(dogs, tmp_path / "c.json"))
+
+
+def unreadable_copy(dogs: Path, other: Path, count: int) -> Path:
+    """The same dataset, of the first pictures of which only words are left."""
+    shutil.copytree(dogs, other)
+    for path in sorted(other.rglob("*.jpg"))[:count]:
+        path.write_text("<html>sign in</html>")
+    return other
+
+
+def test_pictures_that_cannot_be_read_are_faults(
+    dogs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(learned_bodies, "learn_bodies", lambda *_, **__: Calibration())
+    some = replace(job(unreadable_copy(dogs, tmp_path / "some", 2), tmp_path / "c.json"), json=True)
+    assert run_calibrate(some) == ExitCode.FAULTY
+    faults = [line for line in capsys.readouterr().err.splitlines() if "faulty: " in line]
+    assert faults
+    assert all("cannot be decoded (it is no image" in fault for fault in faults)
+    every = job(unreadable_copy(dogs, tmp_path / "every", 12), tmp_path / "c.json")
+    with pytest.raises(ConfigError, match=r"\d+ could not be read, the first because .*no image"):
+        run_calibrate(every)
 
 
 def test_what_cannot_be_learned_is_refused(dogs: Path, tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from PIL import ExifTags, Image
 from animal3dbox.cli.main import main
 from animal3dbox.datasets import AnnotatedDataset, CocoKeypointsDataset, LabelDataset, Skipped
 from animal3dbox.datasets.formats import read_dataset
-from animal3dbox.datasets.images.exif import facts_of, header_facts
+from animal3dbox.datasets.images.exif import facts_of
+from animal3dbox.datasets.images.photos import header_facts
 from animal3dbox.datasets.read_options import ReadOptions
 from animal3dbox.datasets.sightings import KEYS, SightingKeys, sighting_of
 from animal3dbox.errors import ConfigError
@@ -176,7 +177,7 @@ def test_a_header_without_a_time_says_none(taken: object, tmp_path: Path) -> Non
     exif = image.getexif()
     exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.DateTimeOriginal] = str(taken)
     image.save(tmp_path / "a.jpg", exif=exif)
-    assert header_facts(tmp_path / "a.jpg").time is None
+    assert header_facts(tmp_path / "a.jpg", "a").time is None
     assert facts_of(image).time is None
 
 

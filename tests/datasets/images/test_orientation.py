@@ -7,9 +7,8 @@ import pytest
 from PIL import Image, TiffImagePlugin
 from turned_pictures import Pixels, save_turned, stored_pixels
 
-from animal3dbox.datasets.images.exif import header_facts
 from animal3dbox.datasets.images.masks import read_mask
-from animal3dbox.datasets.images.photos import checked_facts, read_photo, stored_size
+from animal3dbox.datasets.images.photos import checked_facts, header_facts, read_photo, stored_size
 from animal3dbox.errors import SampleError
 
 UPRIGHT_HW = (40, 60)
@@ -58,7 +57,7 @@ def test_headers_tell_the_same_without_the_pixels(
     assert stored_size(path, "s", upright=True) == UPRIGHT_HW
     for is_upright, hw in ((False, file_hw(orientation)), (True, UPRIGHT_HW)):
         facts = read_photo(path, "s", upright=is_upright).facts
-        assert header_facts(path, upright=is_upright) == facts
+        assert header_facts(path, "a", upright=is_upright) == facts
         assert checked_facts(path, "s", hw, upright=is_upright) == facts
 
 
@@ -121,9 +120,9 @@ def test_a_png_that_tells_it_behind_its_pixels_is_turned_and_not_decoded_for_it(
     monkeypatch.setattr(Image.Image, "load", refuse)
     monkeypatch.setattr("PIL.ImageFile.ImageFile.load", refuse)
     assert stored_size(path, "s", upright=True) == UPRIGHT_HW
-    assert header_facts(path).orientation == 6
+    assert header_facts(path, "a").orientation == 6
     assert stored_size(plain, "s", upright=True) == UPRIGHT_HW
-    assert header_facts(plain).orientation == 1
+    assert header_facts(plain, "a").orientation == 1
 
 
 def test_an_orientation_in_an_xmp_packet_counts(tmp_path: Path, upright: Pixels) -> None:
@@ -177,10 +176,10 @@ def test_pictures_whose_size_does_not_tell_are_flagged(
 ) -> None:
     picture = np.zeros((size[1], size[0], 3), dtype=np.uint8)
     path = save_turned(tmp_path / "a.png", picture, orientation)
-    facts = header_facts(path)
+    facts = header_facts(path, "a")
     assert facts.flags == (("not_turned",) if is_flagged else ())
     assert bool(facts.warnings) == (orientation != 1)
-    applied = header_facts(path, upright=True)
+    applied = header_facts(path, "a", upright=True)
     assert applied.flags == ()
     assert ["turned upright" in one for one in applied.warnings] == [True] * (orientation != 1)
 
@@ -197,7 +196,7 @@ def test_a_focal_length_is_that_of_the_sensor_however_it_was_held(
     stored = np.zeros((40, 60, 3), dtype=np.uint8)
     Image.fromarray(stored).save(tmp_path / "a", format, exif=exif)
     for is_upright in (False, True):
-        facts = header_facts(tmp_path / "a", upright=is_upright)
+        facts = header_facts(tmp_path / "a", "a", upright=is_upright)
         assert facts.focal_px == pytest.approx(25.0), facts.warnings
 
 
@@ -208,5 +207,5 @@ def test_a_tiff_that_lies_on_its_side_was_not_cropped(tmp_path: Path) -> None:
     stored = np.zeros((40, 60, 3), dtype=np.uint8)
     Image.fromarray(stored).save(tmp_path / "a.tif", tiffinfo=tags)
     for is_upright in (False, True):
-        facts = header_facts(tmp_path / "a.tif", upright=is_upright)
+        facts = header_facts(tmp_path / "a.tif", "a", upright=is_upright)
         assert facts.focal_px == pytest.approx(25.0), facts.warnings

@@ -15,8 +15,7 @@ from photo_dataset import HW
 from PIL import ExifTags, Image
 
 from animal3dbox.datasets import CocoKeypointsDataset
-from animal3dbox.datasets.images.exif import header_facts
-from animal3dbox.datasets.images.photos import checked_facts, read_photo, stored_size
+from animal3dbox.datasets.images.photos import checked_facts, header_facts, read_photo, stored_size
 from animal3dbox.datasets.images.remote_files import (
     HEAD_BYTES,
     PictureUrl,
@@ -69,7 +68,7 @@ def test_pixels_and_header_are_those_of_the_file(store: Any, tmp_path: Path, for
             assert np.array_equal(photo.pixels, expected.pixels)
             assert photo.facts == expected.facts
             assert checked_facts(source, "a", HW, upright=upright) == expected.facts
-            assert header_facts(source, upright=upright) == expected.facts
+            assert header_facts(source, "a", upright=upright) == expected.facts
 
 
 def test_what_is_wrong_at_a_url_names_the_sample(store: Any) -> None:
@@ -100,9 +99,16 @@ def test_files_of_this_machine_and_chains_are_no_urls() -> None:
 
 
 class Requests:
-    """What is fetched of a store in memory, which may know no ranges."""
+    """What is fetched of a store in memory, which may know no ranges, or limit their length."""
 
-    def __init__(self, store: Any, monkeypatch: pytest.MonkeyPatch, *, ranges: bool = True) -> None:
+    def __init__(
+        self,
+        store: Any,
+        monkeypatch: pytest.MonkeyPatch,
+        *,
+        ranges: bool = True,
+        longest: int | None = None,
+    ) -> None:
         self.sizes = list[int]()
         cat_file = type(store).cat_file
 
@@ -110,6 +116,8 @@ class Requests:
             store: Any, path: str, start: int | None = None, end: int | None = None, **more: Any
         ) -> bytes:
             content: bytes = cat_file(store, path, *((start, end) if ranges else ()), **more)
+            if (start, end) != (None, None):
+                content = content[:longest]
             self.sizes.append(len(content))
             return content
 
@@ -131,12 +139,54 @@ def test_of_a_large_jpeg_a_header_is_fetched_by_ranges(
 ) -> None:
     content = large_picture()
     url, requests = put(store, "a.jpg", content), Requests(store, monkeypatch, ranges=ranges)
-    assert header_facts(url) == header_facts(content)
+    assert header_facts(url, "a") == header_facts(content, "a")
     assert stored_size(url, "a") == HW
     assert checked_facts(url, "a", HW) == checked_facts(content, "a", HW)
     whole = len(content)
     expected = [HEAD_BYTES, HEAD_BYTES, HEAD_BYTES, 2] if ranges else [whole, whole, whole]
     assert requests.sizes == expected
+
+
+@pytest.mark.parametrize("format", ["JPEG", "PNG", "TIFF"])
+@pytest.mark.parametrize("longest", [1000, HEAD_BYTES // 2])
+def test_a_range_that_comes_short_is_not_taken_for_the_picture(
+    store: Any, monkeypatch: pytest.MonkeyPatch, longest: int, format: str
+) -> None:
+    content = picture(format, icc_profile=bytes(200_000))  # in front of the size, in a JPEG
+    url = put(store, "a.jpg", content)
+    requests = Requests(store, monkeypatch, longest=longest)
+    assert header_facts(url, "a") == header_facts(content, "a")
+    assert header_facts(url, "a").orientation == 3
+    assert checked_facts(url, "a", HW) == checked_facts(content, "a", HW)
+    assert requests.sizes[:2] == [longest, len(content)]
+
+
+@pytest.mark.parametrize("format", ["JPEG", "PNG"])
+def test_a_small_picture_is_fetched_once(
+    store: Any, monkeypatch: pytest.MonkeyPatch, format: str
+) -> None:
+    content = picture(format)
+    url, requests = put(store, "a.jpg", content), Requests(store, monkeypatch)
+    assert checked_facts(url, "a", HW) == checked_facts(content, "a", HW)
+    assert requests.sizes == [len(content)]
+
+
+def test_an_error_is_the_same_at_every_run_and_tells_no_secret(
+    store: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = put(store, "a.jpg?token=7", b"<html>sign in</html>")
+    for read in (read_photo, header_facts, stored_size):
+        with pytest.raises(SampleError, match=r"^me: image: a.jpg cannot be decoded") as refused:
+            read(url, "me")
+        assert refused.value.problem.startswith("a.jpg cannot be decoded (it is no image")
+        assert " at 0x" not in refused.value.problem
+
+    def fails(*args: object, **more: object) -> bytes:
+        raise OSError(f"{io.BytesIO()} is closed")
+
+    monkeypatch.setattr(type(store), "cat_file", fails)
+    with pytest.raises(SampleError, match=r"OSError: <_io.BytesIO object> is closed"):
+        header_facts(url, "me")
 
 
 def test_what_a_range_does_not_tell_is_read_whole(
