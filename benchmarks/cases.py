@@ -20,6 +20,7 @@ from animal3dbox.cli.main import main as animal3dbox
 from animal3dbox.datasets import CuboidSet, read_omni3d, read_predictions
 from animal3dbox.evaluate.comparison import cuboids_of
 from animal3dbox.geometry import pairwise_box_iou
+from animal3dbox.plurals import counted
 
 Said = Callable[[str, int], bool]
 
@@ -47,8 +48,8 @@ class Case:
 def checked(count: int, *words: str, faults: int = 0) -> Said:
     """So many boxes checked, with so many faults, and some words in what is printed."""
     return lambda text, code: (
-        f"{count} animals in" in text
-        and f": {faults} faults" in text
+        f"{counted(count, 'box', 'boxes')} in" in text
+        and f": {counted(faults, 'fault')}" in text
         and all(word in text for word in words)
     )
 
@@ -56,7 +57,9 @@ def checked(count: int, *words: str, faults: int = 0) -> Said:
 def labelled(count: int, *words: str) -> Said:
     """So many animals read, none faulty, and some words in what is printed."""
     return lambda text, code: (
-        f"{count} animals" in text and " 0 faulty" in text and all(word in text for word in words)
+        counted(count, "animal") in text
+        and " 0 faulty" in text
+        and all(word in text for word in words)
     )
 
 
