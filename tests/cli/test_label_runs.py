@@ -15,6 +15,7 @@ from animal3dbox.files import OwnFiles
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.run import OVERLAYS, ROWS, RunWriter
 from animal3dbox.report.run_rows import DrawnAnimal
+from animal3dbox.report.table.parts import locked_shard
 
 
 def command(animals: Path, out: Path, *more: str) -> list[str]:
@@ -188,3 +189,11 @@ def test_overlays_deleted_before_the_end_are_counted_and_not_linked(
     assert f"overlays/{first.name}" not in page
     assert all(f"overlays/{other.name}" in page for other in others)
     assert first.name not in (tmp_path / ".label-pictures").read_text()
+
+
+def test_a_link_in_the_place_of_the_lock_costs_no_other_file_its_bytes(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_bytes(b"a user's")
+    (tmp_path / ".shard-1-of-1.lock").symlink_to(tmp_path / "mine.txt")
+    with locked_shard(tmp_path):
+        pass
+    assert (tmp_path / "mine.txt").read_bytes() == b"a user's"

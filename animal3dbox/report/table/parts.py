@@ -101,7 +101,7 @@ def locked_shard(
     stem = f".shard-{shard[0]}-of-{shard[1]}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / f"{stem}.lock").open("wb")
+        file = (folder / f"{stem}.lock").open("ab")  # a link there costs no other file its bytes
     except OSError as error:
         problem = (
             f"the table's folder {folder} cannot be made"
