@@ -30,6 +30,18 @@ def contents(out: Path) -> dict[str, bytes]:
     return {path.relative_to(out).as_posix(): path.read_bytes() for path in files}
 
 
+def interrupt_before_the_end(animals: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Label until all rows and overlays are written, and no other file is."""
+
+    def interrupted(writer: RunWriter) -> None:
+        writer.spool.flush()
+        raise WorkerError("killed at the end")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(RunWriter, "finish", interrupted)
+        assert ran(*command(animals, out))[0] == 5
+
+
 @pytest.fixture(scope="module")
 def whole(animals: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """The files of a run by one process in one go."""
@@ -95,13 +107,7 @@ def test_a_killed_run_is_gone_on_with_to_the_same_bytes(
 def test_rows_of_another_run_are_not_gone_on_with(
     animals: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(writer: RunWriter) -> None:
-        writer.spool.flush()
-        raise WorkerError("killed at the end")
-
-    with monkeypatch.context() as patched:
-        patched.setattr(RunWriter, "finish", interrupted)
-        assert ran(*command(animals, tmp_path))[0] == 5
+    interrupt_before_the_end(animals, tmp_path, monkeypatch)
     code, output = ran(*command(animals, tmp_path, "--resume", "--tail", "drop"))
     assert code == 2
     assert "annotations, options or code have changed since" in output
@@ -173,13 +179,7 @@ def test_a_list_of_pictures_that_is_a_folder_is_refused_before_the_work(
 def test_overlays_deleted_before_the_end_are_counted_and_not_linked(
     animals: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(writer: RunWriter) -> None:
-        writer.spool.flush()
-        raise WorkerError("killed at the end")
-
-    with monkeypatch.context() as patched:
-        patched.setattr(RunWriter, "finish", interrupted)
-        assert ran(*command(animals, tmp_path))[0] == 5
+    interrupt_before_the_end(animals, tmp_path, monkeypatch)
     first, *others = sorted((tmp_path / "overlays").iterdir())
     first.unlink()
     code, output = ran(*command(animals, tmp_path, "--resume"))
