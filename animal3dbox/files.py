@@ -1,12 +1,15 @@
 """Files: paths as users write them, and writing so that nobody ever finds half of a file."""
 
 import os
+import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import BinaryIO
+
+from animal3dbox.errors import ConfigError
 
 
 def user_path(path: Path | str) -> Path:
@@ -84,18 +87,52 @@ class OwnFiles:
 
     A hidden list in the folder has their names, each put there before its file is written, so that
     it has those of a killed run, too. By it the next run removes what does not belong to its own
-    results, and nothing that somebody else put there.
+    results, and nothing that somebody else put there. The list may come from somebody else, with
+    the folder, or be damaged: only lines that are names as the command writes them count.
 
     Attributes:
         folder: of the command's results.
         command: whose files they are.
+        pattern: a regular expression of all names that the command writes, by their paths from the
+            folder. It bounds their lengths, and admits no folder that the command does not make.
     """
 
     folder: Path
     command: str
+    pattern: str
+
+    def check_list(self) -> None:
+        """Refuse a list that could not be read and written at the end of the work.
+
+        A link is refused too: what it leads to would be read and written as the list.
+
+        Raises:
+            ConfigError: it is no file, a link, or may not be read or written.
+
+        """
+        path, remedy = self._list, f"(the list of pictures that {self.command} wrote): delete it"
+        try:
+            if path.is_symlink():
+                raise ConfigError(f"{path} is a link {remedy}")
+            if not path.exists():
+                return
+            if not path.is_file():
+                raise ConfigError(f"{path} is not a file {remedy}")
+            path.open("r+b").close()
+        except OSError as error:
+            reason = error.strerror or error
+            raise ConfigError(f"{path} cannot be read and written: {reason} {remedy}") from error
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file, by its path from the folder; raises OSError."""
+        """Write a file, by its path from the folder.
+
+        Raises:
+            ValueError: the pattern does not admit the name.
+            OSError: the file cannot be written.
+
+        """
+        if not re.fullmatch(self.pattern, name):
+            raise ValueError(f"{name!r} is no name of the files of {self.command}: {self.pattern}")
         self.folder.mkdir(parents=True, exist_ok=True)
         with self._list.open(
             "ab"
@@ -121,17 +158,13 @@ class OwnFiles:
             self._list.unlink(missing_ok=True)
 
     def _listed(self) -> list[str]:
-        """The names in the list that lead to a place below the folder."""
+        """The names in the list that the command can have written, of files that are there."""
         try:
             lines = self._list.read_text("utf-8", errors="replace").split("\n")
         except FileNotFoundError:
             return []
-        paths = ((line, PurePosixPath(line)) for line in lines if line)
-        return [
-            line
-            for line, path in paths
-            if not path.is_absolute() and ".." not in path.parts and (self.folder / path).is_file()
-        ]
+        names = (line for line in lines if re.fullmatch(self.pattern, line))
+        return [name for name in names if (self.folder / name).is_file()]
 
     @property
     def _list(self) -> Path:

@@ -37,7 +37,9 @@ SAME_K = 1e-3
 """Greatest difference of two intrinsics that are one, as a part of the focal length."""
 
 PAGE_WIDTH = 420
-"""Width of the pictures on the page, px; those in overlays/ are whole."""
+"""Width of the pictures on the page, px; those in pictures/ are whole."""
+PICTURES = r"pictures/[0-9]{4,9}\.png"
+"""The paths of the pictures from the folder of the results, in which `label` has overlays/."""
 
 
 def run_compare(job: CompareJob) -> ExitCode:
@@ -46,6 +48,7 @@ def run_compare(job: CompareJob) -> ExitCode:
         raise ConfigError(f"--out {job.out} is a file: give a folder")
     if job.pictures < 0:
         raise ConfigError(f"--pictures must not be negative, got {job.pictures}")
+    OwnFiles(job.out, "compare", PICTURES).check_list()
     detections = _detections(job)
     labels = _labels(job, detections)
     boxes = compared_boxes(labels, detections)
@@ -152,13 +155,13 @@ def _pictures(
         files: image -> its file.
 
     """
-    own, names = OwnFiles(job.out, "compare"), list[str]()
+    own, names = OwnFiles(job.out, "compare", PICTURES), list[str]()
     faults: list[SampleError] = []
     pictures: dict[str, bytes] = {}
     of_images = islice(comparison_pictures(boxes, files, faults), job.pictures)
     total = min(job.pictures, len({box.image_id for box in boxes}))
     for name, picture in watched(of_images, "drawing", unit="picture", total=total):
-        names.append(f"overlays/{len(pictures):04d}.png")
+        names.append(f"pictures/{len(pictures):04d}.png")
         own.write(names[-1], png_of(picture))
         pictures[name] = png_of(small_picture(picture, PAGE_WIDTH))
     own.keep_only(names)

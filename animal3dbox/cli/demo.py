@@ -28,7 +28,7 @@ from animal3dbox.labels.label import label_animal
 from animal3dbox.labels.types import CuboidLabel, Rejection
 from animal3dbox.plurals import counted
 from animal3dbox.progress import watched
-from animal3dbox.report.run import write_run
+from animal3dbox.report.run import make_results_folder, write_run
 from animal3dbox.report.run_rows import Labelled
 from animal3dbox.smal.keypoints.vocabularies import VOCABULARIES
 from animal3dbox.smal.quadruped.preset_bodies import preset_betas
@@ -127,6 +127,7 @@ def run_demo(job: DemoJob) -> ExitCode:
             f"--n must be at least 1, --noise-px not negative, --outliers from 0 to 1; got {job.n},"
             f" {job.noise_px} and {job.outliers}"
         )
+    make_results_folder(job.out)
     faults = FaultConfig(noise_px=job.noise_px, outliers=job.outliers)
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     scores: dict[str, list[Score]] = {method: [] for method in METHODS}

@@ -19,6 +19,9 @@ from animal3dbox.evaluate.run import evaluate_world, world_tables
 from animal3dbox.files import OwnFiles
 from animal3dbox.plurals import counted
 
+PICTURES = r"picture-[0-9]{1,9}\.png"
+"""The names of the pictures in the folder of the results."""
+
 
 def run_evaluate(job: EvaluateJob) -> ExitCode:
     """Evaluate and write the files."""
@@ -37,12 +40,13 @@ def run_evaluate(job: EvaluateJob) -> ExitCode:
         )
     if job.path is not None and job.fits:
         raise ConfigError("--fits is for our world, whose bodies are known: leave out the PATH")
+    own = OwnFiles(job.out, "evaluate", PICTURES)
+    own.check_list()
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     evaluation = _world(job) if job.path is None else _dataset(job, job.path)
     write_json(job.out / "evaluation.json", evaluation)
     write_text(job.out / "evaluation.txt", evaluation)
     pictures = pictures_of(job.seed) if job.path is None and job.pictures else None
-    own = OwnFiles(job.out, "evaluate")
     names = [f"picture-{number + 1}.png" for number in range(len(pictures or {}))]
     for name, picture in zip(names, (pictures or {}).values(), strict=True):
         own.write(name, picture)

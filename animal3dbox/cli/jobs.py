@@ -247,7 +247,7 @@ class CompareJob:
     truth: Path
     """the Omni3D JSON that was detected on, such as export made of the labels"""
     out: Path
-    """folder for compare.json, compare.csv, compare.html and overlays"""
+    """folder for compare.json, compare.csv, compare.html and pictures"""
     layout: str | None = None
     """the layout of --with (cubercnn, detect3d, detany3d, boxer, tracks, frames, kitti), if it is
     not to be recognised"""

@@ -122,7 +122,7 @@ def _write_labels(job: LabelJob) -> ExitCode:
     for note in _notes(dataset):
         print(note, file=sys.stderr)
     make_results_folder(out)
-    with locked_shard(out / ROWS):
+    with locked_shard(out / ROWS, results=out):
         writer = RunWriter(
             out,
             source=portable_path(job.path),
@@ -136,6 +136,12 @@ def _write_labels(job: LabelJob) -> ExitCode:
     if job.dataset.applies_orientation:
         print(
             f"{len(writer.turned)} pictures were turned by their EXIF orientation", file=sys.stderr
+        )
+    if writer.deleted_overlays:
+        print(
+            f"overlays that were deleted before the end of the run: {len(writer.deleted_overlays)};"
+            " gallery.html has no links to them; label again without --resume to draw them",
+            file=sys.stderr,
         )
     _print(summary, job, out)
     has_none = summary.animals > 0 and not summary.kept + summary.flagged

@@ -28,6 +28,8 @@ from animal3dbox.smal.model import SmalModel
 
 ROWS = ".rows"
 """The folder below a run's own in which its rows wait for its end."""
+OVERLAYS = r"overlays/[A-Za-z0-9._-]{1,200}\.png"
+"""The paths of overlays from the run's folder, see overlay_name."""
 
 
 def write_run(
@@ -84,9 +86,11 @@ class RunWriter:
     Attributes:
         known_keys: of the rows that are kept.
         turned: the images that were turned as their headers say.
+        deleted_overlays: the overlays of rows that somebody deleted before the end of the run, to
+            which the gallery has no links.
 
     Raises:
-        ConfigError: the folder cannot be made.
+        ConfigError: the folder cannot be made, or the list of its pictures cannot be used.
         DatasetFormatError: rows of an unfinished run are damaged.
 
     """
@@ -103,11 +107,12 @@ class RunWriter:
         make_results_folder(out)
         self.out, self.source, self.body, self.config = out, source, body, config
         self.spool = RowSpool(out / ROWS)
-        self._overlays = OwnFiles(out, "label")
+        self._overlays = OwnFiles(out, "label", OVERLAYS)
         if not resume:
             self.spool.clear()
         self.known_keys: set[str] = set()
         self.turned: set[str] = set()
+        self.deleted_overlays: set[str] = set()
         self._overlay_names: set[str] = set()
         for row in self.spool:
             self.known_keys.add(row.key)
@@ -164,21 +169,35 @@ class RunWriter:
             (row.animal for row in rows if row.animal is not None),
             (row.flags for row in rows if row.animal is not None),
         )
-        cards = (card for row in rows if (card := row.card) is not None)
+        cards = (card for row in rows if (card := self._linked(row).card) is not None)
         write_gallery(self.out / "gallery.html", cards, summary)
         report = msgspec.json.format(msgspec.json.encode(summary), indent=1)
         write_whole(self.out / "report.json", report)
-        self._overlays.keep_only(row.overlay for row in rows if row.overlay is not None)
+        overlays = (row.overlay for row in rows if row.overlay is not None)
+        self._overlays.keep_only(name for name in overlays if name not in self.deleted_overlays)
         self.spool.remove()
         return summary
 
+    def _linked(self, row: RunRow) -> RunRow:
+        """The row, without its overlay if somebody deleted that: its card leads nowhere then."""
+        if row.overlay is None or (self.out / row.overlay).is_file():
+            return row
+        self.deleted_overlays.add(row.overlay)
+        return msgspec.structs.replace(row, overlay=None)
+
 
 def make_results_folder(out: Path) -> None:
-    """Make the folder of a run; raises a ConfigError if it cannot be made."""
+    """Make the folder of a run.
+
+    Raises:
+        ConfigError: it cannot be made, or the list of its overlays cannot be used.
+
+    """
     try:
         (out / "overlays").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"the results' folder {out} cannot be made: {error}") from error
+    OwnFiles(out, "label", OVERLAYS).check_list()
 
 
 def overlay_name(image_id: str, number: int, taken: set[str]) -> str:

@@ -137,10 +137,14 @@ def test_pictures_are_drawn_over_the_photographs_the_worst_first(tmp_path: Path)
         elements[4]["center_cam"] = (1.3 * np.array(elements[4]["center_cam"])).tolist()
         elements[4]["bbox3D"] = None
 
+    overlay = tmp_path / "out" / "overlays" / "0000.png"  # as label calls that of 0000.jpg
+    overlay.parent.mkdir(parents=True)
+    overlay.write_bytes(b"of a label")
     compared(tmp_path, spoil)
     _, text, content = compared(tmp_path, spoil, "--pictures", "2")
-    names = sorted(path.name for path in (tmp_path / "out" / "overlays").iterdir())
+    names = sorted(path.name for path in (tmp_path / "out" / "pictures").iterdir())
     assert names == ["0000.png", "0001.png"]
+    assert overlay.read_bytes() == b"of a label"
     page = (tmp_path / "out" / "compare.html").read_text()
     assert page.index("<h2>images/1.jpg") == page.index("<h2>images/")
     assert content["tables"]["boxes"]["rows"]
@@ -270,3 +274,13 @@ def test_kitti_labels_have_their_own_pictures_and_the_truth_those_of_images(
     found = facts(json.loads((out / "compare.json").read_text()))
     assert found["matched"] == len(BOXES.records)
     assert "grey" not in text
+
+
+def test_a_list_of_pictures_that_is_a_folder_is_refused_before_the_work(tmp_path: Path) -> None:
+    truth = written_truth(tmp_path, BOXES)
+    path = written_json(tmp_path / "p.json", flat_elements(truth))
+    (tmp_path / "out" / ".compare-pictures").mkdir(parents=True)
+    code, text = ran("compare", truth, "--with", path, "--truth", truth, "--out", tmp_path / "out")
+    assert code == 2
+    assert ".compare-pictures is not a file" in text
+    assert not (tmp_path / "out" / "compare.json").exists()

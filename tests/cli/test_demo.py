@@ -99,3 +99,15 @@ def test_a_flank_is_that_which_the_camera_stands_on() -> None:
         up = torch.tensor([0.0, -1, 0], dtype=torch.float64)
         rotation = torch.stack([forward, torch.linalg.cross(up, forward), up], 1)
         assert true_flank(Cuboid(ahead, rotation, size)) == expected
+
+
+def test_a_list_of_pictures_that_is_a_folder_is_refused_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drawn_too_early(seed: int, index: int) -> None:
+        raise AssertionError("an animal was drawn first")
+
+    monkeypatch.setattr("animal3dbox.cli.demo.synthetic_animal", drawn_too_early)
+    (tmp_path / ".label-pictures").mkdir()
+    assert run("demo", "--out", str(tmp_path), "--n", "1") == 2
+    assert ".label-pictures is not a file" in capsys.readouterr().err

@@ -97,3 +97,12 @@ def test_a_truth_that_is_none_is_refused(
         == 3
     )
     assert "truth.json: a: rotation" in capsys.readouterr().err
+
+
+def test_a_list_of_pictures_that_is_a_folder_is_refused_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / ".evaluate-pictures").mkdir()
+    assert run("evaluate", "--out", str(tmp_path), "--n", "1") == 2
+    assert ".evaluate-pictures is not a file" in capsys.readouterr().err
+    assert not (tmp_path / "evaluation.json").exists()

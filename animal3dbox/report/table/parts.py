@@ -80,11 +80,18 @@ def part_format(folder: Path) -> PartFormat:
 
 
 @contextmanager
-def locked_shard(folder: Path, shard: tuple[int, int] = WHOLE_TABLE) -> Iterator[None]:
+def locked_shard(
+    folder: Path, shard: tuple[int, int] = WHOLE_TABLE, *, results: Path | None = None
+) -> Iterator[None]:
     """Let nobody else write a shard of a table while a ``with`` block lasts.
 
     Who holds the lock and is killed, loses it. The folder is made if it is missing, and what a
     killed writer left unfinished is removed. On Windows nothing is locked.
+
+    Args:
+        folder: of the table, or of the rows of a run that writes no table.
+        shard: that is written.
+        results: the folder of such a run, which errors name; None: a table is written.
 
     Raises:
         ConfigError: another process writes the shard, or a shard of another number of them, whose
@@ -94,9 +101,14 @@ def locked_shard(folder: Path, shard: tuple[int, int] = WHOLE_TABLE) -> Iterator
     stem = f".shard-{shard[0]}-of-{shard[1]}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / f"{stem}.lock").open("wb")
+        file = (folder / f"{stem}.lock").open("ab")  # a link there costs no other file its bytes
     except OSError as error:
-        raise ConfigError(f"the table's folder {folder} cannot be made: {error}") from error
+        problem = (
+            f"the table's folder {folder} cannot be made"
+            if results is None
+            else f"the results' folder {results} cannot be written to"
+        )
+        raise ConfigError(f"{problem}: {error}") from error
     with file:
         if os.name == "posix":
             import fcntl
@@ -107,6 +119,9 @@ def locked_shard(folder: Path, shard: tuple[int, int] = WHOLE_TABLE) -> Iterator
                 raise ConfigError(
                     f"another process writes this table into {folder}: wait for its end, or give"
                     " another folder or --shard"
+                    if results is None
+                    else f"another process labels into {results}: wait for its end, or give another"
+                    " folder"
                 ) from error
             _refuse_other_divisions(folder, shard)
         for unfinished in folder.glob(f"{stem}-*"):
