@@ -160,7 +160,8 @@ def curve_table(judged: Sequence[Judged]) -> Table:
         records,
         notes=(
             "told: the confidence that the bin's labels state, on average; true: the part of them"
-            " that is good. Bins of equal count, from the least confidence to the most.",
+            " that is good. Bins of equal count, from the least confidence to the most, none of a"
+            f" group of fewer than {LEAST_IN_BIN} labels.",
         ),
         columns=("labels", "bin", "n", "told", "true"),
     )
