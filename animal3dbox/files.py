@@ -134,10 +134,8 @@ class OwnFiles:
         if not re.fullmatch(self.pattern, name):
             raise ValueError(f"{name!r} is no name of the files of {self.command}: {self.pattern}")
         self.folder.mkdir(parents=True, exist_ok=True)
-        with self._list.open(
-            "ab"
-        ) as names:  # begun by an end of line: a kill may leave half of one
-            names.write(f"\n{name}".encode())
+        with self._list.open("ab") as names:
+            names.write(f"\n{name}".encode())  # the end of line first: a kill may leave half a line
         write_whole(self.folder / name, data)
 
     def keep_only(self, names: Iterable[str]) -> None:

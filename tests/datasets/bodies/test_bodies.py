@@ -40,7 +40,7 @@ CUBE = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1,
 V = "".join(f"v {x} {y} {z}\n" for x, y, z in CUBE)
 TRIANGLES = [[4, 5, 6], [4, 6, 7], [0, 3, 2], [0, 2, 1]]
 F = "f 5 6 7\nf 5 7 8\nf 1 4 3\nf 1 3 2\n"
-RECORD = AnimalRecord("s7", "s7", Path("s7.jpg"), HW, WORDS, np.zeros((len(WORDS), 3)), None, "dog")
+RECORD = AnimalRecord("s7", "s7", None, HW, WORDS, np.zeros((len(WORDS), 3)), None, "dog")
 
 
 def loaded(
@@ -408,7 +408,7 @@ def test_a_mesh_of_any_topology_frame_and_unit_shows_the_side_the_camera_sees(
     )
     body, view = write_scene(tmp_path, scene, R, 37.0), view_of(scene, azimuth_deg)
     record = AnimalRecord(
-        "s7", "s7", Path("s7.jpg"), HW, WORDS, np.array(view.joints), encode_mask(view.mask), "dog"
+        "s7", "s7", None, HW, WORDS, np.array(view.joints), encode_mask(view.mask), "dog"
     )
     label = label_of(record, body, LabelConfig())
     assert isinstance(label, CuboidLabel)
@@ -482,7 +482,7 @@ def parameters_record(sample_id: str, keypoints: Tensor) -> AnimalRecord:
     return AnimalRecord(
         sample_id,
         sample_id,
-        Path("none.jpg"),
+        None,
         (480, 640),
         VOCABULARIES["animal3d26"],
         keypoints.numpy(),
