@@ -109,7 +109,7 @@ def request_of_record(
     Args:
         record: the animal.
         bodies: the source of its body.
-        facts: of its picture's header; None: read here, if there is a file.
+        facts: of its picture's header; None: read here, if the record names a picture.
 
     Raises:
         SampleError: see facts_of_record.
