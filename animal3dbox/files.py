@@ -82,7 +82,7 @@ def _umask() -> int:
 
 
 @dataclass(frozen=True)
-class OwnFiles:
+class ListedFiles:
     """The pictures that runs of one command write into a folder, which may hold others' files too.
 
     A hidden list in the folder has their names, each put there before its file is written, so that
@@ -145,13 +145,13 @@ class OwnFiles:
             OSError: a file cannot be removed.
 
         """
-        kept = [*names]
-        plain = {name.casefold() for name in kept}  # the same file where case does not matter
+        current = [*names]
+        folded = {name.casefold() for name in current}  # the same file where case does not matter
         for name in self._listed():
-            if name.casefold() not in plain:
+            if name.casefold() not in folded:
                 (self.folder / name).unlink(missing_ok=True)
-        if kept:
-            write_whole(self._list, "\n".join(kept).encode())
+        if current:
+            write_whole(self._list, "\n".join(current).encode())
         else:
             self._list.unlink(missing_ok=True)
 

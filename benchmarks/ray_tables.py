@@ -40,8 +40,8 @@ ENGINES = {"one process": 0, "two workers": 2, "Ray, one actor": 1, "Ray, two ac
 
 def job_of(root: Path, model: Path, *, is_fitted: bool) -> LabelJob:
     """The job of a table of the dataset: its stored cameras known, or its bodies fitted."""
-    known = ["--model", str(model), "--stored-camera", "exact"]
-    words = ["label", str(root), "--table", "none", *(["--body", "fit"] if is_fitted else known)]
+    exact = ["--model", str(model), "--stored-camera", "exact"]
+    words = ["label", str(root), "--table", "none", *(["--body", "fit"] if is_fitted else exact)]
     job = subcommand_cli_from_dict(COMMANDS, args=words, config=(OmitArgPrefixes,))
     assert isinstance(job, LabelJob)  # noqa: S101
     return job

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from animal3dbox.errors import ConfigError
-from animal3dbox.files import OwnFiles
+from animal3dbox.files import ListedFiles
 
 PATTERN = r"(overlays/)?[A-Za-z0-9._-]{1,200}\.png"
 
 
-def label_files(folder: Path) -> OwnFiles:
-    return OwnFiles(folder, "label", PATTERN)
+def label_files(folder: Path) -> ListedFiles:
+    return ListedFiles(folder, "label", PATTERN)
 
 
 def names_in(folder: Path) -> set[str]:
@@ -19,27 +19,27 @@ def names_in(folder: Path) -> set[str]:
 
 
 def test_only_the_command_s_own_files_are_removed(tmp_path: Path) -> None:
-    labels, others = label_files(tmp_path), OwnFiles(tmp_path, "compare", PATTERN)
+    labels, others = label_files(tmp_path), ListedFiles(tmp_path, "compare", PATTERN)
     for name in ("overlays/0001.png", "overlays/b.png"):
         labels.write(name, b"label")
     others.write("overlays/0000.png", b"compare")
     (tmp_path / "overlays" / "mine.png").write_bytes(b"mine")
     labels.keep_only(["overlays/b.png"])
     lists = {".label-pictures", ".compare-pictures"}
-    kept = {"overlays/b.png", "overlays/0000.png", "overlays/mine.png"}
-    assert names_in(tmp_path) == {*lists, *kept}
+    left = {"overlays/b.png", "overlays/0000.png", "overlays/mine.png"}
+    assert names_in(tmp_path) == {*lists, *left}
     others.keep_only([])
     labels.keep_only(iter([]))
     assert names_in(tmp_path) == {"overlays/mine.png"}
 
 
 def test_files_of_a_killed_run_are_known(tmp_path: Path) -> None:
-    own = label_files(tmp_path)
-    own.write("a.png", b"a")
+    files = label_files(tmp_path)
+    files.write("a.png", b"a")
     with (tmp_path / ".label-pictures").open("ab") as names:
         names.write(b"\nhalf a na")  # killed while it wrote a name
-    own.write("b.png", b"b")
-    own.keep_only([])
+    files.write("b.png", b"b")
+    files.keep_only([])
     assert names_in(tmp_path) == set()
 
 
@@ -78,12 +78,12 @@ def test_a_link_in_the_place_of_a_picture_goes_and_its_file_stays(tmp_path: Path
 
 
 def test_damaged_lines_are_passed_over(tmp_path: Path) -> None:
-    own = label_files(tmp_path)
-    own.write("a.png", b"a")
+    files = label_files(tmp_path)
+    files.write("a.png", b"a")
     with (tmp_path / ".label-pictures").open("ab") as names:
         names.write(b"\n" + b"x" * 5000 + b".png\n\xff\x00.png\n")
-    own.check_list()
-    own.keep_only([])
+    files.check_list()
+    files.keep_only([])
     assert names_in(tmp_path) == set()
 
 
@@ -120,7 +120,7 @@ def test_a_name_that_the_next_run_would_not_know_is_not_written(tmp_path: Path) 
 
 
 def test_a_file_whose_name_differs_by_case_alone_is_not_removed(tmp_path: Path) -> None:
-    own = label_files(tmp_path)
-    own.write("A.png", b"old")
-    own.keep_only(["a.png"])  # on some file systems the same file
+    files = label_files(tmp_path)
+    files.write("A.png", b"old")
+    files.keep_only(["a.png"])  # on some file systems the same file
     assert names_in(tmp_path) >= {"A.png"}

@@ -28,7 +28,7 @@ from animal3dbox.evaluate.comparison_pictures import comparison_pictures, png_of
 from animal3dbox.evaluate.files import Evaluation, write_json
 from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.tables import Table
-from animal3dbox.files import OwnFiles, user_path, write_whole
+from animal3dbox.files import ListedFiles, user_path, write_whole
 from animal3dbox.progress import watched
 from animal3dbox.report.gallery import small_picture
 from animal3dbox.report.labels_csv import text_cell
@@ -48,7 +48,7 @@ def run_compare(job: CompareJob) -> ExitCode:
         raise ConfigError(f"--out {job.out} is a file: give a folder")
     if job.pictures < 0:
         raise ConfigError(f"--pictures must not be negative, got {job.pictures}")
-    OwnFiles(job.out, "compare", PICTURES).check_list()
+    ListedFiles(job.out, "compare", PICTURES).check_list()
     detections = _detections(job)
     labels = _labels(job, detections)
     boxes = compared_boxes(labels, detections)
@@ -155,16 +155,16 @@ def _pictures(
         files: image -> its file.
 
     """
-    own, names = OwnFiles(job.out, "compare", PICTURES), list[str]()
+    picture_files, names = ListedFiles(job.out, "compare", PICTURES), list[str]()
     faults: list[SampleError] = []
     pictures: dict[str, bytes] = {}
     of_images = islice(comparison_pictures(boxes, files, faults), job.pictures)
     total = min(job.pictures, len({box.image_id for box in boxes}))
     for name, picture in watched(of_images, "drawing", unit="picture", total=total):
         names.append(f"pictures/{len(pictures):04d}.png")
-        own.write(names[-1], png_of(picture))
+        picture_files.write(names[-1], png_of(picture))
         pictures[name] = png_of(small_picture(picture, PAGE_WIDTH))
-    own.keep_only(names)
+    picture_files.keep_only(names)
     notes = [f"{len(faults)} pictures are grey: {faults[0]}"] if faults else []
     return pictures, notes
 

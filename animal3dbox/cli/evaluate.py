@@ -16,7 +16,7 @@ from animal3dbox.evaluate.page import write_page
 from animal3dbox.evaluate.pictures import pictures_of
 from animal3dbox.evaluate.plots import plots_of
 from animal3dbox.evaluate.run import evaluate_world, world_tables
-from animal3dbox.files import OwnFiles
+from animal3dbox.files import ListedFiles
 from animal3dbox.plurals import counted
 
 PICTURES = r"picture-[0-9]{1,9}\.png"
@@ -40,8 +40,8 @@ def run_evaluate(job: EvaluateJob) -> ExitCode:
         )
     if job.path is not None and job.fits:
         raise ConfigError("--fits is for our world, whose bodies are known: leave out the PATH")
-    own = OwnFiles(job.out, "evaluate", PICTURES)
-    own.check_list()
+    picture_files = ListedFiles(job.out, "evaluate", PICTURES)
+    picture_files.check_list()
     torch.set_num_threads(1)  # many small problems: more threads would only wait for each other
     evaluation = _world(job) if job.path is None else _dataset(job, job.path)
     write_json(job.out / "evaluation.json", evaluation)
@@ -49,8 +49,8 @@ def run_evaluate(job: EvaluateJob) -> ExitCode:
     pictures = pictures_of(job.seed) if job.path is None and job.pictures else None
     names = [f"picture-{number + 1}.png" for number in range(len(pictures or {}))]
     for name, picture in zip(names, (pictures or {}).values(), strict=True):
-        own.write(name, picture)
-    own.keep_only(names)
+        picture_files.write(name, picture)
+    picture_files.keep_only(names)
     write_page(job.out / "evaluation.html", evaluation, plots_of(evaluation.tables), pictures)
     sys.stdout.write(as_text(evaluation))
     print(f"look at {job.out / 'evaluation.html'}")

@@ -10,7 +10,7 @@ import msgspec
 
 from animal3dbox.datasets.labelling.animal_outcomes import animal_number
 from animal3dbox.errors import ConfigError, SampleError
-from animal3dbox.files import OwnFiles, write_whole
+from animal3dbox.files import ListedFiles, write_whole
 from animal3dbox.labels.config import LabelConfig
 from animal3dbox.report.gallery import write_gallery
 from animal3dbox.report.label_files import LabelFile, write_label_rows
@@ -107,7 +107,7 @@ class RunWriter:
         make_results_folder(out)
         self.out, self.source, self.body, self.config = out, source, body, config
         self.spool = RowSpool(out / ROWS)
-        self._overlays = OwnFiles(out, "label", OVERLAYS)
+        self._overlays = ListedFiles(out, "label", OVERLAYS)
         if not resume:
             self.spool.clear()
         self.known_keys: set[str] = set()
@@ -197,7 +197,7 @@ def make_results_folder(out: Path) -> None:
         (out / "overlays").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"the results' folder {out} cannot be made: {error}") from error
-    OwnFiles(out, "label", OVERLAYS).check_list()
+    ListedFiles(out, "label", OVERLAYS).check_list()
 
 
 def overlay_name(image_id: str, number: int, taken: set[str]) -> str:

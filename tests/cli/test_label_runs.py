@@ -11,7 +11,7 @@ from killed_commands import can_kill, run_in_child
 from small_animals import model_of
 
 from animal3dbox.errors import WorkerError
-from animal3dbox.files import OwnFiles
+from animal3dbox.files import ListedFiles
 from animal3dbox.report.label_reading import read_labels_json
 from animal3dbox.report.run import OVERLAYS, ROWS, RunWriter
 from animal3dbox.report.run_rows import DrawnAnimal
@@ -117,7 +117,7 @@ def test_rows_of_another_run_are_not_gone_on_with(
 def test_fewer_pictures_cost_no_label(
     animals: Path, tmp_path: Path, whole: dict[str, bytes], pictures: str
 ) -> None:
-    earlier = OwnFiles(tmp_path, "label", OVERLAYS)
+    earlier = ListedFiles(tmp_path, "label", OVERLAYS)
     for name in whole:
         if name.startswith("overlays/"):
             earlier.write(name, b"of an earlier run")
